@@ -14,19 +14,13 @@ use sunstone::transport::material::Lanes;
 const MATERIALS: &[(&str, &str)] = &[
     ("diffuse", "diffuse.albedo = 0.5"),
     ("conductor", "conductor = { n = 0.4, k = 2.4 }"),
-    (
-        "rough_conductor ggx",
-        "rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }",
-    ),
+    ("rough_conductor ggx", "rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }"),
     (
         "rough_conductor beckmann",
         "rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3, distribution = \"beckmann\" }",
     ),
     ("dielectric", "dielectric.ior = 1.5"),
-    (
-        "rough_dielectric ggx",
-        "rough_dielectric = { ior = 1.5, alpha = 0.3 }",
-    ),
+    ("rough_dielectric ggx", "rough_dielectric = { ior = 1.5, alpha = 0.3 }"),
     (
         "rough_dielectric ggx separable",
         "rough_dielectric = { ior = 1.5, alpha = 0.3, masking = \"separable\" }",
@@ -35,10 +29,7 @@ const MATERIALS: &[(&str, &str)] = &[
         "rough_dielectric beckmann",
         "rough_dielectric = { ior = 1.5, alpha = 0.3, distribution = \"beckmann\" }",
     ),
-    (
-        "rough_dielectric dispersive",
-        "rough_dielectric = { ior = [1.52, 1.51, 1.50, 1.49], alpha = 0.3 }",
-    ),
+    ("rough_dielectric dispersive", "rough_dielectric = { ior = [1.52, 1.51, 1.50, 1.49], alpha = 0.3 }"),
     ("plastic", "plastic = { albedo = 0.5, ior = 1.5, alpha = 0.3 }"),
     (
         "coated_conductor",
@@ -47,20 +38,11 @@ const MATERIALS: &[(&str, &str)] = &[
     ("polarizer", "polarizer.angle_deg = 30"),
     ("retarder", "retarder.retardance_deg = 90"),
     ("crystal", "crystal = { name = \"calcite\", axis = [1, 0, 1] }"),
-    (
-        "crystal split",
-        "crystal = { name = \"calcite\", axis = [1, 0, 1], split = true }",
-    ),
+    ("crystal split", "crystal = { name = \"calcite\", axis = [1, 0, 1], split = true }"),
     ("blend", "blend = { a = \"metal\", b = \"white\", weight = 0.4 }"),
     ("two_sided", "two_sided = { front = \"metal\", back = \"white\" }"),
-    (
-        "partial_depolarizer",
-        "partial_depolarizer = { material = \"metal\", fraction = 0.4 }",
-    ),
-    (
-        "normal_map",
-        "normal_map = { material = \"metal\", image = \"IMAGE\" }",
-    ),
+    ("partial_depolarizer", "partial_depolarizer = { material = \"metal\", fraction = 0.4 }"),
+    ("normal_map", "normal_map = { material = \"metal\", image = \"IMAGE\" }"),
 ];
 
 /// Materials that composed materials refer to.
@@ -79,9 +61,7 @@ fn materials(c: &mut Criterion) {
         material: 0,
         rounding: 0.0,
     };
-    let above: Vec<_> = (0..256)
-        .map(|_| warp::cosine_hemisphere(stream.uniform2()))
-        .collect();
+    let above: Vec<_> = (0..256).map(|_| warp::cosine_hemisphere(stream.uniform2())).collect();
     let below: Vec<_> = above.iter().map(|w| -*w).collect();
     let folder = tempfile::tempdir().expect("a folder");
     let normals = folder.path().join("normals.png");
@@ -108,15 +88,7 @@ fn materials(c: &mut Criterion) {
             eval("eval through", &below);
         }
         group.bench_function(format!("{name}, sample"), |b| {
-            b.iter(|| {
-                m.sample(
-                    id,
-                    black_box(&at),
-                    black_box(wo),
-                    &mut Lanes::first(4),
-                    &mut stream,
-                )
-            });
+            b.iter(|| m.sample(id, black_box(&at), black_box(wo), &mut Lanes::first(4), &mut stream));
         });
     }
     group.finish();

@@ -11,10 +11,7 @@ use sunstone::optics::spectrum::Spectral;
 use sunstone::polarimetry::decompose::maps::{Quantity, maps};
 
 fn mueller(c: &mut Criterion) {
-    let (n, k) = (
-        Spectral::new([1.38, 0.42, 0.14, 1.0]),
-        Spectral::new([1.9, 2.5, 3.7, 0.0]),
-    );
+    let (n, k) = (Spectral::new([1.38, 0.42, 0.14, 1.0]), Spectral::new([1.9, 2.5, 3.7, 0.0]));
     let block = fresnel::conductor(0.6, n, k);
     let mirror = Scatter::Fresnel { block, s: Vec3A::Y };
     let wall = Scatter::Depolarize(Spectral::splat(0.5));
@@ -40,20 +37,13 @@ fn mueller(c: &mut Criterion) {
 
 /// A megapixel of gold-like matrices, all slightly different, decomposed as by `sunstone decompose`.
 fn decompose(c: &mut Criterion) {
-    let base = [
-        0.79, 0.10, 0.02, 0.01, 0.11, 0.75, 0.03, -0.02, 0.01, 0.02, -0.41, -0.55, 0.0, 0.03, 0.56, -0.40,
-    ];
-    let all: Vec<f64> = (0..1 << 20)
-        .flat_map(|k| base.map(|e: f64| e + 1e-3 * f64::from(k % 97) / 97.0))
-        .collect();
-    let wanted: Vec<Quantity> = Quantity::ALL
-        .into_iter()
-        .filter(|q| *q != Quantity::Entropy)
-        .collect();
+    let base =
+        [0.79, 0.10, 0.02, 0.01, 0.11, 0.75, 0.03, -0.02, 0.01, 0.02, -0.41, -0.55, 0.0, 0.03, 0.56, -0.40];
+    let all: Vec<f64> =
+        (0..1 << 20).flat_map(|k| base.map(|e: f64| e + 1e-3 * f64::from(k % 97) / 97.0)).collect();
+    let wanted: Vec<Quantity> = Quantity::ALL.into_iter().filter(|q| *q != Quantity::Entropy).collect();
     let mut group = c.benchmark_group("Lu-Chipman");
-    group
-        .throughput(criterion::Throughput::Elements(1 << 20))
-        .sample_size(10);
+    group.throughput(criterion::Throughput::Elements(1 << 20)).sample_size(10);
     group.bench_function("four scalars", |b| b.iter(|| maps(black_box(&all), &wanted[..4])));
     group.bench_function("all arrays", |b| b.iter(|| maps(black_box(&all), &wanted)));
 }

@@ -53,10 +53,9 @@ fn pbsdf(c: &mut Criterion) {
         material: 0,
         rounding: 0.0,
     };
-    for (name, nm) in [
-        ("3 wavelengths on bands", [450.0, 550.0, 650.0]),
-        ("3 between bands", [460.0, 540.0, 640.0]),
-    ] {
+    for (name, nm) in
+        [("3 wavelengths on bands", [450.0, 550.0, 650.0]), ("3 between bands", [460.0, 540.0, 640.0])]
+    {
         let materials = Materials {
             list: vec![Material::Measured(Measured { table: 0 })],
             tables: vec![open(&nm)],

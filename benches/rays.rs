@@ -27,10 +27,7 @@ fn rays(path: &str) -> Result<Vec<Ray>, Failure> {
     let ray = |bytes: &[u8; 24]| {
         let (words, _) = bytes.as_chunks::<4>();
         let [ox, oy, oz, dx, dy, dz] = std::array::from_fn(|i| f32::from_le_bytes(words[i]));
-        Ray {
-            origin: Vec3A::new(ox, oy, oz),
-            dir: Vec3A::new(dx, dy, dz),
-        }
+        Ray { origin: Vec3A::new(ox, oy, oz), dir: Vec3A::new(dx, dy, dz) }
     };
     Ok(rays.iter().map(ray).collect())
 }
@@ -49,11 +46,7 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
     let begun = Instant::now();
     let geometry = builder.build();
     let rays = rays(from)?;
-    eprintln!(
-        "{} triangles in {:.2} s",
-        geometry.counts().0,
-        begun.elapsed().as_secs_f64()
-    );
+    eprintln!("{} triangles in {:.2} s", geometry.counts().0, begun.elapsed().as_secs_f64());
     let mut hits = vec![None; rays.len()];
     for line in std::io::stdin().lock().lines() {
         let threads: usize = line?.trim().parse()?;
@@ -68,9 +61,8 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
         println!("{}", begun.elapsed().as_secs_f64());
         std::io::stdout().flush()?;
     }
-    let words = hits
-        .iter()
-        .flat_map(|hit| hit.map_or([f32::INFINITY, 0.0, 0.0, 0.0], |h| [h.t, h.u, h.v, 0.0]));
+    let words =
+        hits.iter().flat_map(|hit| hit.map_or([f32::INFINITY, 0.0, 0.0, 0.0], |h| [h.t, h.u, h.v, 0.0]));
     std::fs::write(into, words.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
     Ok(())
 }

@@ -37,9 +37,7 @@ fn image(c: &mut Criterion) {
     let intensities: Vec<f32> = (0..36 * PIXELS).map(|i| (i % 977) as f32 * 1e-3).collect();
     let mut out = vec![0.0; 16 * PIXELS];
     let mut group = c.benchmark_group("reconstruction of 1224 x 1024 x 36");
-    group
-        .throughput(Throughput::Bytes(4 * intensities.len() as u64))
-        .sample_size(20);
+    group.throughput(Throughput::Bytes(4 * intensities.len() as u64)).sample_size(20);
     group.bench_function("least squares", |b| {
         b.iter(|| weights.apply(black_box(&intensities), &mut out));
     });

@@ -14,15 +14,9 @@ fn whole(c: &mut Criterion) {
     let mut scene =
         sunstone::scene::from_text(&shipped("mirror_room"), &text).expect("the small scene builds");
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let target = Target {
-        path: dir.path().join("bench.zarr"),
-        resume: false,
-        replace: true,
-    };
+    let target = Target { path: dir.path().join("bench.zarr"), resume: false, replace: true };
     let mut group = c.benchmark_group("render");
-    group
-        .sample_size(10)
-        .throughput(Throughput::Elements(64 * 64 * 16));
+    group.sample_size(10).throughput(Throughput::Elements(64 * 64 * 16));
     group.bench_function("all slices", |b| {
         b.iter(|| render(&scene, &target, &Unwatched).is_ok());
     });

@@ -15,19 +15,13 @@ fn traversal(c: &mut Criterion) {
     let mut bounce = Vec::new();
     for _ in 0..4096 {
         let [x, y] = stream.uniform2().map(|u| f64::from(u) * 256.0);
-        let ray = Ray {
-            origin: scene.camera.origin,
-            dir: scene.camera.direction(DVec2::new(x, y)),
-        };
+        let ray = Ray { origin: scene.camera.origin, dir: scene.camera.direction(DVec2::new(x, y)) };
         primary.push(ray);
         if let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) {
             let s = scene.geometry.surface(&ray, &hit);
             let n = if s.ng.dot(ray.dir) > 0.0 { -s.ng } else { s.ng };
             let dir = (n + warp::sphere(stream.uniform2())).normalize_or(n);
-            bounce.push(Ray {
-                origin: scene.geometry.leave(&s, dir),
-                dir,
-            });
+            bounce.push(Ray { origin: scene.geometry.leave(&s, dir), dir });
         }
     }
     let mut group = c.benchmark_group("traversal");
@@ -50,10 +44,7 @@ fn traversal(c: &mut Criterion) {
                 .iter()
                 .filter(|r| {
                     let v = target - r.origin;
-                    let ray = Ray {
-                        origin: r.origin,
-                        dir: v.normalize(),
-                    };
+                    let ray = Ray { origin: r.origin, dir: v.normalize() };
                     scene.geometry.occluded(black_box(&ray), v.length() * 0.999)
                 })
                 .count()

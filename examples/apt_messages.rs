@@ -15,13 +15,7 @@ fn main() {
             ("mod_set_chanenablestate on", Message::Enable(true)),
             ("mod_set_chanenablestate off", Message::Enable(false)),
             ("hw_stop_updatemsgs", Message::StopUpdates),
-            (
-                "mot_set_velparams",
-                Message::SetVelocity {
-                    acceleration: 366,
-                    velocity: 1_073_542,
-                },
-            ),
+            ("mot_set_velparams", Message::SetVelocity { acceleration: 366, velocity: 1_073_542 }),
             ("mot_move_home", Message::Home),
             ("mot_move_absolute", Message::MoveAbsolute(86_384)),
             ("mot_move_absolute back", Message::MoveAbsolute(-1)),

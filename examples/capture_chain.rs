@@ -9,19 +9,12 @@ use sunstone::{Ray, Scheme};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // 64 x 64 pixels of a partial depolarizer whose diattenuation increases from left to right.
-    let layout = Layout {
-        height: 64,
-        width: 64,
-        times: 1,
-        lanes: 1,
-    };
+    let layout = Layout { height: 64, width: 64, times: 1, lanes: 1 };
     let truth: Vec<f64> = (0..layout.pixels())
         .flat_map(|p| {
             let d = 0.5 * (p % layout.width) as f64 / layout.width as f64;
             let c = (1.0 - d * d).sqrt() * 0.8;
-            [
-                1.0, d, 0.0, 0.0, d, 1.0, 0.0, 0.0, 0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, c,
-            ]
+            [1.0, d, 0.0, 0.0, d, 1.0, 0.0, 0.0, 0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, c]
         })
         .collect();
 

@@ -11,12 +11,7 @@ fn main() {
     // Mueller matrices, row by row: a fast axis at 30 degrees, then a depolarizer of one half, in twelve
     // noisy copies.
     let (c, s) = (60.0_f64.to_radians().cos(), 60.0_f64.to_radians().sin());
-    let plate = [
-        [1.0, 0.0, 0.0, 0.0],
-        [0.0, c * c, c * s, -s],
-        [0.0, c * s, s * s, c],
-        [0.0, s, -c, 0.0],
-    ];
+    let plate = [[1.0, 0.0, 0.0, 0.0], [0.0, c * c, c * s, -s], [0.0, c * s, s * s, c], [0.0, s, -c, 0.0]];
     println!("retardance deg  axis deg  depolarization  realizable");
     for k in 0..12 {
         let mut m = plate;
@@ -35,10 +30,6 @@ fn main() {
         };
         let p = Properties::of(&m, &parts);
         let axis = 0.5 * p.axis[1].atan2(p.axis[0]).to_degrees();
-        println!(
-            "{:14.2}  {axis:8.2}  {:14.4}  {realizable}",
-            p.retardance.to_degrees(),
-            p.depolarization
-        );
+        println!("{:14.2}  {axis:8.2}  {:14.4}  {realizable}", p.retardance.to_degrees(), p.depolarization);
     }
 }

@@ -47,12 +47,7 @@ fn dlpc350() {
         joined: true,
         ..entry
     };
-    let edges = Entry {
-        begin: Begin::Falling,
-        plane: 2,
-        bits: 8,
-        ..entry
-    };
+    let edges = Entry { begin: Begin::Falling, plane: 2, bits: 8, ..entry };
     let commands = [
         ("display video", Command::PatternMode(false)),
         ("display pattern", Command::PatternMode(true)),
@@ -61,42 +56,15 @@ fn dlpc350() {
         ("trigger vsync", Command::TriggerMode(0)),
         ("trigger internal", Command::TriggerMode(1)),
         ("trigger from outside", Command::TriggerMode(2)),
-        (
-            "trigger output 1",
-            Command::TriggerOut1 {
-                inverted: true,
-                rise: 0xBB,
-                fall: 0xD5,
-            },
-        ),
-        (
-            "trigger output 2",
-            Command::TriggerOut2 {
-                inverted: false,
-                rise: 0x7F,
-            },
-        ),
+        ("trigger output 1", Command::TriggerOut1 { inverted: true, rise: 0xBB, fall: 0xD5 }),
+        ("trigger output 2", Command::TriggerOut2 { inverted: false, rise: 0x7F }),
         ("trigger input 1", Command::TriggerIn1(0x7_0203)),
         ("trigger input 2", Command::TriggerIn2(true)),
         ("stop", Command::Run(Run::Stop)),
         ("pause", Command::Run(Run::Pause)),
         ("start", Command::Run(Run::Start)),
-        (
-            "exposure",
-            Command::Exposure {
-                exposure_us: 66_051,
-                period_us: 1_000_000,
-            },
-        ),
-        (
-            "config",
-            Command::Config {
-                entries: 128,
-                repeat: true,
-                per_pulse: 3,
-                images: 1,
-            },
-        ),
+        ("exposure", Command::Exposure { exposure_us: 66_051, period_us: 1_000_000 }),
+        ("config", Command::Config { entries: 128, repeat: true, per_pulse: 3, images: 1 }),
         ("mailbox images", Command::Open(Mailbox::Images)),
         ("mailbox patterns", Command::Open(Mailbox::Patterns)),
         ("mailbox closed", Command::Open(Mailbox::Closed)),
@@ -114,12 +82,7 @@ fn dlpc350() {
 }
 
 fn print(name: &str, message: &Message) {
-    let hex: String = message
-        .reports()
-        .iter()
-        .flatten()
-        .map(|b| format!("{b:02x}"))
-        .collect();
+    let hex: String = message.reports().iter().flatten().map(|b| format!("{b:02x}")).collect();
     println!("{name}\t{hex}");
 }
 
@@ -147,23 +110,11 @@ fn scpi_laser(path: &str) {
     let done = |()| "done".to_owned();
     describe(
         "identify",
-        laser
-            .identify(within)
-            .map(|i| format!("{} {} {} {}", i.maker, i.model, i.serial, i.firmware)),
+        laser.identify(within).map(|i| format!("{} {} {} {}", i.maker, i.model, i.serial, i.firmware)),
     );
     describe("on", laser.emit(true, 2.5e6, within).map(done));
-    describe(
-        "state on",
-        laser
-            .state(within)
-            .map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)),
-    );
+    describe("state on", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
     describe("too fast", laser.emit(true, 7e7, within).map(done));
     describe("off", laser.emit(false, 0.0, within).map(done));
-    describe(
-        "state off",
-        laser
-            .state(within)
-            .map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)),
-    );
+    describe("state off", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
 }

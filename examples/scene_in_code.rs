@@ -6,15 +6,9 @@
 use sunstone::{AxisKind, Camera, Field, Material, Object, Projector, Render, SceneBuilder, Slice};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let light = Camera::look_at([1.0, 1.0, 3.0], [0.0; 3])
-        .fov_x_deg(50.0)
-        .resolution(64, 64);
+    let light = Camera::look_at([1.0, 1.0, 3.0], [0.0; 3]).fov_x_deg(50.0).resolution(64, 64);
     let scene = SceneBuilder::new()
-        .camera(
-            Camera::look_at([0.0, 0.5, 3.0], [0.0; 3])
-                .fov_x_deg(45.0)
-                .resolution(64, 48),
-        )
+        .camera(Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).fov_x_deg(45.0).resolution(64, 48))
         .projector(Projector::new(light))
         .material("gold", Material::rough_metal("Au", 0.2))
         .material("wall", Material::diffuse(0.6))

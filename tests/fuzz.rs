@@ -46,11 +46,7 @@ fn alone() -> MutexGuard<'static, ()> {
 /// A folder in memory if the system has one: hundreds of small stores are slow on disks.
 fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
-    let made = if memory.is_dir() {
-        tempfile::tempdir_in(memory)
-    } else {
-        tempfile::tempdir()
-    };
+    let made = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
     made.or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
@@ -94,10 +90,7 @@ fn room() -> String {
     let mut parts: Vec<&str> = whole.split("[[objects]]").collect();
     parts.retain(|p| !p.contains("file = "));
     let mut text = parts.join("[[objects]]");
-    text = text.replace(
-        "fov_x_deg = 50",
-        "fov_x_deg = 50\ndistortion = { k1 = -0.1, k2 = 0.02 }",
-    );
+    text = text.replace("fov_x_deg = 50", "fov_x_deg = 50\ndistortion = { k1 = -0.1, k2 = 0.02 }");
     text.push_str("[[emitters]]\npoint = { position = [0, 1.5, 1], intensity = 2 }\n");
     text.push_str(
         "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [0.3, 0.01, 0], max = [0.6, 0.4, 0.3] }\n",
@@ -129,10 +122,7 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     );
     let words = [1_i32, 2, 1, 1, 1].map(i32::to_le_bytes);
     let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5, 2.0].map(f32::to_le_bytes);
-    put(
-        "smoke.vol",
-        &[b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat(),
-    );
+    put("smoke.vol", &[b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat());
     put(
         "lamp.ies",
         b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 9\n0 30 90\n0 90\n100 80 20\n100 40 0\n",
@@ -147,10 +137,7 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
                        "max": [0.3, 0.3, 0]}],
     });
     put("shape.gltf", gltf.to_string().as_bytes());
-    put(
-        "places.txt",
-        b"1 0 0 0.2  0 1 0 1.2  0 0 1 -0.7\n0,-1,0,0.5, 1,0,0,1.2, 0,0,0.5,-0.7\n",
-    );
+    put("places.txt", b"1 0 0 0.2  0 1 0 1.2  0 0 1 -0.7\n0,-1,0,0.5, 1,0,0,1.2, 0,0,0.5,-0.7\n");
     for (name, size) in [("image.png", 2), ("mask.png", 8)] {
         let image = image::RgbImage::from_pixel(size, size, image::Rgb([128, 130, 250]));
         image.save(made.path().join(name)).expect("an image");
@@ -184,15 +171,8 @@ fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, I
         Err(e) => {
             assert!(!e.message.is_empty() && e.to_string().contains("fix: "), "{e}");
             if let Some(span) = &e.span {
-                assert!(
-                    span.start <= span.end && span.end <= text.len(),
-                    "{span:?} of {}",
-                    text.len()
-                );
-                assert!(
-                    e.line_column().is_some(),
-                    "the place {span:?} is inside a character"
-                );
+                assert!(span.start <= span.end && span.end <= text.len(), "{span:?} of {}", text.len());
+                assert!(e.line_column().is_some(), "the place {span:?} is inside a character");
             }
             None
         }
@@ -207,10 +187,7 @@ fn render_if_small(mut scene: Scene) -> bool {
         sunstone::tensor::slice::TimeSelect::Sum => 1,
     };
     if !small(scene.camera.resolution, 16)
-        || scene
-            .projector
-            .as_ref()
-            .is_some_and(|p| !small(p.pinhole.resolution, 64))
+        || scene.projector.as_ref().is_some_and(|p| !small(p.pinhole.resolution, 64))
         || scene.slices.is_empty()
         || scene.slices.iter().any(|s| bins(s) > 1000)
         || scene.settings.max_depth > 64
@@ -222,27 +199,16 @@ fn render_if_small(mut scene: Scene) -> bool {
     let store = rendered(&scene, folder.path().join("out.zarr"));
     for name in store.slice_names() {
         let slice = store.slice(name).expect("a slice");
-        for field in [Field::Mean, Field::Overflow]
-            .into_iter()
-            .filter(|f| slice.has(*f))
-        {
+        for field in [Field::Mean, Field::Overflow].into_iter().filter(|f| slice.has(*f)) {
             let t = slice.read_all(field).expect("values");
-            assert!(
-                t.data.iter().all(|v| v.is_finite()),
-                "{name} has a value that is not finite"
-            );
+            assert!(t.data.iter().all(|v| v.is_finite()), "{name} has a value that is not finite");
         }
     }
     true
 }
 
 fn runner(cases: u32) -> TestRunner {
-    let config = Config {
-        cases,
-        failure_persistence: None,
-        max_shrink_iters: 200,
-        ..Config::default()
-    };
+    let config = Config { cases, failure_persistence: None, max_shrink_iters: 200, ..Config::default() };
     TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]))
 }
 
@@ -326,19 +292,9 @@ fn apply(text: &str, change: &Change) -> String {
     let mut out = text.to_owned();
     let in_number = |c: char| c.is_ascii_alphanumeric() || "_.-+".contains(c);
     let lines: Vec<&str> = text.lines().collect();
-    let words = || {
-        runs(
-            text,
-            |c| c.is_ascii_alphanumeric() || c == '_',
-            |c| c.is_ascii_alphabetic(),
-        )
-    };
-    let boundary = |share: f64| {
-        text.char_indices()
-            .map(|(i, _)| i)
-            .nth(pick(text.chars().count(), share))
-            .unwrap_or(0)
-    };
+    let words = || runs(text, |c| c.is_ascii_alphanumeric() || c == '_', |c| c.is_ascii_alphabetic());
+    let boundary =
+        |share: f64| text.char_indices().map(|(i, _)| i).nth(pick(text.chars().count(), share)).unwrap_or(0);
     match change {
         Change::Number(a, n) => {
             let numbers = runs(text, in_number, |c| c.is_ascii_digit() || c == '-' || c == '+');
@@ -348,12 +304,7 @@ fn apply(text: &str, change: &Change) -> String {
         }
         Change::Drop(a) => {
             let k = pick(lines.len(), *a);
-            out = lines
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| *i != k)
-                .map(|(_, l)| format!("{l}\n"))
-                .collect();
+            out = lines.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, l)| format!("{l}\n")).collect();
         }
         Change::Twice(a) => {
             let k = pick(lines.len(), *a);
@@ -373,19 +324,13 @@ fn apply(text: &str, change: &Change) -> String {
         Change::Word(a, b) => {
             let words = words();
             if !words.is_empty() {
-                let (from, to) = (
-                    words[pick(words.len(), *a)].clone(),
-                    words[pick(words.len(), *b)].clone(),
-                );
+                let (from, to) = (words[pick(words.len(), *a)].clone(), words[pick(words.len(), *b)].clone());
                 out.replace_range(from, &text[to]);
             }
         }
         Change::Cut(a, n) => {
             let at = boundary(*a);
-            let end = text[at..]
-                .char_indices()
-                .nth(*n)
-                .map_or(text.len(), |(i, _)| at + i);
+            let end = text[at..].char_indices().nth(*n).map_or(text.len(), |(i, _)| at + i);
             out.replace_range(at..end, "");
         }
         Change::Insert(a, c) => out.insert(boundary(*a), *c),
@@ -409,18 +354,16 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn mutated_scenes_build_or_say_why_and_render_finite() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
     // Milk takes three times as long as all the rest: hundreds of kinds of droplets. Spheres of many sizes,
     // all of about a hundred wavelengths, take up to a minute.
     let slow = ["milk.milk", "beads.polystyrene", "grains.particles"];
-    let lines = EVERYTHING
-        .lines()
-        .filter(|line| !slow.iter().any(|s| line.starts_with(s)));
-    let base: String = lines
-        .map(|line| line.replace("interior = \"grains\"", "interior = \"plain\"") + "\n")
-        .collect();
+    let lines = EVERYTHING.lines().filter(|line| !slow.iter().any(|s| line.starts_with(s)));
+    let base: String =
+        lines.map(|line| line.replace("interior = \"grains\"", "interior = \"plain\"") + "\n").collect();
     let (built, drawn, refused) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
     let changes = prop::collection::vec(change(), 1..4);
     let begun = Instant::now();
@@ -443,10 +386,7 @@ fn mutated_scenes_build_or_say_why_and_render_finite() {
     tested.unwrap_or_else(|e| panic!("{e}"));
     println!("{built:?} built, {drawn:?} rendered, {refused:?} refused");
     let count = |n: AtomicUsize| n.into_inner();
-    assert!(
-        count(drawn) > 30 && count(refused) > 30,
-        "the mutations are too tame or too wild"
-    );
+    assert!(count(drawn) > 30 && count(refused) > 30, "the mutations are too tame or too wild");
 }
 
 /// A template of every kind of parameter.
@@ -473,24 +413,18 @@ range = { min = 0.9, max = 1.1 }
 /// After any mutation of a template, every variant is a scene or one message with a location. Equal numbers
 /// give equal scenes.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn mutated_templates_vary_or_say_why() {
     let _alone = alone();
     let ball = "[[objects]]\nname = \"ball\"\nmaterial = \"white\"\nshape.sphere = { center = [0, 0.3, 0], radius = 0.1 }\n\
                 transform = { scale = 1, translate = [0, 0, 0] }\n";
     let room = room() + ball;
     let variant = |text: &str, number: u64| {
-        within_bounds(text, |path, text| {
-            sunstone::scene::variant_from_text(path, text, number)
-        })
+        within_bounds(text, |path, text| sunstone::scene::variant_from_text(path, text, number))
     };
     for number in [0, 5, u64::MAX] {
         let scene = variant(&(room.clone() + VARY), number).expect("the template is right");
-        assert!(
-            scene
-                .variant
-                .as_ref()
-                .is_some_and(|v| v.number == number && v.values.len() == 5)
-        );
+        assert!(scene.variant.as_ref().is_some_and(|v| v.number == number && v.values.len() == 5));
     }
     let (built, refused) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let changes = prop::collection::vec(change(), 1..4);
@@ -512,16 +446,14 @@ fn mutated_templates_vary_or_say_why() {
     });
     tested.unwrap_or_else(|e| panic!("{e}"));
     println!("{built:?} built, {refused:?} refused");
-    assert!(
-        built.into_inner() > 100 && refused.into_inner() > 100,
-        "the mutations are too tame or too wild"
-    );
+    assert!(built.into_inner() > 100 && refused.into_inner() > 100, "the mutations are too tame or too wild");
 }
 
 /// A figure file with every feature of the syntax.
 const FIGURE: &str = include_str!("fuzz/figure.toml");
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn mutated_figure_files_are_read_or_say_why() {
     let _alone = alone();
     let read = |text: &str| Source::of_text(Path::new("figure.toml"), text);
@@ -559,18 +491,11 @@ fn huge_sizes_are_bounded_or_refused() {
             .err()
             .map_or(String::new(), |e| e.to_string())
     };
-    assert!(
-        message(&sized(8, 32768, "")).contains("4096"),
-        "an epipolar table of 2^30 pixels"
-    );
+    assert!(message(&sized(8, 32768, "")).contains("4096"), "an epipolar table of 2^30 pixels");
     assert!(message(&sized(8, 64, &slice(everything))).contains("elements"));
-    let deep = sized(
-        512,
-        8,
-        &slice("polarization = \"mueller\"\nbounces = true\nsplit_first_bounce = true"),
-    )
-    .replace("tile = 8", "tile = 512")
-    .replace("max_depth = 12", "max_depth = 1024");
+    let deep = sized(512, 8, &slice("polarization = \"mueller\"\nbounces = true\nsplit_first_bounce = true"))
+        .replace("tile = 8", "tile = 512")
+        .replace("max_depth = 12", "max_depth = 1024");
     assert!(message(&deep).contains("in one tile"), "{}", message(&deep));
     let plain = sized(32768, 8, "");
     assert!(build(&plain).is_some(), "a large image alone is no fault");
@@ -598,20 +523,9 @@ fn commands_survive_edited_stores() {
     let folder = folder();
     let at = folder.path();
     let slice = "[[slices]]\nname = \"s\"\npolarization = \"mueller\"\ntime = { start_ps = 12000, bin_ps = 2000, bins = 3 }\n";
-    rendered(
-        &harness::scene(&mirror_room(4, 8, 1, 4, slice)),
-        at.join("s.zarr"),
-    );
-    let values = [
-        json!(null),
-        json!(-1),
-        json!(u64::MAX),
-        json!("x"),
-        json!([]),
-        json!(1e300),
-        json!(0),
-        json!({}),
-    ];
+    rendered(&harness::scene(&mirror_room(4, 8, 1, 4, slice)), at.join("s.zarr"));
+    let values =
+        [json!(null), json!(-1), json!(u64::MAX), json!("x"), json!([]), json!(1e300), json!(0), json!({})];
     let commands: [&[&str]; 4] = [
         &["info", "s.zarr"],
         &["decompose", "s.zarr", "s", "-o", "out.npz"],
@@ -619,13 +533,7 @@ fn commands_survive_edited_stores() {
         &["export", "s.zarr", "s", "-o", "out.exr"],
     ];
     let (mut edits, mut refused) = (0, 0);
-    for file in [
-        "zarr.json",
-        "s/zarr.json",
-        "s/mean/zarr.json",
-        "s/y/zarr.json",
-        "samples/zarr.json",
-    ] {
+    for file in ["zarr.json", "s/zarr.json", "s/mean/zarr.json", "s/y/zarr.json", "samples/zarr.json"] {
         let path = at.join("s.zarr").join(file);
         let whole = std::fs::read(&path).expect("a description");
         let json: Value = serde_json::from_slice(&whole).expect("JSON");

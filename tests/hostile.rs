@@ -37,6 +37,7 @@ use std::time::Instant;
 const PART: usize = 16;
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn hostile_cases_are_answered() {
     let begun = Instant::now();
     let fixtures = Fixtures::make();

@@ -39,9 +39,7 @@ static ALLOCATOR: Watched = Watched;
 
 /// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .expect("a folder")
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
 /// A field of a file: name, type code, shape, data.
@@ -97,12 +95,7 @@ fn fields() -> Vec<FieldOf> {
         ("phi_d", 10, vec![1, 4], bytes(&a.phi_d)),
         ("theta_d", 10, vec![1, 3], bytes(&a.theta_d)),
         ("theta_h", 10, vec![1, 3], bytes(&a.theta_h)),
-        (
-            "wvls",
-            3,
-            vec![2],
-            [450_u16, 550].iter().flat_map(|w| w.to_le_bytes()).collect(),
-        ),
+        ("wvls", 3, vec![2], [450_u16, 550].iter().flat_map(|w| w.to_le_bytes()).collect()),
         ("M", 10, vec![4, 3, 3, 2, 4, 4], bytes(&m)),
     ]
 }
@@ -139,10 +132,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
     let mut a = axes();
     a.theta_h[2] = 3.0;
     let refused = write(&folder.path().join("t.pbsdf"), &a, |_, _| {});
-    assert!(
-        matches!(refused, Err(PbsdfError::Angle { axis: "theta_h", .. })),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Err(PbsdfError::Angle { axis: "theta_h", .. })), "{refused:?}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
     std::fs::write(folder.path().join("no"), "a file, no folder").expect("a file");
     let nowhere = write(&folder.path().join("no/t.pbsdf"), &axes(), |_, _| {});
@@ -166,11 +156,8 @@ fn other_layouts_of_the_same_table_read_alike() {
     let old = (starts[0] as u64).to_le_bytes();
     let place = file.windows(8).position(|w| w == old).expect("the offset of M");
     file[place..place + 8].copy_from_slice(&at.to_le_bytes());
-    let plain = Table::open(
-        &saved(folder.path(), &container(&fields()).0),
-        &Options::default(),
-    )
-    .expect("a table");
+    let plain =
+        Table::open(&saved(folder.path(), &container(&fields()).0), &Options::default()).expect("a table");
     let odd_path = folder.path().join("odd.pbsdf");
     std::fs::write(&odd_path, file).expect("a file");
     let odd = Table::open(&odd_path, &Options::default()).expect("a table");
@@ -200,17 +187,13 @@ fn every_fault_is_named_with_its_fix() {
         ("`M` has elements of type f64", |f| f[4].1 = 11),
         ("`wvls` has elements of type f32", |f| f[3].1 = 10),
         ("`theta_h` has elements of type 200 (unknown)", |f| f[2].1 = 200),
-        ("`M` has shape (4, 3, 3, 2, 16)", |f| {
-            f[4].2 = vec![4, 3, 3, 2, 16]
-        }),
+        ("`M` has shape (4, 3, 3, 2, 16)", |f| f[4].2 = vec![4, 3, 3, 2, 16]),
         ("`M` has shape (4, 3, 3, 2, 2, 8)", |f| {
             f[4].2 = vec![4, 3, 3, 2, 2, 8];
         }),
         ("`M` has shape (0, 3, 3, 2, 4, 4)", |f| f[4].2[0] = 0),
         ("`M` has shape ()", |f| f[4].2 = vec![]),
-        ("`phi_d` has shape (4); expected shape (1, 4)", |f| {
-            f[0].2 = vec![4]
-        }),
+        ("`phi_d` has shape (4); expected shape (1, 4)", |f| f[0].2 = vec![4]),
         ("`phi_d` has shape (2, 4)", |f| {
             f[0].2 = vec![2, 4];
             f[0].3.extend([0; 16]);
@@ -234,16 +217,11 @@ fn every_fault_is_named_with_its_fix() {
         ("NaN on axis `theta_h`", |f| {
             f[2].3[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
         }),
-        (
-            "2 on axis `theta_d` is out of range; expected radians in 0.0000..1.5708",
-            |f| {
-                f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
-            },
-        ),
-        ("45 on axis `theta_d`", |f| f[1].3 = bytes(&[0.0, 45.0, 90.0])),
-        ("must be strictly increasing", |f| {
-            f[1].3 = bytes(&[0.0, 0.5, 0.5])
+        ("2 on axis `theta_d` is out of range; expected radians in 0.0000..1.5708", |f| {
+            f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
         }),
+        ("45 on axis `theta_d`", |f| f[1].3 = bytes(&[0.0, 45.0, 90.0])),
+        ("must be strictly increasing", |f| f[1].3 = bytes(&[0.0, 0.5, 0.5])),
         ("550 followed by 450 on axis `wvls`", |f| {
             f[3].3 = vec![38, 2, 194, 1];
         }),
@@ -251,18 +229,13 @@ fn every_fault_is_named_with_its_fix() {
             f[0].3 = bytes(&[0.0, 1.0, 2.0, 3.0]);
         }),
         ("no valid entry", |f| {
-            f[4].3
-                .chunks_exact_mut(4)
-                .for_each(|x| x.copy_from_slice(&f32::NAN.to_le_bytes()));
+            f[4].3.chunks_exact_mut(4).for_each(|x| x.copy_from_slice(&f32::NAN.to_le_bytes()));
         }),
     ];
     let folder = folder();
     let check = |words: &str, file: &[u8]| {
         let refused = Table::open(&saved(folder.path(), file), &Options::default());
-        let text = refused
-            .err()
-            .unwrap_or_else(|| panic!("it loads, without a word of {words}"))
-            .to_string();
+        let text = refused.err().unwrap_or_else(|| panic!("it loads, without a word of {words}")).to_string();
         assert!(text.contains(words), "`{text}` says nothing of `{words}`");
         assert_eq!(text.matches("; ").count(), 1, "one fault and one fix: {text}");
     };
@@ -292,16 +265,8 @@ fn every_fault_is_named_with_its_fix() {
     check("the header is truncated", &whole[..60]);
     check("the file is truncated", &whole[..whole.len() - 1]);
     let missing = Table::open(&folder.path().join("no.pbsdf"), &Options::default());
-    assert!(
-        missing
-            .expect_err("no file")
-            .to_string()
-            .starts_with("cannot read the file")
-    );
-    assert!(
-        Table::open(folder.path(), &Options::default()).is_err(),
-        "a folder"
-    );
+    assert!(missing.expect_err("no file").to_string().starts_with("cannot read the file"));
+    assert!(Table::open(folder.path(), &Options::default()).is_err(), "a folder");
 }
 
 /// Empty axes count as evenly spaced if the caller says so, and give the same results as the written axes.
@@ -314,14 +279,8 @@ fn empty_axes_may_be_even() {
         axis.3.clear();
     }
     let path = saved(folder.path(), &container(&f).0);
-    assert!(matches!(
-        Table::open(&path, &Options::default()),
-        Err(PbsdfError::EmptyAxis("phi_d"))
-    ));
-    let even = Options {
-        even_axes: true,
-        ..Options::default()
-    };
+    assert!(matches!(Table::open(&path, &Options::default()), Err(PbsdfError::EmptyAxis("phi_d"))));
+    let even = Options { even_axes: true, ..Options::default() };
     let table = Table::open(&path, &even).expect("a table");
     let a = axes();
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
@@ -337,9 +296,7 @@ fn a_small_table_survives_its_file() {
     let table = Table::open(&path, &Options::default()).expect("a table");
     let all = |t: &Table| -> Vec<Option<[f32; 16]>> {
         let places = (0..4).flat_map(|p| (0..3).flat_map(move |d| (0..3).map(move |h| [p, d, h])));
-        places
-            .flat_map(|at| [0, 1].map(|band| t.entry(at, band)))
-            .collect()
+        places.flat_map(|at| [0, 1].map(|band| t.entry(at, band))).collect()
     };
     let before = all(&table);
     assert!(before.iter().all(Option::is_some));
@@ -354,10 +311,7 @@ fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, starts) = container(&fields());
     let path = saved(folder.path(), &file);
-    let opened = std::fs::OpenOptions::new()
-        .write(true)
-        .open(&path)
-        .expect("a file");
+    let opened = std::fs::OpenOptions::new().write(true).open(&path).expect("a file");
     opened.set_len(65 << 20).expect("space that is not filled");
     let table = Table::open(&path, &Options::default()).expect("a table");
     assert_eq!(table.file_len(), 65 << 20);
@@ -374,29 +328,12 @@ fn scenes_name_the_place_of_the_file() {
     let at = folder.path().join("materials.toml");
     let error = MaterialSet::from_text(&at, text).err().expect("a short file");
     assert_eq!(error.line_column(), Some((3, 23)));
-    assert!(
-        error.message.contains("table.pbsdf: the file is truncated: `M`"),
-        "{}",
-        error.message
-    );
-    assert!(
-        error
-            .help
-            .as_deref()
-            .is_some_and(|h| h.contains("download the file again")),
-        "{:?}",
-        error.help
-    );
+    assert!(error.message.contains("table.pbsdf: the file is truncated: `M`"), "{}", error.message);
+    assert!(error.help.as_deref().is_some_and(|h| h.contains("download the file again")), "{:?}", error.help);
     saved(folder.path(), &container(&fields()).0);
     assert!(MaterialSet::from_text(&at, text).is_ok());
     let unknown = MaterialSet::from_text(&at, &text.replace("file =", "path ="));
-    assert!(
-        unknown
-            .err()
-            .expect("an unknown key")
-            .message
-            .contains("unknown field `path`")
-    );
+    assert!(unknown.err().expect("an unknown key").message.contains("unknown field `path`"));
 }
 
 /// Hashes of pieces distinguish tables: all of a small file; of a large one the header, axes and 64 parts of
@@ -451,11 +388,7 @@ fn finite(s: &Scatter) -> bool {
     let Scatter::Full { mueller, .. } = s else {
         return false;
     };
-    mueller
-        .m
-        .iter()
-        .flatten()
-        .all(|e| e.to_array().iter().all(|x| x.is_finite()))
+    mueller.m.iter().flatten().all(|e| e.to_array().iter().all(|x| x.is_finite()))
 }
 
 /// Asserts that a few values and samples of a table are finite.
@@ -529,20 +462,13 @@ fn mutated_files_load_or_say_why() {
             }
         }
         let path = saved(folder.path(), &file);
-        let options = Options {
-            even_axes: case % 2 == 0,
-            ..Options::default()
-        };
+        let options = Options { even_axes: case % 2 == 0, ..Options::default() };
         LARGEST.set(0);
         let table = Table::open(&path, &options);
         let largest = LARGEST.get();
         // Small files: messages and the smallest importance table have a minimum size.
         let allowed = (2 * file.len()).max(8192);
-        assert!(
-            largest <= allowed,
-            "case {case}: {largest} bytes for a file of {}",
-            file.len()
-        );
+        assert!(largest <= allowed, "case {case}: {largest} bytes for a file of {}", file.len());
         match table {
             Ok(table) => {
                 loaded += 1;
@@ -555,8 +481,5 @@ fn mutated_files_load_or_say_why() {
         }
     }
     println!("{loaded} loaded, {refused} refused");
-    assert!(
-        loaded > 2000 && refused > 2000,
-        "{loaded} loaded, {refused} refused"
-    );
+    assert!(loaded > 2000 && refused > 2000, "{loaded} loaded, {refused} refused");
 }

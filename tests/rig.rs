@@ -87,12 +87,7 @@ impl Bench {
 
     fn command(&self, plan: &str, store: &str, rest: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-        command
-            .args(["rig", "run"])
-            .arg(self.path(plan))
-            .arg("-o")
-            .arg(self.path(store))
-            .args(rest);
+        command.args(["rig", "run"]).arg(self.path(plan)).arg("-o").arg(self.path(store)).args(rest);
         command.stdin(Stdio::null());
         command
     }
@@ -104,11 +99,8 @@ impl Bench {
     /// The content of a finished store: all files except the journal, which differs between runs.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
-        let verified = Command::new(env!("CARGO_BIN_EXE_sunstone"))
-            .arg("verify")
-            .arg(&root)
-            .output()
-            .expect("runs");
+        let verified =
+            Command::new(env!("CARGO_BIN_EXE_sunstone")).arg("verify").arg(&root).output().expect("runs");
         assert!(verified.status.success(), "{}", text(&verified));
         let mut files = vec![];
         let mut folders = vec![root.clone()];
@@ -144,13 +136,9 @@ fn assert_same(a: &[(PathBuf, Vec<u8>)], b: &[(PathBuf, Vec<u8>)], what: &str) {
 /// Numbers of the frames that the journal records as taken.
 fn noted(store: &Path) -> Vec<u32> {
     let text = std::fs::read_to_string(store.join(".session.jsonl")).expect("a journal");
-    let events = text
-        .lines()
-        .filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
+    let events = text.lines().filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
     let frames = events.filter(|e| e["event"] == "frame");
-    frames
-        .map(|e| e["frame"].as_u64().expect("a number") as u32)
-        .collect()
+    frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
 }
 
 /// Kills at random times, each resumed: no frame is lost, and none is in the store twice.
@@ -193,10 +181,7 @@ fn kills_lose_nothing() {
                 here += 1;
                 killed += 1;
                 let path = bench.path(&store);
-                let state = match (
-                    path.join("zarr.json").exists(),
-                    path.join("manifest.txt").exists(),
-                ) {
+                let state = match (path.join("zarr.json").exists(), path.join("manifest.txt").exists()) {
                     (false, _) => 0,
                     (true, false) => 1,
                     (true, true) => 2,
@@ -219,10 +204,7 @@ fn kills_lose_nothing() {
             std::fs::remove_dir_all(bench.path(&store)).expect("removes");
         }
     }
-    println!(
-        "{killed} kills: nothing begun {}, unfinished {}, finished {}",
-        left[0], left[1], left[2]
-    );
+    println!("{killed} kills: nothing begun {}, unfinished {}, finished {}", left[0], left[1], left[2]);
     assert!(left[1] > 0, "no run was killed half way");
 }
 
@@ -234,13 +216,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "stale_frame", "camera", 12, None),
     ("camera.toml", "saturation", "camera", 7, None),
     ("camera.toml", "cable_out", "camera", 13, None),
-    (
-        "camera.toml",
-        "cable_gone",
-        "camera",
-        14,
-        Some("plug it in and resume"),
-    ),
+    ("camera.toml", "cable_gone", "camera", 14, Some("plug it in and resume")),
     ("camera.toml", "power_cut", "camera", 15, None),
     ("camera.toml", "interlock", "camera", 16, Some("interlock open")),
     ("camera.toml", "clock_back", "camera", 17, None),
@@ -249,13 +225,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "timeout", "retarder_3", 3, None),
     ("camera.toml", "cable_out", "retarder_2", 2, None),
     ("camera.toml", "power_cut", "retarder_3", 4, None),
-    (
-        "camera.toml",
-        "cable_gone",
-        "retarder_2",
-        4,
-        Some("plug it in and resume"),
-    ),
+    ("camera.toml", "cable_gone", "retarder_2", 4, Some("plug it in and resume")),
     ("camera.toml", "timeout", "projector", 6, None),
     ("camera.toml", "cable_out", "projector", 4, None),
     ("camera.toml", "disk_full", "disk", 8, Some("resume")),
@@ -278,6 +248,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
 /// After every fault the session recovers, or ends with one clear error and all data safe. Resumed on an
 /// intact rig, the bytes are equal.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn faults_lose_nothing() {
     let sound = Bench::new("");
     let whole = |plan: &str| {
@@ -286,10 +257,7 @@ fn faults_lose_nothing() {
         sound.content(&store)
     };
     let whole = ["camera.toml", "scan.toml", "tags.toml"].map(|plan| (plan, whole(plan)));
-    println!(
-        "{:12} {:14} {:11} {:>4}  outcome",
-        "plan", "fault", "instrument", "at"
-    );
+    println!("{:12} {:14} {:11} {:>4}  outcome", "plan", "fault", "instrument", "at");
     for (plan, kind, instrument, at, ends) in FAULTS {
         let fault =
             format!("[[bench.faults]]\nkind = \"{kind}\"\ninstrument = \"{instrument}\"\nat = {at}\n");
@@ -314,11 +282,7 @@ fn faults_lose_nothing() {
             }
             Some(words) => {
                 assert_eq!(output.status.code(), Some(1), "{kind} of {instrument}: {said}");
-                let last = said
-                    .lines()
-                    .find(|l| l.starts_with("error"))
-                    .unwrap_or_default()
-                    .to_owned();
+                let last = said.lines().find(|l| l.starts_with("error")).unwrap_or_default().to_owned();
                 assert!(said.contains(words), "{said}");
                 let again = bench.run(
                     plan,
@@ -352,16 +316,7 @@ fn time_tags_have_the_histograms() {
         photons += want.iter().sum::<u32>();
         let file = bench.path(&format!("tags.zarr/time_tags/{row:06}.ptu"));
         let out = bench.path(&format!("row{row}.npy"));
-        let words = [
-            "ptu",
-            "histogram",
-            "--pixels",
-            "5,1",
-            "--pixel-marker",
-            "1,2",
-            "--channel",
-            "0",
-        ];
+        let words = ["ptu", "histogram", "--pixels", "5,1", "--pixel-marker", "1,2", "--channel", "0"];
         said(&words, &[&file, Path::new("-o"), &out]);
         let (shape, found) = counts_of(&out);
         let bins = *shape.last().expect("an axis");
@@ -380,11 +335,7 @@ fn time_tags_have_the_histograms() {
     std::fs::write(&file, bytes).expect("writes");
     let verify = |words: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-        let output = command
-            .arg("verify")
-            .arg(bench.path("tags.zarr"))
-            .output()
-            .expect("runs");
+        let output = command.arg("verify").arg(bench.path("tags.zarr")).output().expect("runs");
         assert!(!output.status.success() && text_has(&output, &[words]));
     };
     verify("000003.ptu");
@@ -394,10 +345,7 @@ fn time_tags_have_the_histograms() {
     let long = tagged().replace("bins = 64", "bins = 40000");
     std::fs::write(bench.path("long.toml"), long).expect("writes");
     let output = bench.run("long.toml", "long.zarr", &[]);
-    assert!(text_has(
-        &output,
-        &["long.toml:4:1", "`time_tags` with 40000 bins"]
-    ));
+    assert!(text_has(&output, &["long.toml:4:1", "`time_tags` with 40000 bins"]));
     assert_eq!(output.status.code(), Some(2));
 }
 
@@ -421,10 +369,7 @@ fn what_cannot_be_resumed_is_refused() {
     let bench = Bench::new("");
     assert!(bench.run("camera.toml", "s.zarr", &[]).status.success());
     let before = bench.content("s.zarr");
-    for (rest, words) in [
-        (&[][..], "already exists"),
-        (&["--resume"][..], "already finished"),
-    ] {
+    for (rest, words) in [(&[][..], "already exists"), (&["--resume"][..], "already finished")] {
         let output = bench.run("camera.toml", "s.zarr", rest);
         assert_eq!(output.status.code(), Some(2));
         assert!(text(&output).contains(words), "{}", text(&output));
@@ -435,11 +380,7 @@ fn what_cannot_be_resumed_is_refused() {
     let other = CAMERA.replace("captures = 6", "captures = 7");
     std::fs::write(broken.path("camera.toml"), other).expect("writes");
     let output = broken.run("camera.toml", "s.zarr", &["--resume"]);
-    assert!(
-        output.status.code() == Some(2) && text(&output).contains("another plan"),
-        "{}",
-        text(&output)
-    );
+    assert!(output.status.code() == Some(2) && text(&output).contains("another plan"), "{}", text(&output));
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
 
@@ -460,10 +401,7 @@ struct Draw(u64);
 
 impl Draw {
     fn below(&mut self, n: usize) -> usize {
-        self.0 = self
-            .0
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (self.0 >> 33) as usize % n.max(1)
     }
 }
@@ -473,16 +411,11 @@ fn places(value: &Value, here: String, out: &mut Vec<String>) {
     out.push(here.clone());
     match value {
         Value::Object(map) => map.iter().for_each(|(k, v)| {
-            places(
-                v,
-                format!("{here}/{}", k.replace('~', "~0").replace('/', "~1")),
-                out,
-            );
+            places(v, format!("{here}/{}", k.replace('~', "~0").replace('/', "~1")), out);
         }),
-        Value::Array(list) => list
-            .iter()
-            .enumerate()
-            .for_each(|(i, v)| places(v, format!("{here}/{i}"), out)),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, v)| places(v, format!("{here}/{i}"), out))
+        }
         _ => {}
     }
 }
@@ -492,9 +425,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     let mut document: Value = serde_json::from_slice(bytes).expect("a description");
     let mut all = vec![];
     places(&document, String::new(), &mut all);
-    let place = document
-        .pointer_mut(&all[draw.below(all.len())])
-        .expect("a place");
+    let place = document.pointer_mut(&all[draw.below(all.len())]).expect("a place");
     let values = [
         json!(null),
         json!(true),
@@ -539,16 +470,15 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
 /// Finished runs that are damaged at one place and sealed again, which no accident does but another program
 /// might, are refused with a message or read. None panics, none takes long.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn damaged_runs_are_told() {
     let wanted: usize = std::env::var("SUNSTONE_DAMAGE").map_or(400, |n| n.parse().expect("a number"));
     let bench = Bench::new("");
     let mut draw = Draw(18);
     let (mut read, mut refused) = (0, 0);
     // As many captures as the matrices require.
-    let more = |text: &str| {
-        text.replace("captures = 6", "captures = 16")
-            .replace("captures = 4", "captures = 16")
-    };
+    let more =
+        |text: &str| text.replace("captures = 6", "captures = 16").replace("captures = 4", "captures = 16");
     std::fs::write(bench.path("camera.toml"), more(CAMERA)).expect("writes");
     std::fs::write(bench.path("scan.toml"), more(SCAN)).expect("writes");
     for plan in ["camera", "scan"] {
@@ -559,9 +489,7 @@ fn damaged_runs_are_told() {
         for case in 0..wanted / 2 {
             // Most metadata are at the root; frames are many.
             let root_is = ["zarr.json", "frames/raw/zarr.json"][draw.below(2)];
-            let at_root = content
-                .iter()
-                .find(|(p, _)| draw.0 >> 63 == 0 && p == Path::new(root_is));
+            let at_root = content.iter().find(|(p, _)| draw.0 >> 63 == 0 && p == Path::new(root_is));
             let (path, bytes) = at_root.unwrap_or(&content[draw.below(content.len())]);
             if path.ends_with("manifest.txt") {
                 continue;
@@ -582,8 +510,7 @@ fn damaged_runs_are_told() {
                 drop(sealed);
                 let run = Run::open(&root, None).map_err(|e| e.to_string())?;
                 for mask in &run.masks {
-                    run.mueller(mask, &RunOptions::default())
-                        .map_err(|e| e.to_string())?;
+                    run.mueller(mask, &RunOptions::default()).map_err(|e| e.to_string())?;
                 }
                 Ok(())
             });
@@ -599,11 +526,7 @@ fn damaged_runs_are_told() {
                 }
                 Err(panic) => panic!("{what}: it panicked: {panic:?}"),
             }
-            assert!(
-                begun.elapsed() < Duration::from_secs(20),
-                "{what}: it took {:?}",
-                begun.elapsed()
-            );
+            assert!(begun.elapsed() < Duration::from_secs(20), "{what}: it took {:?}", begun.elapsed());
             for (path, bytes) in &content {
                 if std::fs::read(root.join(path)).ok().as_ref() != Some(bytes) {
                     std::fs::write(root.join(path), bytes).expect("writes");
@@ -634,11 +557,7 @@ fn an_analog_galvo_takes_the_same_frames() {
         assert!(output.status.success(), "{fault}: {}", text(&output));
         assert_same(&bench.content("s.zarr"), &want, fault);
         let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
-        assert_eq!(
-            journal.contains("\"event\":\"retry\""),
-            !fault.is_empty(),
-            "{fault}"
-        );
+        assert_eq!(journal.contains("\"event\":\"retry\""), !fault.is_empty(), "{fault}");
     }
     // A card of four bits points elsewhere, which the frames show.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
@@ -650,19 +569,14 @@ fn an_analog_galvo_takes_the_same_frames() {
         let bench = Bench::new("");
         std::fs::write(bench.path("rig.toml"), rig).expect("writes");
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-        command
-            .args(["rig", "check", "--move"])
-            .arg(bench.path("scan.toml"));
+        command.args(["rig", "check", "--move"]).arg(bench.path("scan.toml"));
         command.output().expect("runs")
     };
     let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}")));
     assert!(output.status.success(), "{}", text(&output));
     for (galvo, words) in [
         ("driver = \"analog\"\nvolts_per_degree = 2", "reduce the range"),
-        (
-            "driver = \"analog\"\ncard = { bits = 0 }",
-            "invalid setting in `card`",
-        ),
+        ("driver = \"analog\"\ncard = { bits = 0 }", "invalid setting in `card`"),
         ("channels = [0, 1]", "applies only to driver"),
     ] {
         let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{galvo}\n")));
@@ -677,16 +591,8 @@ fn an_analog_galvo_takes_the_same_frames() {
 fn a_counter_without_its_library_is_told() {
     let bench = Bench::new("");
     for (counter, code, words) in [
-        (
-            "driver = \"vendor\"\nlibrary = \"absent/lib.so\"",
-            1,
-            "TH260Lib package",
-        ),
-        (
-            "driver = \"vendor\"\nth260 = { sync_divider = 3 }",
-            2,
-            "`sync_divider` must be 1, 2, 4 or 8",
-        ),
+        ("driver = \"vendor\"\nlibrary = \"absent/lib.so\"", 1, "TH260Lib package"),
+        ("driver = \"vendor\"\nth260 = { sync_divider = 3 }", 2, "`sync_divider` must be 1, 2, 4 or 8"),
         ("library = \"lib.so\"", 2, "apply only to driver"),
     ] {
         let rig = RIG.replace("[counter]\n", &format!("[counter]\n{counter}\n"));
@@ -703,18 +609,11 @@ fn a_counter_without_its_library_is_told() {
 #[test]
 fn a_camera_of_another_build_is_told() {
     let bench = Bench::new("");
-    let rig = RIG.replace(
-        "[camera]\n",
-        "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n",
-    );
+    let rig = RIG.replace("[camera]\n", "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n");
     std::fs::write(bench.path("rig.toml"), rig).expect("writes");
     let output = bench.run("camera.toml", "s.zarr", &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(
-        text(&output).contains("--features usb3_vision"),
-        "{}",
-        text(&output)
-    );
+    assert!(text(&output).contains("--features usb3_vision"), "{}", text(&output));
     assert!(!bench.path("s.zarr").exists());
 }
 
@@ -729,14 +628,8 @@ fn said(words: &[&str], paths: &[&Path]) -> String {
 
 /// A value and its error from a printed line.
 fn stated(message: &str, name: &str) -> [f64; 2] {
-    let line = message
-        .lines()
-        .find(|l| l.starts_with(name))
-        .unwrap_or_else(|| panic!("{name}: {message}"));
-    let words: Vec<f64> = line[name.len()..]
-        .split([' ', ','])
-        .filter_map(|w| w.parse().ok())
-        .collect();
+    let line = message.lines().find(|l| l.starts_with(name)).unwrap_or_else(|| panic!("{name}: {message}"));
+    let words: Vec<f64> = line[name.len()..].split([' ', ',']).filter_map(|w| w.parse().ok()).collect();
     [words[0], words.get(1).copied().unwrap_or(f64::NAN)]
 }
 
@@ -763,84 +656,43 @@ fn a_scanned_plane_calibrates_the_counter() {
     );
     let rig = RIG.replace(sample, "scene = \"plane.toml\"\nspp = 16\n") + &detectors;
     std::fs::write(bench.path("rig.toml"), &rig).expect("writes");
-    let plan = SCAN
-        .replace("points = [5, 4]", "points = [4, 4]")
-        .replace("fov_x_deg = 10", "fov_x_deg = 1");
-    let plan = plan
-        .replace("bins = 64", "bins = 400")
-        .replace("dwell_ms = 2", "dwell_ms = 20");
+    let plan = SCAN.replace("points = [5, 4]", "points = [4, 4]").replace("fov_x_deg = 10", "fov_x_deg = 1");
+    let plan = plan.replace("bins = 64", "bins = 400").replace("dwell_ms = 2", "dwell_ms = 20");
     std::fs::write(bench.path("plan.toml"), plan).expect("writes");
     let mut run = bench.command("plan.toml", "plane.zarr", &[]);
     let output = run.current_dir(bench.0.path()).output().expect("runs");
     assert!(output.status.success(), "{}", text(&output));
     let (store, out) = (bench.path("plane.zarr"), bench.path("counter.toml"));
     let distance = format!("--distance={metres}");
-    let message = said(
-        &["calibrate", "counter", &distance],
-        &[&store, Path::new("-o"), &out],
-    );
+    let message = said(&["calibrate", "counter", &distance], &[&store, Path::new("-o"), &out]);
     println!("{message}");
-    for (name, truth) in [
-        ("width (FWHM)", 61.0),
-        ("tail fraction", 0.3),
-        ("tail time constant", 150.0),
-    ] {
+    for (name, truth) in [("width (FWHM)", 61.0), ("tail fraction", 0.3), ("tail time constant", 150.0)] {
         let [value, sigma] = stated(&message.replace(" ps", "").replace('±', ""), name);
-        assert!(
-            (value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth,
-            "{name}: {value} ± {sigma}"
-        );
+        assert!((value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth, "{name}: {value} ± {sigma}");
     }
-    let found: toml::Table = std::fs::read_to_string(&out)
-        .expect("reads")
-        .parse()
-        .expect("TOML");
-    let temporal: sunstone::rig::calibrate::temporal::zero::Temporal = found["temporal"]
-        .clone()
-        .try_into()
-        .expect("what the library writes");
-    let z2: f64 = (0..16)
-        .map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2))
-        .sum();
+    let found: toml::Table = std::fs::read_to_string(&out).expect("reads").parse().expect("TOML");
+    let temporal: sunstone::rig::calibrate::temporal::zero::Temporal =
+        found["temporal"].clone().try_into().expect("what the library writes");
+    let z2: f64 = (0..16).map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2)).sum();
     // For 16 squares, five standard deviations of their sum.
     assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
     // For a plane that is 3 mm nearer, time zeros are 20 ps late, which must be detected.
     let wrong = format!("--distance={}", metres - 3e-3);
-    let message = said(
-        &["calibrate", "counter", &wrong],
-        &[&store, Path::new("-o"), &bench.path("wrong.toml")],
-    );
+    let message =
+        said(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
     let late = stated(&message.replace(" ps", ""), "time zero")[0];
     assert!((late - 20.01).abs() < 1.0, "{late}");
-    std::fs::write(
-        bench.path("rig.toml"),
-        format!("calibration = [\"counter.toml\"]\n{rig}"),
-    )
-    .expect("writes");
+    std::fs::write(bench.path("rig.toml"), format!("calibration = [\"counter.toml\"]\n{rig}"))
+        .expect("writes");
     let mut again = bench.command("plan.toml", "again.zarr", &[]);
-    assert!(
-        again
-            .current_dir(bench.0.path())
-            .output()
-            .expect("runs")
-            .status
-            .success()
-    );
+    assert!(again.current_dir(bench.0.path()).output().expect("runs").status.success());
     for (arguments, words) in [
-        (
-            vec!["calibrate", "counter", "--distance=1,2"],
-            "one distance per run, 1 in total",
-        ),
+        (vec!["calibrate", "counter", "--distance=1,2"], "one distance per run, 1 in total"),
         (vec!["calibrate", "sensor"], "this is a scan"),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-        let output = command
-            .args(&arguments)
-            .arg(&store)
-            .arg("-o")
-            .arg(bench.path("x.toml"))
-            .output()
-            .expect("runs");
+        let output =
+            command.args(&arguments).arg(&store).arg("-o").arg(bench.path("x.toml")).output().expect("runs");
         assert_eq!(output.status.code(), Some(2));
         assert!(text(&output).contains(words), "{}", text(&output));
     }
@@ -853,10 +705,7 @@ fn still_frames_calibrate_the_sensor() {
     let elements = |kinds: &[(&str, &str)]| -> String {
         let one = |(side, name): &(&str, &str)| {
             let kind = name.split('_').next().expect("a kind");
-            format!(
-                "[[{side}]]\nname = \"{name}\"\nkind = \"{kind}\"\nangle_deg = {:?}\n",
-                [0.0; 32]
-            )
+            format!("[[{side}]]\nname = \"{name}\"\nkind = \"{kind}\"\nangle_deg = {:?}\n", [0.0; 32])
         };
         kinds.iter().map(one).collect()
     };
@@ -870,10 +719,7 @@ fn still_frames_calibrate_the_sensor() {
     std::fs::write(bench.path("still.toml"), scheme).expect("writes");
     let levels = "[0.5, 1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 40]";
     let plan = CAMERA
-        .replace(
-            "scheme = { kind = \"quad\", captures = 6 }",
-            "scheme = \"still.toml\"",
-        )
+        .replace("scheme = { kind = \"quad\", captures = 6 }", "scheme = \"still.toml\"")
         .replace("[10, 40]", levels)
         .replace(", { name = \"epipolar\", stripes = 3 }", "")
         .replace("saturated_share = 0.9", "saturated_share = 1.0");
@@ -885,10 +731,7 @@ fn still_frames_calibrate_the_sensor() {
     let output = bench.run("plan.toml", "still.zarr", &[]);
     assert!(output.status.success(), "{}", text(&output));
     let out = bench.path("sensor.toml");
-    let message = said(
-        &["calibrate", "sensor"],
-        &[&bench.path("still.zarr"), Path::new("-o"), &out],
-    );
+    let message = said(&["calibrate", "sensor"], &[&bench.path("still.zarr"), Path::new("-o"), &out]);
     println!("{message}");
     let plain = message
         .replace(['±'], "")
@@ -898,21 +741,12 @@ fn still_frames_calibrate_the_sensor() {
         .replace(" e", "");
     for (name, truth) in [("gain", 3.2), ("read noise", 4.5)] {
         let [value, sigma] = stated(&plain, name);
-        assert!(
-            (value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth,
-            "{name}: {value} ± {sigma}"
-        );
+        assert!((value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth, "{name}: {value} ± {sigma}");
     }
     // With 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the
     // current 8 e/s.
-    assert!(
-        (stated(&plain, "black level")[0] - 40.0).abs() < 0.05,
-        "{message}"
-    );
-    assert!(
-        (stated(&plain, "dark current")[0] - 300.0).abs() < 40.0,
-        "{message}"
-    );
+    assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
+    assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
     std::fs::write(bench.path("rig.toml"), rig).expect("writes");
     assert!(bench.run("plan.toml", "again.zarr", &[]).status.success());
@@ -933,12 +767,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     std::fs::write(bench.path("full.toml"), plan).expect("writes");
     for sample in ["air", "mirror"] {
         let store = format!("{sample}.zarr");
-        assert!(
-            bench
-                .run("full.toml", &store, &["--sample", sample])
-                .status
-                .success()
-        );
+        assert!(bench.run("full.toml", &store, &["--sample", sample]).status.success());
     }
     let (air, mirror) = (bench.path("air.zarr"), bench.path("mirror.zarr"));
     said(&["rig", "calibrate"], &[&air, &mirror, Path::new("-o"), file]);
@@ -947,39 +776,20 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
         (text.parse().expect("TOML"), sensor.parse().expect("TOML"));
     assert_eq!(all["radiometric"], before["radiometric"]);
     assert_eq!(all["detector"], before["detector"]);
-    assert!(
-        all["polarimetric"]["sigma"]
-            .as_array()
-            .is_some_and(|s| s.len() == 8)
-    );
+    assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
     // Schemes. Without a sample every reading is saturated.
-    said(
-        &["reconstruct", "--scheme"],
-        &[file, &air, Path::new("-o"), &bench.path("m.zarr")],
-    );
+    said(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
     sunstone::store::numpy::save(&ones, &[1, 1, 4, 4], &unit).expect("writes");
     let example = ["capture", "--scheme", "SCHEME", "--detector", "SCHEME"];
-    let words: Vec<&str> = example
-        .iter()
-        .map(|w| {
-            if *w == "SCHEME" {
-                file.to_str().expect("a name")
-            } else {
-                *w
-            }
-        })
-        .collect();
+    let words: Vec<&str> =
+        example.iter().map(|w| if *w == "SCHEME" { file.to_str().expect("a name") } else { *w }).collect();
     said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
     // Plans and rigs; a rig accepts a single name or a list.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
     std::fs::write(bench.path("again.toml"), plan).expect("writes");
-    std::fs::write(
-        bench.path("rig.toml"),
-        format!("calibration = \"sensor.toml\"\n{RIG}"),
-    )
-    .expect("writes");
+    std::fs::write(bench.path("rig.toml"), format!("calibration = \"sensor.toml\"\n{RIG}")).expect("writes");
     assert!(bench.run("again.toml", "calibrated.zarr", &[]).status.success());
     let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
     let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
@@ -987,18 +797,11 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     // A file that is not a calibration is not changed.
     let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-    command
-        .args(["rig", "calibrate"])
-        .arg(&air)
-        .arg("-o")
-        .arg(bench.path("rig.toml"));
+    command.args(["rig", "calibrate"]).arg(&air).arg("-o").arg(bench.path("rig.toml"));
     let output = command.output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
     assert!(text_has(&output, &["unknown field `bench`", "another file name"]));
-    assert_eq!(
-        std::fs::read_to_string(bench.path("rig.toml")).expect("reads"),
-        other
-    );
+    assert_eq!(std::fs::read_to_string(bench.path("rig.toml")).expect("reads"), other);
 }
 
 fn text_has(output: &Output, words: &[&str]) -> bool {

@@ -58,3 +58,7 @@ def sunstone():
     if not program.exists():
         subprocess.run(["cargo", "build", "--release", "--locked"], cwd=ROOT, check=True)
     return program
+
+
+if __name__ == "__main__":
+    enter()

@@ -262,7 +262,7 @@ def check_age(project):
         elif not any((project.root / m).exists() for m in measures):
             project.say(place, f"measures {measures}, none of which exists")
         else:
-            count = int(git("rev-list", "--count", f"{commit}..HEAD", "--", *measures))
+            count = int(git("rev-list", "--count", "--first-parent", f"{commit}..HEAD", "--", *measures))
             if count > AGE:
                 since = f"{count} commits have since touched what it measures, {AGE} may: run {script} --record"
                 project.say(place, f"was measured at {commit[:10]}; {since}")

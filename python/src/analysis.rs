@@ -22,8 +22,7 @@ pub enum Either<'py> {
 
 /// Returns the values of a contiguous array; the Python package always passes contiguous ones.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
-    a.as_slice()
-        .map_err(|_| input(format!("{what}: the array is not contiguous")))
+    a.as_slice().map_err(|_| input(format!("{what}: the array is not contiguous")))
 }
 
 /// Decompose C-contiguous matrices (..., 4, 4). Return arrays by name, and the number of failures.
@@ -39,9 +38,7 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        _ => Err(input(
-            "std_error: its dtype differs from that of the matrices; pass both with one dtype",
-        )),
+        _ => Err(input("std_error: its dtype differs from that of the matrices; pass both with one dtype")),
     }
 }
 
@@ -53,9 +50,7 @@ fn all<'py, T: Real + Element>(
 ) -> PyResult<(Bound<'py, PyDict>, usize)> {
     let shape = matrices.shape();
     let [leading @ .., 4, 4] = shape else {
-        return Err(input(format!(
-            "the shape of the matrices is {shape:?}; expected (..., 4, 4)"
-        )));
+        return Err(input(format!("the shape of the matrices is {shape:?}; expected (..., 4, 4)")));
     };
     if let Some(other) = sigmas.map(|s| s.shape()).filter(|s| *s != shape) {
         return Err(input(format!(
@@ -66,10 +61,7 @@ fn all<'py, T: Real + Element>(
     for name in only {
         let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
         wanted.push(found.ok_or_else(|| {
-            input(format!(
-                "only: unknown quantity `{name}`; choose from {}",
-                quantities().join(", ")
-            ))
+            input(format!("only: unknown quantity `{name}`; choose from {}", quantities().join(", ")))
         })?);
     }
     let elements = slice("matrices", matrices)?;
@@ -77,9 +69,8 @@ fn all<'py, T: Real + Element>(
     if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
         return Err(input("std_error: some values are negative; expected 0 or more"));
     }
-    let ((found, missing), spread) = off_python(py, 0, || {
-        (maps(elements, &wanted), sigmas.map(|s| errors(elements, s)))
-    })?;
+    let ((found, missing), spread) =
+        off_python(py, 0, || (maps(elements, &wanted), sigmas.map(|s| errors(elements, s))))?;
     let out = PyDict::new(py);
     for (q, values) in wanted.iter().zip(found) {
         let tail = q.shape().iter().map(|n| *n as usize);

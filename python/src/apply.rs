@@ -20,10 +20,7 @@ use sunstone::studio::StudioError;
 pub fn applications_json() -> String {
     let of = |a: Box<dyn Application>| {
         let plan = a.plan();
-        let methods = a
-            .methods()
-            .into_iter()
-            .map(|m| json!({"name": m.name, "source": m.source}));
+        let methods = a.methods().into_iter().map(|m| json!({"name": m.name, "source": m.source}));
         let metrics = a.metrics().into_iter();
         let metrics =
             metrics.map(|m| json!({"name": m.name, "unit": m.unit, "more_is_better": m.more_is_better}));
@@ -67,18 +64,11 @@ pub fn run_application<'py>(
 ) -> PyResult<(String, Bound<'py, PyList>)> {
     let application = catalog::find(&asked.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
-        input(format!(
-            "name: unknown application `{}`; available: {}",
-            asked.name,
-            known.join(", ")
-        ))
+        input(format!("name: unknown application `{}`; available: {}", asked.name, known.join(", ")))
     })?;
     let plan = application.plan();
     if asked.chain.is_some() && plan.slices.is_empty() {
-        return Err(input(format!(
-            "capture: `{}` captures its own input; remove this argument",
-            asked.name
-        )));
+        return Err(input(format!("capture: `{}` captures its own input; remove this argument", asked.name)));
     }
     let scenes = match asked.scenes {
         Some(folder) => folder,
@@ -96,13 +86,8 @@ pub fn run_application<'py>(
         None => Links::None,
         Some(path) => Links::Chain(file::load(path).map_err(|e| located(py, &e))?),
     };
-    let settings = Settings {
-        scenes,
-        renders: asked.renders,
-        preview: asked.preview,
-        seeds: asked.seeds,
-        links,
-    };
+    let settings =
+        Settings { scenes, renders: asked.renders, preview: asked.preview, seeds: asked.seeds, links };
     let output = asked.output.as_deref();
     let done = watched(py, progress, |watch| run(&*application, &settings, output, watch))?;
     let report = done.map_err(|e| match e {

@@ -37,18 +37,14 @@ impl Scheme {
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: &str) -> PyResult<Self> {
         let path = PathBuf::from("scheme");
-        scheme_file::from_toml(&path, text)
-            .map(Self)
-            .map_err(|e| located(py, &e))
+        scheme_file::from_toml(&path, text).map(Self).map_err(|e| located(py, &e))
     }
 
     /// Return a preset: drr, qrpr, lc, or quad (four fixed elements, the initial scheme for learning).
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
-            return Err(input(format!(
-                "captures: expected at most {MOST}, got {captures}"
-            )));
+            return Err(input(format!("captures: expected at most {MOST}, got {captures}")));
         }
         let scheme = match name {
             "drr" => sunstone::Scheme::drr(captures, polarizer_array),
@@ -56,9 +52,7 @@ impl Scheme {
             "quad" => sunstone::Scheme::quad(captures, polarizer_array),
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
             _ => {
-                return Err(input(format!(
-                    "unknown preset `{name}`; choose from drr, qrpr, lc"
-                )));
+                return Err(input(format!("unknown preset `{name}`; choose from drr, qrpr, lc")));
             }
         };
         scheme.map(Self).map_err(input)
@@ -135,9 +129,7 @@ pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
 /// Checks that there is at least one wavelength and that all are valid.
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
-        return Err(input(format!(
-            "the wavelength {bad} is not a positive number of nm"
-        )));
+        return Err(input(format!("the wavelength {bad} is not a positive number of nm")));
     }
     if nm.is_empty() {
         return Err(input("expected at least one wavelength"));
@@ -159,21 +151,13 @@ pub fn simulate<'py>(
     let values = slice("matrices", &matrices)?;
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
-        return Err(input(
-            "the last axis before the matrices must be as long as the wavelengths",
-        ));
+        return Err(input("the last axis before the matrices must be as long as the wavelengths"));
     }
-    let layout = Layout {
-        height: 1,
-        width: pixels / rays.len(),
-        times: 1,
-        lanes: rays.len(),
-    };
+    let layout = Layout { height: 1, width: pixels / rays.len(), times: 1, lanes: rays.len() };
     let noise = Noise::Gaussian { sigma: noise };
-    let captured = off_python(py, 0, || {
-        simulation::simulate(values, layout, &scheme.0, &rays, &noise, seed)
-    })?
-    .map_err(input)?;
+    let captured =
+        off_python(py, 0, || simulation::simulate(values, layout, &scheme.0, &rays, &noise, seed))?
+            .map_err(input)?;
     PyArray1::from_vec(py, captured.intensities).reshape(vec![scheme.0.measurements(), pixels])
 }
 
@@ -195,43 +179,25 @@ pub fn reconstruct<'py>(
     view: Option<(f64, usize, usize)>,
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        return Err(input(
-            "noise: expected a number from 1e-18 to 1e18, in units of the intensities",
-        ));
+        return Err(input("noise: expected a number from 1e-18 to 1e18, in units of the intensities"));
     }
     if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(input(
-            "saturation: expected a positive number, in units of the intensities",
-        ));
+        return Err(input("saturation: expected a positive number, in units of the intensities"));
     }
     let prior = prior.as_ref().map(moment).transpose()?;
     if prior.is_some() && noise.is_none() {
-        return Err(input(
-            "prior: it needs the standard deviation of the intensities; pass it as noise",
-        ));
+        return Err(input("prior: it needs the standard deviation of the intensities; pass it as noise"));
     }
-    let options = Options {
-        noise,
-        saturation,
-        realizable,
-        prior,
-    };
+    let options = Options { noise, saturation, realizable, prior };
     let lanes = wavelengths_nm.len();
     let rays = match view {
         None => rays(&wavelengths_nm)?,
         Some((degrees, height, width)) => {
             check_wavelengths(&wavelengths_nm)?;
             if !(degrees > 0.0 && degrees < 180.0) {
-                return Err(input(
-                    "fov_x_deg: expected an angle above 0 and below 180 degrees",
-                ));
+                return Err(input("fov_x_deg: expected an angle above 0 and below 180 degrees"));
             }
-            let layout = Layout {
-                height,
-                width,
-                times: 1,
-                lanes,
-            };
+            let layout = Layout { height, width, times: 1, lanes };
             Directions::pinhole(degrees.to_radians(), width, height).rays(layout, &wavelengths_nm)
         }
     };
@@ -245,9 +211,7 @@ pub fn reconstruct<'py>(
         (Either::Double(i), Some(Either::Double(v))) => {
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
-        _ => Err(input(
-            "variance: its dtype differs from that of the intensities; pass both with one dtype",
-        )),
+        _ => Err(input("variance: its dtype differs from that of the intensities; pass both with one dtype")),
     }
 }
 
@@ -290,15 +254,8 @@ fn solve<'py, T: PixelNumber + Element>(
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;
     let (found, errors, lost) = off_python(py, 0, || {
-        let places = Places {
-            rays,
-            times: if rays.len() == lanes {
-                1
-            } else {
-                pixels / rays.len().max(1)
-            },
-            lanes,
-        };
+        let places =
+            Places { rays, times: if rays.len() == lanes { 1 } else { pixels / rays.len().max(1) }, lanes };
         let mut found = vec![T::default(); pixels * 16];
         let mut errors = with_errors.then(|| vec![T::default(); pixels * 16]);
         let out = errors.as_deref_mut();
@@ -312,11 +269,7 @@ fn solve<'py, T: PixelNumber + Element>(
         );
         PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &CString::new(text)?, 1)?;
     }
-    let array = |values: Vec<T>| {
-        Ok(PyArray1::from_vec(py, values)
-            .reshape(vec![pixels, 16])?
-            .into_any())
-    };
+    let array = |values: Vec<T>| Ok(PyArray1::from_vec(py, values).reshape(vec![pixels, 16])?.into_any());
     let errors: Option<PyResult<_>> = errors.map(array);
     Ok((array(found)?, errors.transpose()?))
 }

@@ -67,9 +67,7 @@ pub fn capture<'py>(
     }
     if let Some(degrees) = with.fov_x_deg {
         if !(degrees > 0.0 && degrees < 180.0) {
-            return Err(input(
-                "fov_x_deg: expected an angle above 0 and below 180 degrees",
-            ));
+            return Err(input("fov_x_deg: expected an angle above 0 and below 180 degrees"));
         }
         image = image.seen_by(degrees.to_radians());
     }
@@ -88,27 +86,21 @@ fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<No
         if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
             Ok(sigma)
         } else {
-            Err(input(format!(
-                "{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}"
-            )))
+            Err(input(format!("{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}")))
         }
     };
     let detector = match (&with.detector_file, &with.detector_text) {
         (Some(path), _) => Some(file::load(path, image.is_timed())),
-        (_, Some(json)) => Some(file::from_toml(
-            Path::new("detector in a dict"),
-            &toml_of_json(json)?,
-            image.is_timed(),
-        )),
+        (_, Some(json)) => {
+            Some(file::from_toml(Path::new("detector in a dict"), &toml_of_json(json)?, image.is_timed()))
+        }
         _ => None,
     };
     match (detector, with.noise, with.relative_noise) {
         (Some(detector), None, None) => image
             .noise_of(detector.map_err(|e| located(py, &e))?)
             .map_err(|e| input(format!("detector: {e}"))),
-        (None, Some(sigma), None) => Ok(Noise::Gaussian {
-            sigma: good("noise", sigma)?,
-        }),
+        (None, Some(sigma), None) => Ok(Noise::Gaussian { sigma: good("noise", sigma)? }),
         (None, None, Some(relative)) => {
             let sigma = good("relative_noise", relative)? * image.mean();
             if sigma >= 0.0 && sigma.is_finite() {

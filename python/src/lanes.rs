@@ -21,19 +21,14 @@ impl Lanes {
         let mut rising = asked_nm.to_vec();
         rising.sort_by(f64::total_cmp);
         rising.dedup();
-        let sets: Result<Vec<Wavelengths>, _> = rising
-            .chunks(MAX_WAVELENGTHS)
-            .map(|few| Wavelengths::new(few.to_vec()))
-            .collect();
+        let sets: Result<Vec<Wavelengths>, _> =
+            rising.chunks(MAX_WAVELENGTHS).map(|few| Wavelengths::new(few.to_vec())).collect();
         let sets = sets.map_err(|e| input(format!("wavelengths_nm: {e}")))?;
         let place = |nm: &f64| {
             let i = rising.partition_point(|other| other < nm);
             (i / MAX_WAVELENGTHS, i % MAX_WAVELENGTHS)
         };
-        Ok(Self {
-            places: asked_nm.iter().map(place).collect(),
-            sets,
-        })
+        Ok(Self { places: asked_nm.iter().map(place).collect(), sets })
     }
 }
 
@@ -42,13 +37,9 @@ pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -
     let known = names.join(", ");
     match (name, names) {
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
-        (Some(name), _) => Err(input(format!(
-            "name: unknown {what} `{name}`; available: {known}"
-        ))),
+        (Some(name), _) => Err(input(format!("name: unknown {what} `{name}`; available: {known}"))),
         (None, [one]) => Ok(one.clone()),
         (None, []) => Err(input(format!("there is no {what}; add one"))),
-        (None, _) => Err(input(format!(
-            "there are several {several}; pass the name of one of {known}"
-        ))),
+        (None, _) => Err(input(format!("there are several {several}; pass the name of one of {known}"))),
     }
 }

@@ -42,10 +42,7 @@ impl LearningData {
                 "expected a resolution of three numbers from 2 to 4096, and bands from 100 nm",
             ));
         }
-        let settings = Settings {
-            samples: 0,
-            ..Settings::default()
-        };
+        let settings = Settings { samples: 0, ..Settings::default() };
         let frames = if plane { Frames::Plane } else { Frames::Any };
         let data = off_python(py, 0, || match &folder {
             Some(folder) => {
@@ -62,9 +59,7 @@ impl LearningData {
             other => input(other),
         })?;
         let data = data.map_err(input)?;
-        cross_validation::LearningData::new(&data, folds, frames)
-            .map(Self)
-            .map_err(input)
+        cross_validation::LearningData::new(&data, folds, frames).map(Self).map_err(input)
     }
 
     /// Create the data from a second moment, without folds. `turn` averages it over frames.
@@ -111,11 +106,7 @@ pub struct Asked {
 
 /// A learned scheme, its errors (on validation materials, their standard error, on training materials) and
 /// its descents: name, loss, and loss of every step.
-type Found<'py> = (
-    Scheme,
-    (f64, f64, f64),
-    Vec<(String, f64, Bound<'py, PyArray1<f64>>)>,
-);
+type Found<'py> = (Scheme, (f64, f64, f64), Vec<(String, f64, Bound<'py, PyArray1<f64>>)>);
 
 /// Learn the settings of a template that vary between captures.
 #[pyfunction]
@@ -127,9 +118,7 @@ pub fn learn<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Found<'py>> {
     if template.0.motors().is_empty() {
-        return Err(input(
-            "template: no setting changes between captures; list angles or retardances",
-        ));
+        return Err(input("template: no setting changes between captures; list angles or retardances"));
     }
     if !(1e-9..=1e6).contains(&asked.noise) {
         return Err(input("noise: expected a number from 1e-9 to 1e6"));
@@ -138,9 +127,7 @@ pub fn learn<'py>(
         return Err(input("angle_error_deg: expected 0 to 90 degrees"));
     }
     if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
-        return Err(input(
-            "expected at most 100000 starts, and 10000000 iterations or adam_steps",
-        ));
+        return Err(input("expected at most 100000 starts, and 10000000 iterations or adam_steps"));
     }
     let search = Search {
         starts: asked.starts,
@@ -152,11 +139,7 @@ pub fn learn<'py>(
         sigma: asked.noise,
         angle_error: asked.angle_error_deg.to_radians(),
         second_moment: SecondMoment::new(data.map_or_else(Moment::identity, |d| d.0.all)),
-        estimator: if asked.prior {
-            Estimator::Prior
-        } else {
-            Estimator::LeastSquares
-        },
+        estimator: if asked.prior { Estimator::Prior } else { Estimator::LeastSquares },
         rays: rays(&asked.wavelengths_nm)?,
         metric: None,
     };
@@ -172,8 +155,6 @@ pub fn learn<'py>(
     Ok((
         Scheme(found.scheme),
         (found.unseen, found.spread, found.seen),
-        descents
-            .map(|d| (d.name, d.loss, PyArray1::from_vec(py, d.history)))
-            .collect(),
+        descents.map(|d| (d.name, d.loss, PyArray1::from_vec(py, d.history))).collect(),
     ))
 }

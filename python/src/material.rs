@@ -40,16 +40,9 @@ type Specular<'py> = (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>);
 fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
     let view = rows.as_array();
     if view.ncols() != 3 {
-        return Err(input(format!(
-            "{what}: the shape is {:?}; expected (..., 3)",
-            view.shape()
-        )));
+        return Err(input(format!("{what}: the shape is {:?}; expected (..., 3)", view.shape())));
     }
-    Ok(view
-        .rows()
-        .into_iter()
-        .map(|r| Direction::of([r[0], r[1], r[2]]))
-        .collect())
+    Ok(view.rows().into_iter().map(|r| Direction::of([r[0], r[1], r[2]])).collect())
 }
 
 impl Material {
@@ -59,11 +52,7 @@ impl Material {
         let sets: Result<Vec<MaterialSet>, InputError> =
             detached(py, || lanes.sets.iter().map(build).collect())?;
         let sets = sets.map_err(|e| located(py, &e))?;
-        let names: Vec<String> = sets
-            .iter()
-            .take(1)
-            .flat_map(|s| s.names.keys().cloned())
-            .collect();
+        let names: Vec<String> = sets.iter().take(1).flat_map(|s| s.names.keys().cloned()).collect();
         Ok(Self {
             name: choose("material", "materials", &names, name)?,
             of: Of::Sets(sets),
@@ -75,10 +64,8 @@ impl Material {
     fn with<T>(&self, uv: [f32; 2], then: impl FnOnce(&[Specimen]) -> T) -> T {
         match &self.of {
             Of::Sets(sets) => {
-                let all: Vec<Specimen> = sets
-                    .iter()
-                    .filter_map(|set| Specimen::new(set, &self.name, uv))
-                    .collect();
+                let all: Vec<Specimen> =
+                    sets.iter().filter_map(|set| Specimen::new(set, &self.name, uv)).collect();
                 then(&all)
             }
             Of::Scene(scene) => {
@@ -111,13 +98,7 @@ impl Material {
         wavelengths_nm: Vec<f64>,
     ) -> PyResult<Self> {
         let text = toml_of_json(json)?;
-        Self::of_text(
-            py,
-            &folder.join("materials in a dict"),
-            &text,
-            name,
-            &wavelengths_nm,
-        )
+        Self::of_text(py, &folder.join("materials in a dict"), &text, name, &wavelengths_nm)
     }
 
     /// Create a material of a scene, at some of its wavelengths.
@@ -188,11 +169,7 @@ impl Material {
         uv: [f32; 2],
     ) -> PyResult<Specular<'py>> {
         let incoming = directions("incoming", &incoming)?;
-        let lobe = if transmitted {
-            Lobe::Transmitted
-        } else {
-            Lobe::Reflected
-        };
+        let lobe = if transmitted { Lobe::Transmitted } else { Lobe::Reflected };
         let (n, lanes) = (incoming.len(), self.places.len());
         let mut matrices = vec![0.0_f32; n * lanes * 16];
         let mut leaving = vec![f64::NAN; n * lanes * 3];

@@ -33,11 +33,7 @@ impl Medium {
         // Tables of large particles take seconds.
         let sets: Result<Vec<MediumSet>, InputError> =
             off_python(py, 0, || lanes.sets.par_iter().map(build).collect())?;
-        Ok(Self {
-            sets: sets.map_err(|e| located(py, &e))?,
-            name,
-            places: lanes.places,
-        })
+        Ok(Self { sets: sets.map_err(|e| located(py, &e))?, name, places: lanes.places })
     }
 }
 
@@ -112,9 +108,8 @@ impl Medium {
         let lanes = self.places.len();
         let mut out = vec![0.0_f32; degrees.len() * lanes * 16];
         off_python(py, 0, || {
-            out.par_chunks_mut(16 * lanes * PIECE)
-                .zip(degrees.par_chunks(PIECE))
-                .for_each(|(out, degrees)| {
+            out.par_chunks_mut(16 * lanes * PIECE).zip(degrees.par_chunks(PIECE)).for_each(
+                |(out, degrees)| {
                     let tables: Vec<_> = self.sets.iter().map(|s| of_set(s, &self.name, degrees)).collect();
                     for (i, out) in out.chunks_exact_mut(16 * lanes).enumerate() {
                         for (m, (set, lane)) in out.as_chunks_mut::<16>().0.iter_mut().zip(&self.places) {
@@ -127,7 +122,8 @@ impl Medium {
                             ];
                         }
                     }
-                });
+                },
+            );
         })?;
         PyArray1::from_vec(py, out).reshape(vec![degrees.len(), lanes, 4, 4])
     }

@@ -13,13 +13,7 @@ type Fault = (String, Option<usize>, Option<usize>, String, Option<String>);
 
 fn fault(e: &InputError) -> Fault {
     let (line, column) = e.line_column().unzip();
-    (
-        e.file.display().to_string(),
-        line,
-        column,
-        e.message.clone(),
-        e.help.clone(),
-    )
+    (e.file.display().to_string(), line, column, e.message.clone(), e.help.clone())
 }
 
 /// Import a scene. Return the scene and the changes of meaning in the import, or no scene and all errors.

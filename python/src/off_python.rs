@@ -25,11 +25,7 @@ fn on_own_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> P
 
 /// Runs work that may use rayon's global pool; in a forked process, on new threads.
 pub fn fork_safe<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    if IMPORTER.get() == Some(&std::process::id()) {
-        Ok(work())
-    } else {
-        on_own_threads(0, work)
-    }
+    if IMPORTER.get() == Some(&std::process::id()) { Ok(work()) } else { on_own_threads(0, work) }
 }
 
 /// Runs work while other Python threads run; see [`fork_safe`].

@@ -18,9 +18,7 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
         [h, w] => (h, w, 1),
         [h, w, 3] => (h, w, 3),
         _ => {
-            return Err(input(format!(
-                "the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)"
-            )));
+            return Err(input(format!("the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)")));
         }
     };
     if height == 0 || width == 0 {
@@ -47,17 +45,11 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
             } else {
                 all.iter().copied().collect()
             };
-            (
-                image::Rgb32FImage::from_raw(w, h, data).map(image::DynamicImage::from),
-                OpenExr,
-            )
+            (image::Rgb32FImage::from_raw(w, h, data).map(image::DynamicImage::from), OpenExr)
         }
     };
     let mut bytes = Cursor::new(vec![]);
-    picture
-        .ok_or_else(lost)?
-        .write_to(&mut bytes, format)
-        .map_err(input)?;
+    picture.ok_or_else(lost)?.write_to(&mut bytes, format).map_err(input)?;
     Ok(PyBytes::new(py, bytes.get_ref()))
 }
 

@@ -23,11 +23,7 @@ struct Changed<'a> {
 
 impl<'a> Changed<'a> {
     fn new(scene: &'a mut sunstone::Scene, choices: &Choices) -> PyResult<Self> {
-        let changed = Self {
-            settings: scene.settings,
-            slices: scene.slices.clone(),
-            scene,
-        };
+        let changed = Self { settings: scene.settings, slices: scene.slices.clone(), scene };
         choices.apply(changed.scene, "").map_err(input)?;
         Ok(changed)
     }
@@ -61,12 +57,7 @@ impl Asked {
     }
 
     fn choices(&self) -> Choices {
-        Choices {
-            spp: self.spp,
-            replicates: self.replicates,
-            seed: self.seed,
-            slices: self.slices.clone(),
-        }
+        Choices { spp: self.spp, replicates: self.replicates, seed: self.seed, slices: self.slices.clone() }
     }
 }
 
@@ -140,10 +131,8 @@ fn run<T: Send>(
         let changed = Changed::new(&mut scene_now, &choices)?;
         let kept = |name: &str| changed.scene.slices.iter().any(|s| s.name == name);
         let figures: Vec<_> = scene.figures.iter().filter(|f| kept(f.view.slice())).collect();
-        let render = Render::new(changed.scene)
-            .watch(watch)
-            .attribute("figures", json!(figures))
-            .threads(threads);
+        let render =
+            Render::new(changed.scene).watch(watch).attribute("figures", json!(figures)).threads(threads);
         work(render)
     })?
 }
@@ -159,15 +148,9 @@ pub fn render_store(
     force: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let target = Target {
-        path: output,
-        replace: force,
-        resume,
-    };
+    let target = Target { path: output, replace: force, resume };
     let summary = run(py, scene, &asked, progress, |render| {
-        render
-            .to_target(&target)
-            .map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })
+        render.to_target(&target).map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })
     })?;
     Ok(describe(&summary))
 }

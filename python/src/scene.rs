@@ -35,12 +35,7 @@ fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, Inp
         None => scene::from_text(path, text)?,
     };
     let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
-    Ok(Scene {
-        built: Mutex::new(scene),
-        figures,
-        path: path.to_owned(),
-        memory: BTreeMap::new(),
-    })
+    Ok(Scene { built: Mutex::new(scene), figures, path: path.to_owned(), memory: BTreeMap::new() })
 }
 
 impl Scene {
@@ -57,9 +52,8 @@ impl Scene {
         meshes: &[(String, Mesh)],
         files: impl IntoIterator<Item = (String, Vec<u8>)>,
     ) -> Result<Self, InputError> {
-        let file: SceneFile = document::parse(path, text, |_| {
-            "`sunstone schema` describes every key of a scene".to_owned()
-        })?;
+        let file: SceneFile =
+            document::parse(path, text, |_| "`sunstone schema` describes every key of a scene".to_owned())?;
         let mut builder = SceneBuilder::from(file).folder(&folder);
         for (name, mesh) in meshes {
             builder = builder.mesh(name.as_str(), mesh);
@@ -101,35 +95,24 @@ fn rows<const N: usize, T: numpy::Element + Copy>(
 ) -> PyResult<Vec<[T; N]>> {
     let view = array.as_array();
     if view.ncols() != N {
-        return Err(input(format!(
-            "{what}: the shape is {:?}; expected rows of {N} numbers",
-            view.shape()
-        )));
+        return Err(input(format!("{what}: the shape is {:?}; expected rows of {N} numbers", view.shape())));
     }
-    Ok(view
-        .rows()
-        .into_iter()
-        .map(|r| std::array::from_fn(|i| r[i]))
-        .collect())
+    Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
 }
 
 fn mesh(name: &str, (vertices, faces, normals, uvs): &Arrays<'_>) -> PyResult<Mesh> {
     let points =
         |what: &str, a: &PyReadonlyArray2<'_, f32>| rows::<3, f32>(&format!("mesh {name}, {what}"), a);
     Ok(Mesh {
-        positions: points("vertices", vertices)?
-            .into_iter()
-            .map(Into::into)
-            .collect(),
+        positions: points("vertices", vertices)?.into_iter().map(Into::into).collect(),
         normals: match normals {
             Some(n) => points("normals", n)?.into_iter().map(Into::into).collect(),
             None => vec![],
         },
         uvs: match uvs {
-            Some(uv) => rows::<2, f32>(&format!("mesh {name}, uvs"), uv)?
-                .into_iter()
-                .map(Into::into)
-                .collect(),
+            Some(uv) => {
+                rows::<2, f32>(&format!("mesh {name}, uvs"), uv)?.into_iter().map(Into::into).collect()
+            }
             None => vec![],
         },
         indices: rows(&format!("mesh {name}, faces"), faces)?,

@@ -23,11 +23,7 @@ pub struct Devices(Rig);
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
-    let all = focal
-        .iter()
-        .chain(&principal)
-        .chain(&origin)
-        .chain(axes.as_flattened());
+    let all = focal.iter().chain(&principal).chain(&origin).chain(axes.as_flattened());
     if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
         return Err(input("expected finite numbers, and focal lengths in pixels"));
     }
@@ -36,13 +32,7 @@ fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pi
 
 fn numbers(p: &Pinhole) -> Numbers {
     let axis = |i: usize| [p.axes[(0, i)], p.axes[(1, i)], p.axes[(2, i)]];
-    (
-        p.resolution,
-        p.focal,
-        p.principal,
-        p.origin.into(),
-        [axis(0), axis(1), axis(2)],
-    )
+    (p.resolution, p.focal, p.principal, p.origin.into(), [axis(0), axis(1), axis(2)])
 }
 
 #[pymethods]
@@ -83,12 +73,7 @@ fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
             image.shape()
         )));
     };
-    Ok(Map {
-        width,
-        height,
-        channels,
-        data: slice(what, image)?.to_vec(),
-    })
+    Ok(Map { width, height, channels, data: slice(what, image)?.to_vec() })
 }
 
 /// Checks that a map has the camera's resolution, which the methods assume.
@@ -122,17 +107,13 @@ impl Code {
         }
         let unused = || match &periods {
             None => Ok(()),
-            Some(_) => Err(input(format!(
-                "periods: the code `{name}` has none; remove this argument"
-            ))),
+            Some(_) => Err(input(format!("periods: the code `{name}` has none; remove this argument"))),
         };
         match name {
             "gray" => unused().map(|()| Self::Gray),
             "xor-02" => unused().map(|()| Self::Xor(Base::Xor02)),
             "xor-04" => unused().map(|()| Self::Xor(Base::Xor04)),
-            "phase-shift" => Ok(Self::PhaseShift(
-                periods.unwrap_or_else(|| phase_shift::periods(columns)),
-            )),
+            "phase-shift" => Ok(Self::PhaseShift(periods.unwrap_or_else(|| phase_shift::periods(columns)))),
             "micro-phase-shift" => match periods {
                 Some(periods) => Ok(Self::MicroPhaseShift(periods)),
                 None => Err(input(
@@ -214,12 +195,7 @@ pub fn normals_of_depth<'py>(
     let depth = map("depth", &depth)?;
     let camera = &devices.0.camera;
     of_camera("depth", &depth, camera)?;
-    array(
-        py,
-        detached(py, || {
-            surface_normals::normals(camera, &depth, Window { radius, robust })
-        })?,
-    )
+    array(py, detached(py, || surface_normals::normals(camera, &depth, Window { radius, robust }))?)
 }
 
 /// Compute degree, zenith and azimuth (rows, columns, 3) of polarization from matrices (rows, columns, 16).
@@ -235,14 +211,9 @@ pub fn polarization_cues<'py>(
         return Err(input("index: expected a refractive index above 1 and at most 10"));
     }
     let matrices = map("matrices", &matrices)?;
-    let how = if mirrored {
-        Reflection::Specular
-    } else {
-        Reflection::Diffuse
-    };
-    let cues = off_python(py, 1, || {
-        polarization::cues(&polarization::stokes(&matrices, mirrored_off), index, how)
-    })?;
+    let how = if mirrored { Reflection::Specular } else { Reflection::Diffuse };
+    let cues =
+        off_python(py, 1, || polarization::cues(&polarization::stokes(&matrices, mirrored_off), index, how))?;
     array(py, cues.angles)
 }
 

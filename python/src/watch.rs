@@ -99,9 +99,8 @@ pub fn looked_on<T: Send>(
         loop {
             let ended = py.detach(|| shared.wait());
             let first = fault.is_none();
-            let message = py
-                .check_signals()
-                .and_then(|()| if first { tell(&shared, progress) } else { Ok(()) });
+            let message =
+                py.check_signals().and_then(|()| if first { tell(&shared, progress) } else { Ok(()) });
             match message {
                 Err(e) if first => {
                     shared.stop.store(true, Ordering::Relaxed);
@@ -123,9 +122,9 @@ pub fn looked_on<T: Send>(
         match (fault, done) {
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => done,
-            (None, Err(_)) => Err(PyRuntimeError::new_err(
-                "internal error in Sunstone: a worker thread failed",
-            )),
+            (None, Err(_)) => {
+                Err(PyRuntimeError::new_err("internal error in Sunstone: a worker thread failed"))
+            }
         }
     })
 }

@@ -142,11 +142,7 @@ pub struct Metric {
 impl Metric {
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str, more_is_better: bool) -> Self {
-        Self {
-            name,
-            unit,
-            more_is_better,
-        }
+        Self { name, unit, more_is_better }
     }
 }
 

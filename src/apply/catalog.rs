@@ -49,16 +49,8 @@ mod tests {
             assert!(plan.test.iter().all(|t| !plan.train.contains(t)), "{}", a.name());
             assert!(plan.test.len() >= 5 && !plan.train.is_empty(), "{}", a.name());
             let unlike = |all: Vec<&str>| all.iter().collect::<BTreeSet<_>>().len() == all.len();
-            assert!(
-                unlike(a.methods().iter().map(|m| m.name).collect()),
-                "{}",
-                a.name()
-            );
-            assert!(
-                unlike(a.metrics().iter().map(|m| m.name).collect()),
-                "{}",
-                a.name()
-            );
+            assert!(unlike(a.methods().iter().map(|m| m.name).collect()), "{}", a.name());
+            assert!(unlike(a.metrics().iter().map(|m| m.name).collect()), "{}", a.name());
             assert!(!a.methods().is_empty() && !a.metrics().is_empty());
         }
     }

@@ -30,10 +30,7 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
         });
         found.map_or(f64::NAN, |(_, s)| s.value)
     };
-    variants
-        .iter()
-        .map(|v| seeds.iter().map(|s| value(*v, *s)).collect())
-        .collect()
+    variants.iter().map(|v| seeds.iter().map(|s| value(*v, *s)).collect()).collect()
 }
 
 /// Returns the rows of all methods and metrics from scores with their seeds: metrics one after the other,

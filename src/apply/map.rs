@@ -28,12 +28,7 @@ impl Map {
                 fill(i % width, i / width, pixel);
             }
         }
-        Self {
-            width,
-            height,
-            channels,
-            data,
-        }
+        Self { width, height, channels, data }
     }
 
     /// Returns the channels of a pixel.

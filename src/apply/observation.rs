@@ -60,9 +60,7 @@ impl Observation {
     /// # Errors
     /// [`ApplyError::Missing`].
     pub fn truth(&self, name: &str) -> Result<&Map, ApplyError> {
-        self.truth
-            .get(name)
-            .ok_or_else(|| self.missing("truth map", name))
+        self.truth.get(name).ok_or_else(|| self.missing("truth map", name))
     }
 
     /// Returns a slice as pixels.
@@ -72,11 +70,7 @@ impl Observation {
     /// matrices although `mueller` requires them; [`ApplyError::Sizes`] if its errors have another shape.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
-        let axis = |axis| ApplyError::Axis {
-            variant: self.variant,
-            slice: name.to_owned(),
-            axis,
-        };
+        let axis = |axis| ApplyError::Axis { variant: self.variant, slice: name.to_owned(), axis };
         let t = &slice.mean;
         let at = |kind: AxisKind| t.find(kind);
         if at(AxisKind::Y).is_none() || at(AxisKind::X).is_none() {
@@ -126,11 +120,7 @@ impl Observation {
     }
 
     fn missing(&self, what: &'static str, name: &str) -> ApplyError {
-        ApplyError::Missing {
-            variant: self.variant,
-            what,
-            name: name.to_owned(),
-        }
+        ApplyError::Missing { variant: self.variant, what, name: name.to_owned() }
     }
 }
 
@@ -146,9 +136,7 @@ pub fn seen<S>(
     let all = |of: &[Observation]| of.iter().map(&see).collect::<Result<Vec<_>, _>>();
     let both = [all(train)?, all(test)?];
     if both.iter().any(Vec::is_empty) {
-        return Err(ApplyError::Empty(
-            "pass variants for training and for testing".into(),
-        ));
+        return Err(ApplyError::Empty("pass variants for training and for testing".into()));
     }
     Ok(both)
 }
@@ -207,11 +195,8 @@ pub(crate) mod tests {
         error: f64,
         mut value: impl FnMut(usize, usize, usize, usize) -> f64,
     ) -> Slice {
-        let axis = |kind, n: usize| Axis {
-            kind,
-            coords: (0..n).map(|i| i as f64).collect(),
-            chunk: n as u64,
-        };
+        let axis =
+            |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
         let mut axes = vec![axis(AxisKind::Y, height), axis(AxisKind::X, width)];
         if bins > 1 {
             axes.push(axis(AxisKind::T, bins));
@@ -228,10 +213,7 @@ pub(crate) mod tests {
             *v = value(rest / 16 / bins, rest / 16 % bins, rest % 16, lane) as f32;
         }
         error_of.data.fill(error as f32);
-        Slice {
-            mean,
-            error: error_of,
-        }
+        Slice { mean, error: error_of }
     }
 
     #[test]
@@ -250,10 +232,7 @@ pub(crate) mod tests {
         assert_eq!(pixels.weighed(&weights).at(1, 1)[1], sum);
         assert!(matches!(o.pixels("t", true), Err(ApplyError::Missing { .. })));
         let s = o.slices.get_mut("s").expect("it");
-        (s.mean, s.error) = (
-            s.mean.select(AxisKind::StokesIn, 0),
-            s.error.select(AxisKind::StokesIn, 0),
-        );
+        (s.mean, s.error) = (s.mean.select(AxisKind::StokesIn, 0), s.error.select(AxisKind::StokesIn, 0));
         assert!(matches!(o.pixels("s", true), Err(ApplyError::Axis { .. })));
     }
 }

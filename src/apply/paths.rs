@@ -83,34 +83,16 @@ impl<'a> Labelled<'a> {
     pub fn of(o: &'a Observation, name: &str) -> Result<Self, ApplyError> {
         let tensor = &o.slice(name)?.mean;
         let of = |kind: AxisKind, axis: &'static str| {
-            tensor.find(kind).ok_or(ApplyError::Axis {
-                variant: o.variant,
-                slice: name.to_owned(),
-                axis,
-            })
+            tensor.find(kind).ok_or(ApplyError::Axis { variant: o.variant, slice: name.to_owned(), axis })
         };
         let rows_and_columns = "rows and columns of the camera";
-        let camera = [
-            of(AxisKind::Y, rows_and_columns)?,
-            of(AxisKind::X, rows_and_columns)?,
-        ];
+        let camera = [of(AxisKind::Y, rows_and_columns)?, of(AxisKind::X, rows_and_columns)?];
         let [label, bounces] = [of(AxisKind::Label, "labels")?, of(AxisKind::Bounces, "bounces")?];
         let coords = |axis: usize| tensor.axes[axis].coords.iter().map(|c| c.max(0.0));
         let kinds = coords(bounces)
-            .flat_map(|b| {
-                coords(label).map(move |l| Path {
-                    label: l as u8,
-                    bounces: b as u32,
-                })
-            })
+            .flat_map(|b| coords(label).map(move |l| Path { label: l as u8, bounces: b as u32 }))
             .collect();
-        Ok(Self {
-            tensor,
-            kinds,
-            camera,
-            bin: tensor.find(AxisKind::T),
-            path: [bounces, label],
-        })
+        Ok(Self { tensor, kinds, camera, bin: tensor.find(AxisKind::T), path: [bounces, label] })
     }
 
     /// Calls `f` for each value with pixel, bin of travel time (0 without a time axis), index of the path in
@@ -124,12 +106,7 @@ impl<'a> Labelled<'a> {
             if stokes.iter().flatten().all(|a| index[*a] == 0) {
                 let pixel = index[y] * columns + index[x];
                 let kind = index[bounces] * labels + index[label];
-                f(
-                    pixel,
-                    self.bin.map_or(0, |a| index[a]),
-                    kind,
-                    f64::from(t.data[place]),
-                );
+                f(pixel, self.bin.map_or(0, |a| index[a]), kind, f64::from(t.data[place]));
             }
         });
     }
@@ -156,12 +133,7 @@ impl Paths {
         let kinds = slice.kinds.len();
         let mut light = vec![0.0; width * height * kinds];
         slice.walk(|pixel, _, kind, value| light[pixel * kinds + kind] += value);
-        Ok(Self {
-            width,
-            height,
-            kinds: slice.kinds,
-            light,
-        })
+        Ok(Self { width, height, kinds: slice.kinds, light })
     }
 
     /// Returns the light of all paths of a kind.
@@ -194,11 +166,8 @@ pub(crate) mod tests {
         wavelengths: usize,
         mut light: impl FnMut(usize, Path) -> f64,
     ) -> Slice {
-        let axis = |kind, n: usize| Axis {
-            kind,
-            coords: (0..n).map(|i| i as f64).collect(),
-            chunk: n as u64,
-        };
+        let axis =
+            |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
         let axes = vec![
             axis(AxisKind::Y, height),
             axis(AxisKind::X, width),
@@ -209,16 +178,10 @@ pub(crate) mod tests {
         let mut mean = Tensor::zeros("paths", axes);
         for (i, v) in mean.data.iter_mut().enumerate() {
             let rest = i / wavelengths;
-            let path = Path {
-                label: (rest % 16) as u8,
-                bounces: (rest / 16 % max_bounces) as u32,
-            };
+            let path = Path { label: (rest % 16) as u8, bounces: (rest / 16 % max_bounces) as u32 };
             *v = light(rest / 16 / max_bounces, path) as f32;
         }
-        Slice {
-            error: mean.clone(),
-            mean,
-        }
+        Slice { error: mean.clone(), mean }
     }
 
     fn observation(slice: Slice) -> Observation {
@@ -232,19 +195,19 @@ pub(crate) mod tests {
         // Every path contributes a unique power of two at every wavelength, so a sum identifies its paths.
         let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
         let even = |p: Path| p.label.is_multiple_of(2);
-        let o = observation(labelled([3, 2], 3, 2, |pixel, p| {
-            if even(p) {
-                (pixel + 1) as f64 * bring(p)
-            } else {
-                0.0
-            }
-        }));
+        let o =
+            observation(labelled(
+                [3, 2],
+                3,
+                2,
+                |pixel, p| {
+                    if even(p) { (pixel + 1) as f64 * bring(p) } else { 0.0 }
+                },
+            ));
         let paths = Paths::read(&o, "paths").expect("paths");
         assert_eq!((paths.width, paths.height), (3, 2));
         let sum = |kinds: &[(u8, u32)]| -> f64 {
-            let each = kinds
-                .iter()
-                .map(|&(label, bounces)| bring(Path { label, bounces }));
+            let each = kinds.iter().map(|&(label, bounces)| bring(Path { label, bounces }));
             2.0 * each.sum::<f64>()
         };
         type Case = (fn(Path) -> bool, &'static [(u8, u32)]);
@@ -253,25 +216,9 @@ pub(crate) mod tests {
             (Path::diffuse_interreflection, &[(8, 2)]),
             (Path::single_specular, &[(2, 1), (4, 1), (6, 1)]),
             (Path::multi_specular, &[(2, 2), (4, 2), (6, 2)]),
-            (
-                Path::mirror_and_diffuse,
-                &[(10, 0), (14, 0), (10, 1), (14, 1), (10, 2), (14, 2)],
-            ),
+            (Path::mirror_and_diffuse, &[(10, 0), (14, 0), (10, 1), (14, 1), (10, 2), (14, 2)]),
             (Path::one_mirror_one_diffuse, &[(10, 2)]),
-            (
-                Path::all_specular,
-                &[
-                    (2, 0),
-                    (4, 0),
-                    (6, 0),
-                    (2, 1),
-                    (4, 1),
-                    (6, 1),
-                    (2, 2),
-                    (4, 2),
-                    (6, 2),
-                ],
-            ),
+            (Path::all_specular, &[(2, 0), (4, 0), (6, 0), (2, 1), (4, 1), (6, 1), (2, 2), (4, 2), (6, 2)]),
         ];
         for (k, (kind, of)) in cases.iter().enumerate() {
             let map = paths.of(kind);
@@ -281,11 +228,7 @@ pub(crate) mod tests {
             }
         }
         // Exclusive and exhaustive kinds sum to all light.
-        let (all, one, rest) = (
-            paths.all(),
-            paths.of(Path::all_specular),
-            paths.of(|p| !p.all_specular()),
-        );
+        let (all, one, rest) = (paths.all(), paths.of(Path::all_specular), paths.of(|p| !p.all_specular()));
         for ((a, b), c) in all.data.iter().zip(&one.data).zip(&rest.data) {
             assert_eq!(*a, b + c);
         }
@@ -295,18 +238,9 @@ pub(crate) mod tests {
     fn slices_without_labels_or_bounces_are_refused() {
         let plain = labelled([2, 2], 2, 1, |_, _| 1.0);
         for kind in [AxisKind::Label, AxisKind::Bounces, AxisKind::X] {
-            let o = observation(Slice {
-                mean: plain.mean.sum(kind),
-                error: plain.error.sum(kind),
-            });
-            assert!(
-                matches!(Paths::read(&o, "paths"), Err(ApplyError::Axis { .. })),
-                "{kind:?}"
-            );
+            let o = observation(Slice { mean: plain.mean.sum(kind), error: plain.error.sum(kind) });
+            assert!(matches!(Paths::read(&o, "paths"), Err(ApplyError::Axis { .. })), "{kind:?}");
         }
-        assert!(matches!(
-            Paths::read(&Observation::default(), "paths"),
-            Err(ApplyError::Missing { .. })
-        ));
+        assert!(matches!(Paths::read(&Observation::default(), "paths"), Err(ApplyError::Missing { .. })));
     }
 }

@@ -46,12 +46,9 @@ impl Part {
                 ("analyzer", None),
                 ("polarimetric", None),
             ],
-            Self::Devices => &[
-                ("camera", None),
-                ("projector", None),
-                ("quality", None),
-                ("covariance", None),
-            ],
+            Self::Devices => {
+                &[("camera", None), ("projector", None), ("quality", None), ("covariance", None)]
+            }
             Self::Sensor => &[("radiometric", None), ("detector", Some("cmos"))],
             Self::Counter => &[("temporal", None), ("detector", Some("spad"))],
         }
@@ -209,14 +206,8 @@ mod tests {
             Part::Devices,
             "[camera]\nresolution = [4, 3]\n[quality]\nviews = 2\n[covariance]\nrows = [[1.0]]\n",
         ),
-        (
-            Part::Sensor,
-            "[radiometric]\nx = 1\n[detector.cmos]\ngain_e_per_dn = 2.5\n",
-        ),
-        (
-            Part::Counter,
-            "[temporal]\nz = \"AAAA\"\n[detector.spad]\nirf_fwhm_ps = 61.0\n",
-        ),
+        (Part::Sensor, "[radiometric]\nx = 1\n[detector.cmos]\ngain_e_per_dn = 2.5\n"),
+        (Part::Counter, "[temporal]\nz = \"AAAA\"\n[detector.spad]\nirf_fwhm_ps = 61.0\n"),
     ];
 
     fn table(text: &str) -> Table {
@@ -279,13 +270,8 @@ mod tests {
             ("[camera\n", "c.toml:1:"),
         ] {
             std::fs::write(&path, text).expect("writes");
-            let answer = put(&path, Part::Sensor, TEXTS[2].1)
-                .expect_err("a fault")
-                .to_string();
-            assert!(
-                answer.contains(words) && answer.contains("another file name"),
-                "{text}: {answer}"
-            );
+            let answer = put(&path, Part::Sensor, TEXTS[2].1).expect_err("a fault").to_string();
+            assert!(answer.contains(words) && answer.contains("another file name"), "{text}: {answer}");
             assert_eq!(std::fs::read_to_string(&path).expect("reads"), text);
         }
         let held = Lock::take(&path).expect("free");

@@ -31,12 +31,7 @@ pub fn parse<T: DeserializeOwned>(
     text: &str,
     fix: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
-    fault(
-        path,
-        text,
-        fix,
-        toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))),
-    )
+    fault(path, text, fix, toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))))
 }
 
 /// Parses a table like [`parse`]. Its values come from `text`, even if the table was assembled from several
@@ -50,12 +45,7 @@ pub fn parse_table<T: DeserializeOwned>(
     table: Spanned<DeTable<'_>>,
     fix: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
-    fault(
-        path,
-        text,
-        fix,
-        T::deserialize(Strict::new(toml::Deserializer::from(table))),
-    )
+    fault(path, text, fix, T::deserialize(Strict::new(toml::Deserializer::from(table))))
 }
 
 /// Converts a parse error to an [`InputError`].

@@ -23,10 +23,7 @@ pub fn is_special(path: &Path) -> bool {
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     if !kind.is_file() {
-        return Err(Error::new(
-            ErrorKind::InvalidInput,
-            format!("expected a file, got {}", name(kind)),
-        ));
+        return Err(Error::new(ErrorKind::InvalidInput, format!("expected a file, got {}", name(kind))));
     }
     File::open(path)
 }
@@ -44,13 +41,9 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     }
     let mut bytes = vec![];
     let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
-    bytes
-        .try_reserve_exact(room)
-        .map_err(|_| ErrorKind::OutOfMemory)?;
+    bytes.try_reserve_exact(room).map_err(|_| ErrorKind::OutOfMemory)?;
     // Limit the size read: the file may grow meanwhile, or report no length.
-    file.by_ref()
-        .take(length.max(MOST_TEXT))
-        .read_to_end(&mut bytes)?;
+    file.by_ref().take(length.max(MOST_TEXT)).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -63,10 +56,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     let length = file.take(MOST_TEXT + 1).read_to_string(&mut text)?;
     if length as u64 > MOST_TEXT {
-        let message = format!(
-            "the file is larger than {} MiB, the maximum for text files",
-            MOST_TEXT >> 20
-        );
+        let message = format!("the file is larger than {} MiB, the maximum for text files", MOST_TEXT >> 20);
         return Err(Error::new(ErrorKind::FileTooLarge, message));
     }
     Ok(text)
@@ -101,11 +91,7 @@ fn name(kind: FileType) -> &'static str {
             return "a device";
         }
     }
-    if kind.is_dir() {
-        "a folder"
-    } else {
-        "a special file"
-    }
+    if kind.is_dir() { "a folder" } else { "a special file" }
 }
 
 #[cfg(all(test, unix))]
@@ -122,9 +108,7 @@ mod tests {
         let said = |path: &Path| open(path).expect_err("refused").to_string();
         assert_eq!(said(Path::new("/dev/zero")), "expected a file, got a device");
         assert_eq!(said(dir.path()), "expected a file, got a folder");
-        let status = std::process::Command::new("mkfifo")
-            .arg(dir.path().join("p"))
-            .status();
+        let status = std::process::Command::new("mkfifo").arg(dir.path().join("p")).status();
         if status.is_ok_and(|s| s.success()) {
             assert_eq!(said(&dir.path().join("p")), "expected a file, got a pipe");
             assert!(is_special(&dir.path().join("p")));
@@ -138,11 +122,6 @@ mod tests {
     fn texts_are_bounded() {
         let file = tempfile::NamedTempFile::new().expect("a file");
         file.as_file().set_len(1 << 40).expect("sparse");
-        assert!(
-            read_text(file.path())
-                .expect_err("too large")
-                .to_string()
-                .contains("256 MiB")
-        );
+        assert!(read_text(file.path()).expect_err("too large").to_string().contains("256 MiB"));
     }
 }

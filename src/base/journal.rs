@@ -33,10 +33,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(e) => return Err(e),
         };
-        let records = text
-            .lines()
-            .filter_map(|l| serde_json::from_str(l).ok())
-            .collect();
+        let records = text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect();
         let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
         if !text.is_empty() && !text.ends_with('\n') {
             file.write_all(b"\n")?;
@@ -54,10 +51,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         let mut line = serde_json::to_string(record)?;
         line.push('\n');
         // After another thread's panic, the file is still valid: lines are written whole.
-        let mut file = self
-            .file
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         file.write_all(line.as_bytes())
     }
 

@@ -3,15 +3,8 @@
 use std::str::FromStr;
 
 /// Units and their lengths in metres; a name that ends with another name comes before it.
-const UNITS: [(&str, f64); 7] = [
-    ("nm", 1e-9),
-    ("um", 1e-6),
-    ("µm", 1e-6),
-    ("μm", 1e-6),
-    ("mm", 1e-3),
-    ("cm", 1e-2),
-    ("m", 1.0),
-];
+const UNITS: [(&str, f64); 7] =
+    [("nm", 1e-9), ("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
 
 /// A positive length.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,17 +20,12 @@ impl FromStr for Length {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.trim();
-        let unit = UNITS
-            .iter()
-            .find_map(|(unit, scale)| Some((text.strip_suffix(unit)?, *scale)));
+        let unit = UNITS.iter().find_map(|(unit, scale)| Some((text.strip_suffix(unit)?, *scale)));
         let (number, scale) = unit.unwrap_or((text, 1.0));
         let metres = number.trim().parse::<f64>().ok().map(|x| x * scale);
         metres
             .filter(|x| x.is_finite() && *x > 0.0)
-            .map(|metres| Self {
-                metres,
-                has_unit: unit.is_some(),
-            })
+            .map(|metres| Self { metres, has_unit: unit.is_some() })
             .ok_or_else(|| "expected a positive length with its unit, such as 25mm, 2.5cm or 0.025m".into())
     }
 }
@@ -76,15 +64,10 @@ mod tests {
         ];
         for (text, metres, has_unit) in cases {
             let found: Length = text.parse().unwrap();
-            assert!(
-                (found.metres - metres).abs() < 1e-12 * metres,
-                "{text}: {found:?}"
-            );
+            assert!((found.metres - metres).abs() < 1e-12 * metres, "{text}: {found:?}");
             assert_eq!(found.has_unit, has_unit, "{text}");
         }
-        for text in [
-            "-1mm", "mm", "nanm", "", "0", "inf", "25in", "25 MM", "1,5mm", "25mm2", "m25",
-        ] {
+        for text in ["-1mm", "mm", "nanm", "", "0", "inf", "25in", "25 MM", "1,5mm", "25mm2", "m25"] {
             assert!(text.parse::<Length>().is_err(), "{text}");
         }
     }
@@ -95,9 +78,6 @@ mod tests {
         assert_eq!(within("0.5"), Ok(0.5));
         assert_eq!(within("25m"), Ok(25.0));
         let said = within("25").unwrap_err();
-        assert!(
-            said.starts_with("--square 25:") && said.ends_with("write 25mm or 25m"),
-            "{said}"
-        );
+        assert!(said.starts_with("--square 25:") && said.ends_with("write 25mm or 25m"), "{said}");
     }
 }

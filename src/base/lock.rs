@@ -88,9 +88,7 @@ impl Drop for Lock {
 fn holder(mut file: File) -> String {
     for _ in 0..TRIES {
         let mut text = String::new();
-        let read = file
-            .rewind()
-            .and_then(|()| (&mut file).take(200).read_to_string(&mut text));
+        let read = file.rewind().and_then(|()| (&mut file).take(200).read_to_string(&mut text));
         if read.is_ok() && text.ends_with('\n') {
             return text.trim().to_owned();
         }
@@ -144,10 +142,7 @@ mod tests {
         let Err(LockError::Held(who)) = Lock::take(&output) else {
             panic!("two locks");
         };
-        assert!(
-            who.contains(&format!("process {} on ", std::process::id())),
-            "{who}"
-        );
+        assert!(who.contains(&format!("process {} on ", std::process::id())), "{who}");
         Lock::take(&dir.path().join("a/other.zarr")).expect("another place");
         drop(first);
         Lock::take(&output).expect("free again");

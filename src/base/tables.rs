@@ -24,10 +24,7 @@ impl<T> Strict<T> {
     }
 
     fn table(inner: T, fields: &'static [&'static str]) -> Self {
-        Self {
-            inner,
-            fields: Some(fields),
-        }
+        Self { inner, fields: Some(fields) }
     }
 }
 
@@ -92,8 +89,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
         len: usize,
         visitor: V,
     ) -> Result<V::Value, D::Error> {
-        self.inner
-            .deserialize_tuple_struct(name, len, Strict::new(visitor))
+        self.inner.deserialize_tuple_struct(name, len, Strict::new(visitor))
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -102,8 +98,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, D::Error> {
-        self.inner
-            .deserialize_struct(name, fields, Strict::table(visitor, fields))
+        self.inner.deserialize_struct(name, fields, Strict::table(visitor, fields))
     }
 
     fn deserialize_enum<V: Visitor<'de>>(
@@ -292,14 +287,8 @@ mod tests {
                     [[shapes]]\nbox.size = 3\n[[shapes]]\npair = [1, 2]\n";
         let file = read(text).expect("reads");
         assert_eq!(file.at.as_deref(), Some(&Point { x: 1.0, y: 0.0 }));
-        assert_eq!(
-            file.at.expect("there").span(),
-            text.find("[at]").map_or(0..0, |i| i..i + 4)
-        );
-        assert_eq!(
-            (file.corner, file.pairs.len(), file.shapes.len()),
-            ([1.0, 2.0], 2, 3)
-        );
+        assert_eq!(file.at.expect("there").span(), text.find("[at]").map_or(0..0, |i| i..i + 4));
+        assert_eq!((file.corner, file.pairs.len(), file.shapes.len()), ([1.0, 2.0], 2, 3));
     }
 
     #[test]
@@ -316,9 +305,6 @@ mod tests {
             assert!(message.contains(super::WANTED), "{message}");
         }
         let (.., message) = read("at = [1, 2]").expect_err("a list");
-        assert_eq!(
-            message,
-            "invalid type: sequence, expected a table, { x = .., y = .. }"
-        );
+        assert_eq!(message, "invalid type: sequence, expected a table, { x = .., y = .. }");
     }
 }

@@ -100,9 +100,7 @@ fn sweep(path: &Path) {
     let begin = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let numbers = name
-            .strip_prefix(&begin)
-            .and_then(|rest| rest.strip_suffix(".tmp"));
+        let numbers = name.strip_prefix(&begin).and_then(|rest| rest.strip_suffix(".tmp"));
         let process = numbers.and_then(|n| n.split_once('-')?.0.parse().ok());
         if process.is_some_and(|id| !is_running(id)) {
             let _ = fs::remove_file(entry.path());
@@ -128,16 +126,11 @@ fn is_running(id: i32) -> bool {
 
 fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     if input::is_special(path) {
-        return Err(io::Error::new(
-            ErrorKind::InvalidInput,
-            "expected a file, got a device or pipe",
-        ));
+        return Err(io::Error::new(ErrorKind::InvalidInput, "expected a file, got a device or pipe"));
     }
     let parent = path.parent().unwrap_or(Path::new(""));
-    let made: Vec<&Path> = parent
-        .ancestors()
-        .take_while(|a| !a.as_os_str().is_empty() && !a.exists())
-        .collect();
+    let made: Vec<&Path> =
+        parent.ancestors().take_while(|a| !a.as_os_str().is_empty() && !a.exists()).collect();
     let temporary = temporary_beside(path);
     let result = (|| {
         fs::create_dir_all(parent)?;
@@ -166,9 +159,7 @@ mod tests {
         // No process has the largest ID; the other two names belong to this process or to another file.
         let mine = format!(".f.npy.{}-99.tmp", std::process::id());
         let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
-        names
-            .iter()
-            .for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));
+        names.iter().for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));
         write_with(&path, |file| file.write_all(b"whole")).expect("writes");
         assert!(!dir.path().join(names[0]).exists());
         assert!(names[1..].iter().all(|name| dir.path().join(name).exists()));

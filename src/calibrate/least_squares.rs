@@ -83,10 +83,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
     let of = |x: &DVector<f64>| DVector::from_vec(residuals(x.as_slice()));
     let mut r = of(&x);
     if r.len() < n {
-        return Err(FitError::TooFew {
-            residuals: r.len(),
-            parameters: n,
-        });
+        return Err(FitError::TooFew { residuals: r.len(), parameters: n });
     }
     let jacobian = |x: &DVector<f64>| {
         let columns: Vec<DVector<f64>> = (0..n)
@@ -162,11 +159,7 @@ impl Reported {
         // A zero column remains zero.
         let scale = DVector::from_fn(n, |i, _| {
             let norm = j.column(i).norm();
-            if norm > 1e-12 * longest {
-                norm
-            } else {
-                f64::INFINITY
-            }
+            if norm > 1e-12 * longest { norm } else { f64::INFINITY }
         });
         let scaled = DMatrix::from_fn(j.nrows(), n, |i, k| j[(i, k)] / scale[k]);
         // Use the eigenvectors of JᵀJ: J has many rows but few columns.
@@ -206,9 +199,7 @@ impl Reported {
     }
 
     fn untold(&self) -> Vec<DVector<f64>> {
-        (self.rank..self.scale.len())
-            .map(|k| self.v.column(k).into_owned())
-            .collect()
+        (self.rank..self.scale.len()).map(|k| self.v.column(k).into_owned()).collect()
     }
 }
 
@@ -222,11 +213,8 @@ mod tests {
         let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();
         let model = |p: &[f64], t: f64| p[0] * (-p[1] * t).exp() + p[2];
         let truth = [2.0, 1.3, 0.5];
-        let residuals = |p: &[f64]| -> Vec<f64> {
-            t.iter()
-                .map(|t| (model(&truth, *t) - model(p, *t)) / 0.01)
-                .collect()
-        };
+        let residuals =
+            |p: &[f64]| -> Vec<f64> { t.iter().map(|t| (model(&truth, *t) - model(p, *t)) / 0.01).collect() };
         let found = fit(&[1.0, 0.5, 0.0], &[0.01; 3], &residuals).expect("a fit");
         for (a, b) in found.values.iter().zip(truth) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");
@@ -238,30 +226,18 @@ mod tests {
     fn what_is_not_told_is_named_and_left() {
         let t: Vec<f64> = (0..9).map(f64::from).collect();
         // The residuals depend only on a + b, and not on d.
-        let residuals = |p: &[f64]| -> Vec<f64> {
-            t.iter()
-                .map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2])
-                .collect()
-        };
+        let residuals =
+            |p: &[f64]| -> Vec<f64> { t.iter().map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2]).collect() };
         let found = fit(&[1.0, 1.0, 0.0, 7.0], &[0.01; 4], &residuals).expect("a fit");
         assert!((found.values[0] - 1.5).abs() < 1e-6 && (found.values[1] - 1.5).abs() < 1e-6);
         assert_eq!(found.values[3], 7.0);
         assert_eq!(found.untold.len(), 2);
         let names = ["a", "b", "c", "d"].map(String::from);
         let words = found.untold_in_words(&names).join("; ");
-        assert!(
-            words.contains("a, b together") && words.contains("d: no sample"),
-            "{words}"
-        );
+        assert!(words.contains("a, b together") && words.contains("d: no sample"), "{words}");
         assert_eq!(found.sigma(0), None);
         assert!(found.sigma(2).is_some());
-        assert!(matches!(
-            fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]),
-            Err(FitError::TooFew { .. })
-        ));
-        assert_eq!(
-            fit(&[0.0], &[0.1], &|_| vec![f64::NAN; 3]),
-            Err(FitError::NotFinite)
-        );
+        assert!(matches!(fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]), Err(FitError::TooFew { .. })));
+        assert_eq!(fit(&[0.0], &[0.1], &|_| vec![f64::NAN; 3]), Err(FitError::NotFinite));
     }
 }

@@ -74,11 +74,7 @@ mod tests {
         assert_eq!(bits(&read.map), bits(&map));
         // RFC 4648: 1.0 is 00 00 80 3f.
         assert!(
-            toml::to_string(&File {
-                map: PixelMap(vec![1.0])
-            })
-            .expect("a text")
-            .contains("\"AACAPw==\"")
+            toml::to_string(&File { map: PixelMap(vec![1.0]) }).expect("a text").contains("\"AACAPw==\"")
         );
         for bad in ["map = \"AACA\"", "map = \"§\"", "map = 3"] {
             assert!(toml::from_str::<File>(bad).is_err(), "{bad}");

@@ -57,9 +57,7 @@ impl ZScores {
         let scale = covariance.diagonal().map(|v| v.sqrt().recip());
         let d = DMatrix::from_diagonal(&scale);
         let factor = (&d * covariance * &d).cholesky().expect("a covariance").l();
-        let z = factor
-            .solve_lower_triangular(&errors.component_mul(&scale))
-            .expect("of full rank");
+        let z = factor.solve_lower_triangular(&errors.component_mul(&scale)).expect("of full rank");
         z.iter().for_each(|z| self.add(class, *z, 1.0));
     }
 

@@ -60,31 +60,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.name == "list" {
         let all = catalog::all();
         let longest = all.iter().map(|a| a.name().len()).max().unwrap_or(0);
-        let lines: Vec<String> = all
-            .iter()
-            .map(|a| format!("{:longest$} {}", a.name(), a.shows()))
-            .collect();
+        let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name(), a.shows())).collect();
         return super::output::print(&lines.join("\n"));
     }
     let application = catalog::find(&a.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
-        Failure::input(format!(
-            "unknown application `{}`; available: {}",
-            a.name,
-            known.join(", ")
-        ))
+        Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
     })?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
-        return Err(Failure::input(format!(
-            "--seeds: expected 1 to {MOST_SEEDS}, got {}",
-            a.seeds
-        )));
+        return Err(Failure::input(format!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds)));
     }
     if a.capture.is_some() && application.plan().slices.is_empty() {
-        return Err(Failure::input(format!(
-            "`{}` captures its own input; remove --capture",
-            a.name
-        )));
+        return Err(Failure::input(format!("`{}` captures its own input; remove --capture", a.name)));
     }
     let scene = application.plan().scene;
     let scenes = match &a.scenes {
@@ -100,10 +87,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let out = PathBuf::from("out").join("apply");
     let suffix = if a.preview { "_preview" } else { "" };
-    let folder = a
-        .output
-        .clone()
-        .unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
+    let folder = a.output.clone().unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
     let links = match &a.capture {
         None => Links::None,
         Some(path) => {
@@ -134,12 +118,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let file = settings.scenes.join(scene);
     let of_scene = file.parent().map(Path::to_owned);
-    let inputs = [
-        Some(&settings.scenes),
-        of_scene.as_ref(),
-        Some(&file),
-        a.capture.as_ref(),
-    ];
+    let inputs = [Some(&settings.scenes), of_scene.as_ref(), Some(&file), a.capture.as_ref()];
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
     places::outside_stores([&folder, &settings.renders])?;
     let progress = Progress::start();
@@ -166,12 +145,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for verdict in report::verdicts(&*application, &done, &settings.links) {
         let _ = writeln!(text, "{verdict}");
     }
-    let _ = write!(
-        text,
-        "{}: tables and pictures ({} new renders)",
-        folder.display(),
-        done.rendered
-    );
+    let _ = write!(text, "{}: tables and pictures ({} new renders)", folder.display(), done.rendered);
     super::output::print(&text)
 }
 
@@ -244,16 +218,9 @@ fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
     for row in rows.iter().filter(|r| only.is_none_or(|m| m == r.metric)) {
         if row.metric.name != metric {
             metric = row.metric.name;
-            let unit = if row.metric.unit.is_empty() {
-                String::new()
-            } else {
-                format!(" [{}]", row.metric.unit)
-            };
-            let better = if row.metric.more_is_better {
-                "higher"
-            } else {
-                "lower"
-            };
+            let unit =
+                if row.metric.unit.is_empty() { String::new() } else { format!(" [{}]", row.metric.unit) };
+            let better = if row.metric.more_is_better { "higher" } else { "lower" };
             let _ = write!(
                 out,
                 "\n{:42} {:>18}   {:>20}\n",
@@ -263,20 +230,11 @@ fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
             );
         }
         let difference = row.ours_less_this.as_ref().map_or(String::new(), shown);
-        let _ = writeln!(
-            out,
-            "  {:40} {:>18}   {difference:>20}",
-            row.method.name,
-            shown(&row.value)
-        );
+        let _ = writeln!(out, "  {:40} {:>18}   {difference:>20}", row.method.name, shown(&row.value));
     }
 }
 
 /// Formats a mean with its standard error.
 fn shown(e: &Estimate) -> String {
-    if e.mean.is_finite() {
-        format!("{:.4} ± {:.4}", e.mean, e.error)
-    } else {
-        "-".into()
-    }
+    if e.mean.is_finite() { format!("{:.4} ± {:.4}", e.mean, e.error) } else { "-".into() }
 }

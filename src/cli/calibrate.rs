@@ -181,9 +181,7 @@ struct ProjectorArguments {
 
 /// Parses width and height.
 fn size(text: &str) -> Result<[u32; 2], String> {
-    let parts = text
-        .split_once('x')
-        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let parts = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parts.ok_or_else(|| "expected width and height in pixels, such as 912x1140".into())
 }
 
@@ -200,10 +198,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 impl Target {
     fn board(&self) -> Result<Board, Failure> {
         places::extension(&self.output, "calibrations are", &["toml", "json"])?;
-        let square = self
-            .square
-            .within(LONGEST_SQUARE, "--square")
-            .map_err(Failure::input)?;
+        let square = self.square.within(LONGEST_SQUARE, "--square").map_err(Failure::input)?;
         let board = Board::new(self.columns, self.rows, square).map_err(Failure::input)?;
         let extent = square * (self.columns.max(self.rows) + 1) as f64;
         if !self.square.has_unit && extent > LONGEST_BOARD {
@@ -242,11 +237,7 @@ impl Target {
             eprintln!("note: {note}");
         }
         for (v, c) in fit.outliers.iter().take(10) {
-            eprintln!(
-                "note: view {}, corner {} excluded: its residual is an outlier",
-                v + 1,
-                c + 1
-            );
+            eprintln!("note: view {}, corner {} excluded: its residual is an outlier", v + 1, c + 1);
         }
         if fit.outliers.len() > 10 {
             eprintln!("note: {} corners excluded in total", fit.outliers.len());
@@ -272,15 +263,11 @@ impl Target {
 
 /// Finds the board in each image. Returns `None` for, and reports, images without a board.
 fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
-    let found: Vec<_> = images
-        .par_iter()
-        .map(|(_, image)| corners::find(image, board))
-        .collect();
-    let message = found.into_iter().zip(images).map(|(found, (name, _))| {
-        found
-            .map_err(|why| eprintln!("note: {name} excluded: {why}"))
-            .ok()
-    });
+    let found: Vec<_> = images.par_iter().map(|(_, image)| corners::find(image, board)).collect();
+    let message = found
+        .into_iter()
+        .zip(images)
+        .map(|(found, (name, _))| found.map_err(|why| eprintln!("note: {name} excluded: {why}")).ok());
     message.collect()
 }
 
@@ -316,10 +303,7 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
 }
 
 fn board(a: &BoardArguments) -> Result<(), Failure> {
-    places::files(
-        a.images.iter().map(Some),
-        [Some(&a.target.output), a.corners.as_ref()],
-    )?;
+    places::files(a.images.iter().map(Some), [Some(&a.target.output), a.corners.as_ref()])?;
     let board = a.target.board()?;
     let images = load(&a.images)?;
     let size = images[0].1.size();
@@ -329,18 +313,11 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
     let mut table = String::from("image,corner,x_m,y_m,x_px,y_px\n");
     for ((name, _), found) in images.iter().zip(&found) {
         let Some(found) = found else { continue };
-        let corner = |(x, at): (&_, &_)| Corner {
-            board: *x,
-            camera: *at,
-            projector: None,
-        };
+        let corner = |(x, at): (&_, &_)| Corner { board: *x, camera: *at, projector: None };
         let corners: Vec<Corner> = points.iter().zip(&found.corners).map(corner).collect();
         for (i, c) in corners.iter().enumerate() {
             let file = name.replace(',', "_");
-            table += &format!(
-                "{file},{i},{},{},{:.5},{:.5}\n",
-                c.board.x, c.board.y, c.camera.x, c.camera.y
-            );
+            table += &format!("{file},{i},{},{},{:.5},{:.5}\n", c.board.x, c.board.y, c.camera.x, c.camera.y);
         }
         views.push(corners);
         files.push(name.clone());
@@ -386,9 +363,7 @@ fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let (mut all, mut others) = (vec![], 0);
     for entry in std::fs::read_dir(folder).map_err(bad)? {
         let path = entry.map_err(bad)?.path();
-        let hidden = path
-            .file_name()
-            .is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
         if !hidden && is_image(&path) {
             all.push(path);
         } else {
@@ -431,10 +406,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         }
         let white = [(
             format!("{name}, white"),
-            images
-                .into_iter()
-                .next()
-                .unwrap_or_else(|| unreachable!("decoded")),
+            images.into_iter().next().unwrap_or_else(|| unreachable!("decoded")),
         )];
         let Some(found) = search(&white, &board).pop().flatten() else {
             continue;
@@ -442,16 +414,9 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         let reach = a.reach.unwrap_or((0.5 * found.smallest).clamp(6.0, 40.0));
         let thrown = at_corners(&decoded, &found.corners, reach);
         let lit = thrown.iter().flatten().count();
-        info!(
-            "{name}: {} pixels decoded, {lit} of {} corners lit",
-            decoded.count(),
-            board.len()
-        );
+        info!("{name}: {} pixels decoded, {lit} of {} corners lit", decoded.count(), board.len());
         if lit < board.len() && lit >= 8 {
-            eprintln!(
-                "note: {name}: projector pixels decoded at {lit} of {} corners",
-                board.len()
-            );
+            eprintln!("note: {name}: projector pixels decoded at {lit} of {} corners", board.len());
         }
         if lit < 8 {
             eprintln!(
@@ -459,33 +424,17 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
             );
             continue;
         }
-        let corner = |((x, at), projector): ((&_, &_), _)| Corner {
-            board: *x,
-            camera: *at,
-            projector,
-        };
-        views.push(
-            points
-                .iter()
-                .zip(&found.corners)
-                .zip(thrown)
-                .map(corner)
-                .collect::<Vec<_>>(),
-        );
+        let corner = |((x, at), projector): ((&_, &_), _)| Corner { board: *x, camera: *at, projector };
+        views.push(points.iter().zip(&found.corners).zip(thrown).map(corner).collect::<Vec<_>>());
         files.push(name);
     }
     if views.len() < a.views.len() {
         eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        return Err(Failure::input(
-            "no folder shows the complete board under the projector's light",
-        ));
+        return Err(Failure::input("no folder shows the complete board under the projector's light"));
     };
-    let setups = [
-        a.target.setup(size, a.target.lens),
-        a.target.setup(sequence.size, a.projector_lens),
-    ];
+    let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;
     a.target.write(&fitted, files)
 }

@@ -69,10 +69,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
             a.runs.len()
         )));
     }
-    let distances = a
-        .distance
-        .iter()
-        .map(|d| d.within(LONGEST_DISTANCE, "--distance"));
+    let distances = a.distance.iter().map(|d| d.within(LONGEST_DISTANCE, "--distance"));
     let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
     if distances.iter().any(|d| *d > 1e6) {
         return Err(Failure::input("--distance: expected at most 1e6 m"));
@@ -87,30 +84,19 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
                 sigma_ps: spad.irf_fwhm_ps / FWHM_PER_SIGMA,
                 tail_share: spad.irf_tail,
                 tail_ps: spad.irf_tail_ps,
-                after_pulsing: if spad.mode == Mode::FreeRunning {
-                    spad.after_pulsing
-                } else {
-                    0.0
-                },
+                after_pulsing: if spad.mode == Mode::FreeRunning { spad.after_pulsing } else { 0.0 },
             };
         }
     }
     let (counter, points) = (all[0].counter, all[0].points);
-    if let Some(k) = all
-        .iter()
-        .position(|h| h.counter != counter || h.points != points)
-    {
+    if let Some(k) = all.iter().position(|h| h.counter != counter || h.points != points) {
         return Err(Failure::input(format!(
             "{}: its counter settings or its points differ from those of {}; calibrate only runs of one plan together",
             a.runs[k].display(),
             a.runs[0].display()
         )));
     }
-    let captures: Vec<_> = all
-        .iter()
-        .zip(&distances)
-        .flat_map(|(h, d)| h.of_plane(*d))
-        .collect();
+    let captures: Vec<_> = all.iter().zip(&distances).flat_map(|(h, d)| h.of_plane(*d)).collect();
     let synchronous = counter.mode == Mode::Synchronous;
     let options = zero::Options {
         start,
@@ -130,13 +116,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     if options.free.contains(&Shape::AfterPulsing) {
         spad["after_pulsing"] = json!(r.after_pulsing);
     }
-    write(
-        &a.output,
-        Part::Counter,
-        "temporal",
-        toml::Value::try_from(&found),
-        &json!({"spad": spad}),
-    )?;
+    write(&a.output, Part::Counter, "temporal", toml::Value::try_from(&found), &json!({"spad": spad}))?;
     super::output::print(describe(&found).trim_end())?;
     super::output::print(&a.output.display().to_string())
 }
@@ -144,29 +124,18 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
 fn describe(found: &Temporal) -> String {
     let r = found.response;
     let values = [
-        (
-            "width (FWHM)",
-            r.fwhm_ps(),
-            found.response_sigma[0] * FWHM_PER_SIGMA,
-            " ps",
-        ),
+        ("width (FWHM)", r.fwhm_ps(), found.response_sigma[0] * FWHM_PER_SIGMA, " ps"),
         ("tail fraction", r.tail_share, found.response_sigma[1], ""),
         ("tail time constant", r.tail_ps, found.response_sigma[2], " ps"),
         ("after-pulses", r.after_pulsing, found.response_sigma[3], ""),
     ];
     let mut text = String::new();
     for (name, value, sigma, unit) in values {
-        let sigma = if sigma > 0.0 {
-            format!("± {sigma:.4}")
-        } else {
-            "not fitted".into()
-        };
+        let sigma = if sigma > 0.0 { format!("± {sigma:.4}") } else { "not fitted".into() };
         text.push_str(&format!("{name:<18} {value:>10.4}{unit} {sigma}\n"));
     }
-    let known: Vec<f64> = (0..found.zero_ps.len())
-        .map(|p| found.zero_ps.at(p))
-        .filter(|z| z.is_finite())
-        .collect();
+    let known: Vec<f64> =
+        (0..found.zero_ps.len()).map(|p| found.zero_ps.at(p)).filter(|z| z.is_finite()).collect();
     let mean = known.iter().sum::<f64>() / known.len() as f64;
     let spread = (known.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / known.len() as f64).sqrt();
     text.push_str(&format!(
@@ -180,10 +149,7 @@ fn describe(found: &Temporal) -> String {
             clock.relative_error, clock.sigma
         ));
     }
-    text.push_str(&format!(
-        "chi-squared {:.1}, {} degrees of freedom\n",
-        found.chi_squared, found.freedom
-    ));
+    text.push_str(&format!("chi-squared {:.1}, {} degrees of freedom\n", found.chi_squared, found.freedom));
     for words in &found.untold {
         text.push_str(&format!("not determined: {words}\n"));
     }
@@ -211,51 +177,17 @@ pub fn sensor(a: &Sensor) -> Result<(), Failure> {
     let gain = t.map(|t| t.gain_e_per_dn);
     // A rig file's gain is the gain at 0 dB.
     let at_zero = run.gain();
-    tell(
-        "gain_e_per_dn",
-        "gain",
-        gain,
-        t.map(|t| t.gain_sigma),
-        " e/DN",
-        at_zero,
-    );
-    tell(
-        "read_noise_e",
-        "read noise",
-        t.map(|t| t.read_noise_e),
-        t.map(|t| t.read_noise_sigma),
-        " e",
-        1.0,
-    );
-    tell(
-        "full_well_e",
-        "full well",
-        t.and_then(|t| t.full_well_e),
-        None,
-        " e",
-        1.0,
-    );
+    tell("gain_e_per_dn", "gain", gain, t.map(|t| t.gain_sigma), " e/DN", at_zero);
+    tell("read_noise_e", "read noise", t.map(|t| t.read_noise_e), t.map(|t| t.read_noise_sigma), " e", 1.0);
+    tell("full_well_e", "full well", t.and_then(|t| t.full_well_e), None, " e", 1.0);
     let usable = found.dark.usable();
-    let offsets: Vec<f64> = (0..usable.len())
-        .filter(|p| usable[*p])
-        .map(|p| found.dark.offset.at(p))
-        .collect();
+    let offsets: Vec<f64> =
+        (0..usable.len()).filter(|p| usable[*p]).map(|p| found.dark.offset.at(p)).collect();
     let offset = offsets.iter().sum::<f64>() / offsets.len() as f64;
     tell("black_level_dn", "black level", Some(offset), None, " DN", 1.0);
-    let current = found
-        .dark
-        .rate
-        .as_ref()
-        .and(gain)
-        .map(|g| (g * found.dark.mean_rate()).max(0.0));
+    let current = found.dark.rate.as_ref().and(gain).map(|g| (g * found.dark.mean_rate()).max(0.0));
     tell("dark_current_e_s", "dark current", current, None, " e/s", 1.0);
-    write(
-        &a.output,
-        Part::Sensor,
-        "radiometric",
-        toml::Value::try_from(&found),
-        &json!({"cmos": cmos}),
-    )?;
+    write(&a.output, Part::Sensor, "radiometric", toml::Value::try_from(&found), &json!({"cmos": cmos}))?;
     super::output::print(&(lines + &more(&found)))?;
     super::output::print(&a.output.display().to_string())
 }
@@ -263,10 +195,7 @@ pub fn sensor(a: &Sensor) -> Result<(), Failure> {
 fn more(found: &Radiometry) -> String {
     let mut text = String::new();
     if let Some(l) = &found.linearity {
-        text.push_str(&format!(
-            "linearity error    {:>10.4} %\n",
-            100.0 * l.linearity_error
-        ));
+        text.push_str(&format!("linearity error    {:>10.4} %\n", 100.0 * l.linearity_error));
     }
     if let Some(f) = &found.flat {
         text.push_str(&format!(
@@ -298,9 +227,6 @@ fn write(
 ) -> Result<(), Failure> {
     let mut all = toml::Table::new();
     all.insert(name.to_owned(), found.map_err(Failure::failed)?);
-    all.insert(
-        "detector".to_owned(),
-        toml::Value::try_from(detector).map_err(Failure::failed)?,
-    );
+    all.insert("detector".to_owned(), toml::Value::try_from(detector).map_err(Failure::failed)?);
     super::output::calibration(path, part, &toml::to_string(&all).map_err(Failure::failed)?)
 }

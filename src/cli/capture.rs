@@ -78,9 +78,7 @@ impl NoiseArguments {
             if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
                 Ok(sigma)
             } else {
-                Err(Failure::input(format!(
-                    "{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}"
-                )))
+                Err(Failure::input(format!("{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}")))
             }
         };
         if let Some(sigma) = self.noise {
@@ -106,10 +104,7 @@ impl NoiseArguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outputs = [Some(&a.output), a.variance.as_ref()];
-    places::files(
-        [Some(&a.from.source), Some(&a.scheme), a.noise.detector.as_ref()],
-        outputs,
-    )?;
+    places::files([Some(&a.from.source), Some(&a.scheme), a.noise.detector.as_ref()], outputs)?;
     for path in outputs.into_iter().flatten() {
         places::extension(path, "arrays are", &["npy"])?;
     }
@@ -121,9 +116,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         target = target.seen_by(degrees.to_radians());
     }
     let noise = a.noise.resolve(&target)?;
-    let captured = target
-        .capture(&scheme, &noise, a.noise.seed)
-        .map_err(Failure::input)?;
+    let captured = target.capture(&scheme, &noise, a.noise.seed).map_err(Failure::input)?;
     let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
     if unknown == captured.intensities.len() {
         return Err(Failure::input(format!(
@@ -132,10 +125,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )));
     }
     if unknown > 0 {
-        eprintln!(
-            "note: {unknown} of {} intensities are not finite",
-            captured.intensities.len()
-        );
+        eprintln!("note: {unknown} of {} intensities are not finite", captured.intensities.len());
     }
     let mut shape = vec![scheme.captures()];
     if scheme.sensor.channels() > 1 {
@@ -175,15 +165,9 @@ fn summary(
         .map(|ray| DesignMatrix::new(scheme, ray).rank())
         .collect();
     let rank = ranks.into_iter().min().unwrap_or(0);
-    let known = captured
-        .intensities
-        .iter()
-        .copied()
-        .map(f64::from)
-        .filter(|v| v.is_finite());
-    let (n, sum, most) = known.fold((0_usize, 0.0, f64::NEG_INFINITY), |(n, sum, most), v| {
-        (n + 1, sum + v, most.max(v))
-    });
+    let known = captured.intensities.iter().copied().map(f64::from).filter(|v| v.is_finite());
+    let (n, sum, most) =
+        known.fold((0_usize, 0.0, f64::NEG_INFINITY), |(n, sum, most), v| (n + 1, sum + v, most.max(v)));
     let mean = sum / n as f64;
     let mut text = format!(
         "scheme     {}, {} captures, rank {rank}\nshape      {shape:?}\n",
@@ -192,15 +176,9 @@ fn summary(
     );
     text.push_str(&format!("intensity  mean {mean:.6e}, maximum {most:.6e}\n"));
     let all = captured.intensities.len().max(1) as f64;
-    text.push_str(&format!(
-        "saturated  {:.3} %\n",
-        100.0 * captured.saturated as f64 / all
-    ));
+    text.push_str(&format!("saturated  {:.3} %\n", 100.0 * captured.saturated as f64 / all));
     if let Some(sigma) = captured.typical_noise(noise).filter(|s| *s > 0.0) {
-        text.push_str(&format!(
-            "noise      {sigma:.6e} RMS; mean intensity / noise {:.2}\n",
-            mean / sigma
-        ));
+        text.push_str(&format!("noise      {sigma:.6e} RMS; mean intensity / noise {:.2}\n", mean / sigma));
     }
     text
 }

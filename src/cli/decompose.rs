@@ -38,24 +38,17 @@ pub struct Arguments {
 }
 
 fn quantity(text: &str) -> Result<Quantity, String> {
-    Quantity::ALL
-        .into_iter()
-        .find(|q| q.name() == text)
-        .ok_or_else(|| {
-            let names: Vec<&str> = Quantity::ALL.iter().map(|q| q.name()).collect();
-            format!("no such array; choose from {}", names.join(", "))
-        })
+    Quantity::ALL.into_iter().find(|q| q.name() == text).ok_or_else(|| {
+        let names: Vec<&str> = Quantity::ALL.iter().map(|q| q.name()).collect();
+        format!("no such array; choose from {}", names.join(", "))
+    })
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files([Some(&a.from.source), a.errors.as_ref()], [Some(&a.output)])?;
     places::extension(&a.output, "arrays are", &["npz"])?;
-    let Matrices {
-        shape,
-        values,
-        errors,
-        ..
-    } = a.from.read("decompose", &format!("-o {}", a.output.display()))?;
+    let Matrices { shape, values, errors, .. } =
+        a.from.read("decompose", &format!("-o {}", a.output.display()))?;
     let errors = match &a.errors {
         Some(path) => Some(sigmas(path, &shape)?),
         None => errors,
@@ -97,33 +90,20 @@ fn arrays<T: Real>(
     values: fn(Vec<T>) -> Values,
 ) -> (Vec<(String, NumpyArray)>, usize, usize) {
     let wanted: Vec<Quantity> = if a.only.is_empty() {
-        Quantity::ALL
-            .into_iter()
-            .filter(|q| *q != Quantity::Entropy)
-            .collect()
+        Quantity::ALL.into_iter().filter(|q| *q != Quantity::Entropy).collect()
     } else {
         a.only.clone()
     };
     let start = Instant::now();
     let (found, missing) = maps(elements, &wanted);
     let (count, seconds) = (elements.len() / 16, start.elapsed().as_secs_f64());
-    info!(
-        "{count} matrices in {seconds:.4} s, {:.2} million per second",
-        1e-6 * count as f64 / seconds
-    );
+    info!("{count} matrices in {seconds:.4} s, {:.2} million per second", 1e-6 * count as f64 / seconds);
     let array = |data, tail: &[u64]| NumpyArray {
-        shape: shape
-            .iter()
-            .copied()
-            .chain(tail.iter().map(|n| *n as usize))
-            .collect(),
+        shape: shape.iter().copied().chain(tail.iter().map(|n| *n as usize)).collect(),
         values: values(data),
     };
-    let mut out: Vec<(String, NumpyArray)> = wanted
-        .iter()
-        .zip(found)
-        .map(|(q, data)| (q.name().to_owned(), array(data, q.shape())))
-        .collect();
+    let mut out: Vec<(String, NumpyArray)> =
+        wanted.iter().zip(found).map(|(q, data)| (q.name().to_owned(), array(data, q.shape()))).collect();
     if let Some(sigmas) = sigmas {
         for (q, data) in WITH_ERRORS.iter().zip(errors(elements, sigmas)) {
             if wanted.contains(q) {
@@ -136,11 +116,7 @@ fn arrays<T: Real>(
 
 /// Reads the standard errors of an array's elements, which must have the shape of the matrices.
 fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
-    let Matrices {
-        shape: other,
-        values: sigmas,
-        ..
-    } = Matrices::of_array(path).map_err(Failure::input)?;
+    let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         return Err(Failure::input(format!(
             "{}: expected the shape of the matrices before the 4 x 4, got {other:?} for matrices of {shape:?}; pass one error per element",

@@ -54,9 +54,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     match (&a.mitsuba, &a.slice, &a.output) {
         (Some(folder), ..) => scene(a, folder),
         (None, Some(slice), Some(output)) => image(a, slice, output),
-        _ => Err(Failure::input(
-            "expected STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR",
-        )),
+        _ => Err(Failure::input("expected STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR")),
     }
 }
 
@@ -72,11 +70,7 @@ fn image(a: &Arguments, slice: &str, output: &PathBuf) -> Result<(), Failure> {
     let (_, slice) = source.open()?;
     let options = ExrOptions {
         select: source.select,
-        expand: if a.expand.is_empty() {
-            vec![]
-        } else {
-            parse_axes(&a.expand).map_err(Failure::input)?
-        },
+        expand: if a.expand.is_empty() { vec![] } else { parse_axes(&a.expand).map_err(Failure::input)? },
         mueller: a.mueller,
     };
     export(&slice, &options, output).map_err(|e| match e {

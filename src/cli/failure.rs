@@ -31,11 +31,7 @@ impl Failure {
 
     /// Returns [`Failure::Failed`] for a system error, otherwise [`Failure::Input`].
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
-        if is_of_system {
-            Self::failed(e)
-        } else {
-            Self::input(e)
-        }
+        if is_of_system { Self::failed(e) } else { Self::input(e) }
     }
 
     /// Prints the message and returns the exit code.
@@ -118,13 +114,6 @@ fn report_scene(e: &InputError) {
     let here = AnnotationKind::Primary.span(start..start + length).label("here");
     let place = Snippet::source(&*e.text).annotation(here);
     let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();
-    let renderer = if is_plain {
-        Renderer::plain()
-    } else {
-        Renderer::styled()
-    };
-    eprintln!(
-        "{}",
-        renderer.render(&[Group::with_level(Level::ERROR).element(place)])
-    );
+    let renderer = if is_plain { Renderer::plain() } else { Renderer::styled() };
+    eprintln!("{}", renderer.render(&[Group::with_level(Level::ERROR).element(place)]));
 }

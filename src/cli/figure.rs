@@ -86,17 +86,10 @@ enum Kind {
 type Element = [usize; 2];
 
 fn element(text: &str) -> Result<Element, String> {
-    let digit = |i: usize| {
-        text.chars()
-            .nth(i)
-            .and_then(|c| c.to_digit(4))
-            .map(|d| d as usize)
-    };
+    let digit = |i: usize| text.chars().nth(i).and_then(|c| c.to_digit(4)).map(|d| d as usize);
     match (digit(0), digit(1), text.len()) {
         (Some(i), Some(j), 2) => Ok([i, j]),
-        _ => Err(format!(
-            "`{text}` is not a Mueller element; expected row and column, such as 00 or 23"
-        )),
+        _ => Err(format!("`{text}` is not a Mueller element; expected row and column, such as 00 or 23")),
     }
 }
 
@@ -120,17 +113,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return draw_all(&store, Some(a));
     };
     let slice = a.slice.clone().unwrap_or_default();
-    let map = |slice: String| MapView {
-        slice,
-        wavelength_nm: a.wavelength,
-        row: a.row,
-        element: a.element,
-    };
+    let map = |slice: String| MapView { slice, wavelength_nm: a.wavelength, row: a.row, element: a.element };
     let view = match kind {
-        Kind::Photo => View::Photo(PhotoView {
-            slice,
-            white: a.limit,
-        }),
+        Kind::Photo => View::Photo(PhotoView { slice, white: a.limit }),
         Kind::Mueller => View::Mueller(MuellerView {
             slice,
             wavelength_nm: a.wavelength,
@@ -139,10 +124,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }),
         Kind::SpaceSpace => View::SpaceSpace(map(slice)),
         Kind::SpaceTime => View::SpaceTime(map(slice)),
-        Kind::Flight => View::Flight(FlightView {
-            slice,
-            frames: a.frames,
-        }),
+        Kind::Flight => View::Flight(FlightView { slice, frames: a.frames }),
         Kind::Profile => View::Profile(ProfileView {
             slice,
             pixel: match a.pixel[..] {
@@ -153,10 +135,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }),
     };
     let name = a.slice.clone().unwrap_or_default();
-    let path = a
-        .output
-        .clone()
-        .unwrap_or_else(|| folder(&store).join(format!("{name}.png")));
+    let path = a.output.clone().unwrap_or_else(|| folder(&store).join(format!("{name}.png")));
     places::files([Some(&store)], [Some(&path)])?;
     let store = super::source::store(&store, a.partial)?;
     figures::draw_to(&store, &Figure { name, view }, &path)?;

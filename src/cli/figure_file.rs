@@ -99,10 +99,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     let inputs: Vec<PathBuf> = named.collect();
     places::files(inputs.iter().map(Some), outputs.iter().map(Some))?;
     let settings = Settings {
-        renders: o
-            .renders
-            .clone()
-            .unwrap_or_else(|| PathBuf::from("out").join("apply").join("renders")),
+        renders: o.renders.clone().unwrap_or_else(|| PathBuf::from("out").join("apply").join("renders")),
         scenes: o.scenes.clone(),
         preview: o.preview,
         program: program(),
@@ -117,9 +114,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     }
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         let shown = settings.renders.display();
-        Failure::failed(format!(
-            "cannot create {shown}: {e}; choose another folder with --renders"
-        ))
+        Failure::failed(format!("cannot create {shown}: {e}; choose another folder with --renders"))
     })?;
     for ((source, prepared), path) in sources.iter().zip(all).zip(&outputs) {
         let made = prepared.draw().map_err(|e| match e {
@@ -137,16 +132,11 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let shown = folder.display();
     let entries = std::fs::read_dir(folder)
         .map_err(|e| Failure::input(format!("--all {shown}: {e}; pass a folder of figure files")))?;
-    let mut all: Vec<PathBuf> = entries
-        .flatten()
-        .map(|e| e.path())
-        .filter(|p| is_toml(p) && p.is_file())
-        .collect();
+    let mut all: Vec<PathBuf> =
+        entries.flatten().map(|e| e.path()).filter(|p| is_toml(p) && p.is_file()).collect();
     all.sort();
     if all.is_empty() {
-        return Err(Failure::input(format!(
-            "--all {shown}: the folder contains no figure file (.toml)"
-        )));
+        return Err(Failure::input(format!("--all {shown}: the folder contains no figure file (.toml)")));
     }
     Ok(all)
 }

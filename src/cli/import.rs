@@ -96,9 +96,7 @@ enum Device {
 }
 
 fn resolution(text: &str) -> Result<[u32; 2], String> {
-    let sizes = text
-        .split_once(['x', 'X', '×'])
-        .map(|(w, h)| (w.trim().parse(), h.trim().parse()));
+    let sizes = text.split_once(['x', 'X', '×']).map(|(w, h)| (w.trim().parse(), h.trim().parse()));
     match sizes {
         Some((Ok(w), Ok(h))) if w > 0 && h > 0 => Ok([w, h]),
         _ => Err("expected WIDTHxHEIGHT, such as 640x480".into()),
@@ -107,11 +105,7 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
 
 fn unit(text: &str) -> Result<f64, String> {
     // A unit without a number, such as `mm`, means one of that unit.
-    let one = if text.starts_with(|c: char| c.is_alphabetic()) {
-        "1"
-    } else {
-        ""
-    };
+    let one = if text.starts_with(|c: char| c.is_alphabetic()) { "1" } else { "" };
     match format!("{one}{text}").parse::<Length>() {
         Ok(v) if (1e-12..=1e12).contains(&v.metres) => Ok(v.metres),
         _ => Err("expected metres, such as 0.001, or a unit, such as mm".into()),
@@ -149,9 +143,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let c = &a.calibration;
     if !a.define.is_empty() {
-        return Err(Failure::input(
-            "-D applies only to Mitsuba scenes; a calibration has no parameters",
-        ));
+        return Err(Failure::input("-D applies only to Mitsuba scenes; a calibration has no parameters"));
     }
     let options = Options {
         camera: c.camera.clone(),
@@ -162,9 +154,7 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
         imu: c.imu,
     };
     let found = calibration::load(&a.scene, &options)?;
-    let text = found
-        .to_toml(c.device == Device::Projector)
-        .map_err(Failure::failed)?;
+    let text = found.to_toml(c.device == Device::Projector).map_err(Failure::failed)?;
     let Some(output) = &a.output else {
         return super::output::print(text.trim_end());
     };

@@ -67,10 +67,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         line(format!("  {:18} {message}", target::ATTRIBUTE));
     }
     if let Some(part) = store.part() {
-        line(format!(
-            "  {:18} {part} of a render; combine all parts with `sunstone merge`",
-            part::ATTRIBUTE
-        ));
+        line(format!("  {:18} {part} of a render; combine all parts with `sunstone merge`", part::ATTRIBUTE));
     }
     if store.is_sharded().map_err(Failure::input)? {
         line(format!("  {:18} sharded", "files"));
@@ -78,11 +75,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::input)?;
         // A part lacks the light of the other parts, so its totals are not printed.
-        line(if store.part().is_some() {
-            axes(&slice)
-        } else {
-            describe(&slice)?
-        });
+        line(if store.part().is_some() { axes(&slice) } else { describe(&slice)? });
     }
     super::output::print(text.trim_end())
 }
@@ -90,10 +83,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 /// Formats the target of a render to an error, and its result.
 fn reached(target: &Value) -> Option<String> {
     let number = |key: &str| target.get(key)?.as_f64();
-    let (mean, uniform) = (
-        number("mean_samples_per_pixel")?,
-        number("uniform_samples_per_pixel")?,
-    );
+    let (mean, uniform) = (number("mean_samples_per_pixel")?, number("uniform_samples_per_pixel")?);
     Some(format!(
         "{:.0} % of the lit pixels of slice {} have a relative error of at most {:.2} % (target {:.2} %); {} rounds, {mean:.0} samples \
          per pixel on average, {:.0} % of the estimated {uniform:.0} that uniform sampling would need",
@@ -115,10 +105,7 @@ fn scene(scene: &Scene) -> String {
     let device = |p: &Pinhole| {
         let [w, h] = p.resolution;
         let lens = if p.lens.radius > 0.0 {
-            format!(
-                ", lens of radius {} m focused at {} m",
-                p.lens.radius, p.lens.focus
-            )
+            format!(", lens of radius {} m focused at {} m", p.lens.radius, p.lens.focus)
         } else {
             String::new()
         };
@@ -146,9 +133,7 @@ fn scene(scene: &Scene) -> String {
     }
     line("media", scene.media.list.len().to_string());
     let s = &scene.settings;
-    let why = scene
-        .why_integrator()
-        .map_or(String::new(), |why| format!(" ({why})"));
+    let why = scene.why_integrator().map_or(String::new(), |why| format!(" ({why})"));
     line("integrator", format!("{}{why}", s.integrator.name()));
     line("strategies", strategies(scene).to_string());
     line("manifold", s.manifold.to_string());
@@ -173,32 +158,19 @@ fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     }
     let count = variant::count(path, text, &file)?;
     let count = count.map_or("unlimited".to_owned(), |n| n.to_string());
-    let mut out = format!(
-        "  {:18} {count} (render one: sunstone render {} --variant 0)\n",
-        "variants",
-        path.display()
-    );
+    let mut out =
+        format!("  {:18} {count} (render one: sunstone render {} --variant 0)\n", "variants", path.display());
     for (name, parameter) in &file.vary {
-        let drawn = parameter
-            .range
-            .as_ref()
-            .map(|r| format!("{} .. {}", r.min.0, r.max.0));
+        let drawn = parameter.range.as_ref().map(|r| format!("{} .. {}", r.min.0, r.max.0));
         let listed = || {
             let values = parameter.values.iter().flat_map(|v| v.iter());
-            values
-                .map(|v| v.0.to_string().trim().to_owned())
-                .collect::<Vec<_>>()
-                .join(", ")
+            values.map(|v| v.0.to_string().trim().to_owned()).collect::<Vec<_>>().join(", ")
         };
         let every = match *parameter.every {
             1 => String::new(),
             n => format!(", every {n}"),
         };
-        let what = format!(
-            "{}: {}{every}",
-            parameter.path.0.join(", "),
-            drawn.unwrap_or_else(listed)
-        );
+        let what = format!("{}: {}{every}", parameter.path.0.join(", "), drawn.unwrap_or_else(listed));
         let _ = writeln!(out, "  {:18} {what}", format!("vary {name}"));
     }
     Ok(out)
@@ -222,11 +194,7 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 Some(_) if matches!(p.profile, Profile::Spot { .. }) => format!("{what} with an image"),
                 _ => what,
             };
-            format!(
-                "{what} at {}, up to {} W/(sr nm)",
-                p.position,
-                values(&p.intensity)
-            )
+            format!("{what} at {}, up to {} W/(sr nm)", p.position, values(&p.intensity))
         })
         .collect();
     for d in &scene.lights.distant {
@@ -236,32 +204,18 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 format!("beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
             }
             Across::Gaussian { power, radius } => {
-                format!(
-                    "Gaussian beam along {}, {} W/nm, radius {radius} m",
-                    d.dir,
-                    values(&power)
-                )
+                format!("Gaussian beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
             }
         });
     }
     for area in &scene.lights.areas {
-        let image = if area.radiance.texture.is_some() {
-            " times an image"
-        } else {
-            ""
-        };
+        let image = if area.radiance.texture.is_some() { " times an image" } else { "" };
         let sides = if area.two_sided { ", two-sided" } else { "" };
         let radiance = values(&area.radiance.value);
-        out.push(format!(
-            "surface of {:.4} m², {radiance} W/(m² sr nm){image}{sides}",
-            area.area()
-        ));
+        out.push(format!("surface of {:.4} m², {radiance} W/(m² sr nm){image}{sides}", area.area()));
     }
     if let Some(environment) = &scene.environment {
-        out.push(format!(
-            "environment, {} W/(m² sr nm)",
-            values(&environment.radiance)
-        ));
+        out.push(format!("environment, {} W/(m² sr nm)", values(&environment.radiance)));
     }
     if let Some(sky) = &scene.lights.sky {
         let [w, h] = sky.size();
@@ -273,21 +227,9 @@ fn emitters(scene: &Scene) -> Vec<String> {
 /// Formats a slice's name and axes.
 fn axes(slice: &StoredSlice) -> String {
     let layout = slice.layout();
-    let axes: Vec<String> = layout
-        .axes
-        .iter()
-        .map(|x| format!("{} {}", x.kind.name(), x.len()))
-        .collect();
-    let selection = slice
-        .attributes()
-        .get("projector_selection")
-        .and_then(Value::as_str);
-    format!(
-        "\n{}  ({})  s': {}",
-        slice.name(),
-        axes.join(" × "),
-        selection.unwrap_or("?")
-    )
+    let axes: Vec<String> = layout.axes.iter().map(|x| format!("{} {}", x.kind.name(), x.len())).collect();
+    let selection = slice.attributes().get("projector_selection").and_then(Value::as_str);
+    format!("\n{}  ({})  s': {}", slice.name(), axes.join(" × "), selection.unwrap_or("?"))
 }
 
 fn describe(slice: &StoredSlice) -> Result<String, Failure> {
@@ -305,11 +247,7 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
         let end = start + bin * t.len() as f64;
         let outside = m00_total(slice, Field::Overflow)?;
         let all: f64 = total.iter().chain(&outside).sum();
-        let share = if all > 0.0 {
-            100.0 * outside.iter().sum::<f64>() / all
-        } else {
-            0.0
-        };
+        let share = if all > 0.0 { 100.0 * outside.iter().sum::<f64>() / all } else { 0.0 };
         let _ = write!(
             out,
             "\n  time {start}..{end} ps in bins of {bin} ps; overflow Σ M00 {:.6e} ({share:.3} % of all light)",
@@ -329,10 +267,7 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
 }
 
 fn list(v: &[f64]) -> String {
-    v.iter()
-        .map(|x| format!("{x:.4e}"))
-        .collect::<Vec<_>>()
-        .join(", ")
+    v.iter().map(|x| format!("{x:.4e}")).collect::<Vec<_>>().join(", ")
 }
 
 /// Sums M00 over all axes except wavelength, chunk by chunk.
@@ -344,9 +279,7 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let mut ahead = 0;
     for (k, (start, mut shape)) in chunks.iter().cloned().enumerate() {
         if k == ahead {
-            ahead += slice
-                .fetch_ahead(&[field], &chunks[k..])
-                .map_err(Failure::input)?;
+            ahead += slice.fetch_ahead(&[field], &chunks[k..]).map_err(Failure::input)?;
         }
         // Of each matrix, only element M00 counts: skip chunks without it.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];

@@ -64,10 +64,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         eprintln!("note: {note}");
     }
     let begun = Instant::now();
-    let options = Options {
-        side: a.rays,
-        through: a.through,
-    };
+    let options = Options { side: a.rays, through: a.through };
     let set = layers(&scene, options);
     info!("{} rays per pixel in {:.2?}", a.rays * a.rays, begun.elapsed());
     if is_file {
@@ -78,10 +75,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             ("scene_sha256".to_owned(), json!(scene.sha256)),
             ("rays_per_pixel".to_owned(), json!(a.rays * a.rays)),
             ("through_interfaces".to_owned(), json!(a.through)),
-            (
-                "source".to_owned(),
-                json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))),
-            ),
+            ("source".to_owned(), json!(format!("sunstone {}", env!("CARGO_PKG_VERSION")))),
         ]);
         zarr::write_layers(&a.output, &set, &attributes, a.force)
             .map_err(|e| Failure::of_system(e.is_of_system(), e))?;

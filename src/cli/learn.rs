@@ -39,12 +39,7 @@ Examples:
       -o learned --figure loss.png --csv loss.csv")]
 pub struct Arguments {
     /// Number of captures (comma-separated list to compare several).
-    #[arg(
-        short = 'k',
-        long,
-        value_delimiter = ',',
-        required_unless_present = "template"
-    )]
+    #[arg(short = 'k', long, value_delimiter = ',', required_unless_present = "template")]
     captures: Vec<usize>,
     /// Sensors to learn for (comma-separated).
     #[arg(long, value_enum, value_delimiter = ',', default_value = "intensity")]
@@ -136,9 +131,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let several = templates.len() * a.estimator.len() > 1;
     check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
-        return Err(Failure::input(
-            "--angles draws one scheme; pass only one -k, --sensor and --estimator",
-        ));
+        return Err(Failure::input("--angles draws one scheme; pass only one -k, --sensor and --estimator"));
     }
     // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
     // needed.
@@ -146,9 +139,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         || a.save_prior.is_some()
         || a.angle_error > 0.0
         || a.estimator.contains(&EstimatorArgument::Prior)
-        || templates
-            .iter()
-            .any(|t| depends_on_materials(t, Estimator::LeastSquares));
+        || templates.iter().any(|t| depends_on_materials(t, Estimator::LeastSquares));
     let materials = if needed {
         let data = a.data.load(0)?;
         let t = data.tally();
@@ -205,13 +196,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.figure {
         draw(a, &rows, &templates, path)?;
     }
-    for path in learned
-        .iter()
-        .map(|(_, p)| p)
-        .chain(&a.save_prior)
-        .chain(&a.angles)
-        .chain(&a.csv)
-        .chain(&a.figure)
+    for path in
+        learned.iter().map(|(_, p)| p).chain(&a.save_prior).chain(&a.angles).chain(&a.csv).chain(&a.figure)
     {
         super::output::print(&path.display().to_string())?;
     }
@@ -241,11 +227,7 @@ fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, sev
     if !several {
         return a.output.clone();
     }
-    let tail = if estimator == EstimatorArgument::Prior {
-        "_prior"
-    } else {
-        ""
-    };
+    let tail = if estimator == EstimatorArgument::Prior { "_prior" } else { "" };
     let name = scheme.name.to_lowercase().replace(' ', "_");
     a.output.join(format!("{name}{tail}.toml"))
 }
@@ -258,15 +240,9 @@ fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<()
     } else {
         places::extension(&a.output, "schemes are", &["toml"])?;
     }
-    let schemes: Vec<PathBuf> = (a.estimator.iter())
-        .flat_map(|e| templates.iter().map(|t| scheme_path(a, t, *e, several)))
-        .collect();
-    let others = [
-        a.save_prior.as_ref(),
-        a.angles.as_ref(),
-        a.figure.as_ref(),
-        a.csv.as_ref(),
-    ];
+    let schemes: Vec<PathBuf> =
+        (a.estimator.iter()).flat_map(|e| templates.iter().map(|t| scheme_path(a, t, *e, several))).collect();
+    let others = [a.save_prior.as_ref(), a.angles.as_ref(), a.figure.as_ref(), a.csv.as_ref()];
     places::files(inputs, schemes.iter().map(Some).chain(others))?;
     if let Some(path) = &a.save_prior {
         places::extension(path, "priors are", &["toml"])?;
@@ -309,12 +285,8 @@ fn one(
     estimator: EstimatorArgument,
     materials: Option<&LearningData>,
 ) -> Validated {
-    let search = Search {
-        starts: a.starts,
-        iterations: a.iterations,
-        adam_steps: a.adam_steps,
-        seed: a.seed,
-    };
+    let search =
+        Search { starts: a.starts, iterations: a.iterations, adam_steps: a.adam_steps, seed: a.seed };
     let objective = Objective {
         sigma: a.noise,
         angle_error: a.angle_error.to_radians(),
@@ -330,11 +302,7 @@ fn one(
 /// Returns a scheme's name without its number of captures.
 fn kind(scheme: &Scheme) -> String {
     let suffix = format!(" {}", scheme.captures());
-    scheme
-        .name
-        .strip_suffix(&suffix)
-        .unwrap_or(&scheme.name)
-        .to_owned()
+    scheme.name.strip_suffix(&suffix).unwrap_or(&scheme.name).to_owned()
 }
 
 fn rmse(error: f64) -> f64 {
@@ -408,13 +376,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
             (name.to_owned(), drr, SeriesStyle::LineMarkers),
             (format!("least-squares bound{tail}"), least, SeriesStyle::Dashed),
         ] {
-            series.push(Series {
-                name,
-                points,
-                errors: None,
-                style,
-                colour: 0,
-            });
+            series.push(Series { name, points, errors: None, style, colour: 0 });
         }
     }
     for (i, s) in series.iter_mut().enumerate() {

@@ -30,10 +30,7 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::store(&a.inputs, &a.output)?;
-    let options = Options {
-        replace: a.force,
-        partial: a.partial,
-    };
+    let options = Options { replace: a.force, partial: a.partial };
     merge(&a.inputs, &a.output, options).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
     note_dropped(a)?;
     super::output::print(&a.output.display().to_string())

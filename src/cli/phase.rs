@@ -101,13 +101,11 @@ fn choose(a: &EvalArguments) -> Result<String, Failure> {
             "{file} has no medium; add a table [media.NAME.KIND], such as [media.drink.milk]"
         ))),
         (Some(name), _) if names.contains(name) => Ok(name.clone()),
-        (Some(name), _) => Err(Failure::input(format!(
-            "{file} has no medium `{name}`; available: {known}"
-        ))),
+        (Some(name), _) => Err(Failure::input(format!("{file} has no medium `{name}`; available: {known}"))),
         (None, [name]) => Ok(name.clone()),
-        (None, _) => Err(Failure::input(format!(
-            "{file} contains several media; choose one with --name: {known}"
-        ))),
+        (None, _) => {
+            Err(Failure::input(format!("{file} contains several media; choose one with --name: {known}")))
+        }
     }
 }
 
@@ -159,9 +157,5 @@ fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut
 
 /// Formats an element in shortest form. Sets rounding noise far below S11 to 0.
 fn plain(element: f32, s11: f32) -> String {
-    if element.abs() <= 1e-9 * s11 {
-        "0".into()
-    } else {
-        format!("{element:e}")
-    }
+    if element.abs() <= 1e-9 * s11 { "0".into() } else { format!("{element:e}") }
 }

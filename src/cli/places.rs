@@ -102,10 +102,7 @@ pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure>
 }
 
 fn lower_extension(path: &Path) -> String {
-    path.extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_ascii_lowercase()
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
 fn check<'a>(
@@ -118,9 +115,7 @@ fn check<'a>(
         let refused = |why: String| Err(Failure::input(format!("{shown}: {why}")));
         let text = output.to_string_lossy();
         if text.is_empty() {
-            return Err(Failure::input(
-                "the name of an output is empty; set a file or a folder",
-            ));
+            return Err(Failure::input("the name of an output is empty; set a file or a folder"));
         }
         if text == "-" {
             return refused("cannot write to standard output; choose a file name".into());
@@ -135,28 +130,19 @@ fn check<'a>(
         }
         let above = output.ancestors().skip(1).find(|a| a.exists());
         if let Some(file) = above.filter(|a| !a.is_dir()) {
-            return refused(format!(
-                "{} is a file, not a folder; choose another output",
-                file.display()
-            ));
+            return refused(format!("{} is a file, not a folder; choose another output", file.display()));
         }
         let real = real(output);
         for input in &inputs {
             let read = input.display();
             if is_same(input, output) {
-                return refused(format!(
-                    "is both an input ({read}) and the output; choose another output"
-                ));
+                return refused(format!("is both an input ({read}) and the output; choose another output"));
             }
             if is_within(&real, input) {
-                return refused(format!(
-                    "is inside the input store ({read}); choose an output outside it"
-                ));
+                return refused(format!("is inside the input store ({read}); choose an output outside it"));
             }
             if input.exists() && is_within(&self::real(input), output) {
-                return refused(format!(
-                    "this store contains the input {read}; choose another output"
-                ));
+                return refused(format!("this store contains the input {read}; choose another output"));
             }
         }
         if let Some(store) = around(output) {

@@ -88,9 +88,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.output {
         let mut attributes = store.attributes();
         attributes.retain(|k, _| k != "figures" && k != "slices");
-        result
-            .write(path, &attributes, a.force)
-            .map_err(|e| Failure::of_system(e.is_of_system(), e))?;
+        result.write(path, &attributes, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
         return super::output::print(&path.display().to_string());
     }
     if a.csv.is_some() {
@@ -103,10 +101,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn report(r: &ProbeResult) -> Result<(), Failure> {
     for (name, t) in [
         ("arrived outside the stored time bins", &r.overflow),
-        (
-            "was shifted out of the stored time bins by the pulse",
-            &r.shifted_out,
-        ),
+        ("was shifted out of the stored time bins by the pulse", &r.shifted_out),
     ] {
         let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
         if sum != 0.0 {
@@ -136,10 +131,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e == "zarr") {
         return places::folders(inputs, [Some(path)]);
     }
-    let errors = path
-        .extension()
-        .is_some_and(|e| e == "npy")
-        .then(|| std_error_path(path));
+    let errors = path.extension().is_some_and(|e| e == "npy").then(|| std_error_path(path));
     places::files(inputs, [Some(path), errors.as_ref()])
 }
 
@@ -148,12 +140,7 @@ fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     let image = input::open(path)
         .map_err(image::ImageError::from)
         .and_then(|_| image::open(path))
-        .map_err(|e| {
-            Failure::input(format!(
-                "--pattern {}: {e}; pass a PNG or JPEG file",
-                path.display()
-            ))
-        })?
+        .map_err(|e| Failure::input(format!("--pattern {}: {e}; pass a PNG or JPEG file", path.display())))?
         .to_luma16();
     Ok(Pattern {
         width: image.width(),
@@ -194,21 +181,9 @@ fn csv(r: &ProbeResult) -> String {
 /// Formats small results completely, and of large ones the axes and the extremes.
 fn summary(r: &ProbeResult) -> String {
     let mut text = String::new();
-    let axes: Vec<String> = r
-        .mean
-        .axes
-        .iter()
-        .map(|a| format!("{} {}", a.kind.name(), a.coords.len()))
-        .collect();
-    let _ = writeln!(
-        text,
-        "{}",
-        if axes.is_empty() {
-            "scalar".into()
-        } else {
-            axes.join(" × ")
-        }
-    );
+    let axes: Vec<String> =
+        r.mean.axes.iter().map(|a| format!("{} {}", a.kind.name(), a.coords.len())).collect();
+    let _ = writeln!(text, "{}", if axes.is_empty() { "scalar".into() } else { axes.join(" × ") });
     if r.mean.data.len() <= 64 {
         text.push_str(&csv(r));
     } else {
@@ -216,9 +191,7 @@ fn summary(r: &ProbeResult) -> String {
             .mean
             .data
             .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| {
-                (lo.min(*v), hi.max(*v))
-            });
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
         let sum: f64 = r.mean.data.iter().map(|v| f64::from(*v)).sum();
         let _ = writeln!(
             text,

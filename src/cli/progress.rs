@@ -22,9 +22,7 @@ impl Progress {
             }
             eprintln!("finishing running tiles (press Ctrl-C again to exit immediately)");
         });
-        Self {
-            last: Mutex::new(Instant::now()),
-        }
+        Self { last: Mutex::new(Instant::now()) }
     }
 }
 

@@ -123,10 +123,7 @@ fn info(a: &Info) -> Result<(), Failure> {
         line("duration", format!("{:.6} s", found.duration as f64 * s));
     }
     for channel in found.channels() {
-        line(
-            &format!("channel {channel}"),
-            format!("{} photons", found.photons[usize::from(channel)]),
-        );
+        line(&format!("channel {channel}"), format!("{} photons", found.photons[usize::from(channel)]));
     }
     for (i, n) in found.markers.iter().enumerate().filter(|(_, n)| **n > 0) {
         line(&format!("marker {}", i + 1), format!("{n} times"));
@@ -135,17 +132,8 @@ fn info(a: &Info) -> Result<(), Failure> {
     line("overflows", found.overflows.to_string());
     line("unknown", format!("{} records", found.unknown));
     for tag in &header.tags {
-        let index = if tag.index < 0 {
-            String::new()
-        } else {
-            format!("[{}]", tag.index)
-        };
-        let _ = write!(
-            out,
-            "\n{}{index} = {}",
-            tag.name.escape_default(),
-            shown(&tag.value)
-        );
+        let index = if tag.index < 0 { String::new() } else { format!("[{}]", tag.index) };
+        let _ = write!(out, "\n{}{index} = {}", tag.name.escape_default(), shown(&tag.value));
     }
     super::output::print(&out)
 }
@@ -189,24 +177,14 @@ fn count(a: &Histogram) -> Result<(), Failure> {
         )));
     }
     if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
-        return Err(Failure::input(
-            "--channel: a channel is listed twice; list each channel once",
-        ));
+        return Err(Failure::input("--channel: a channel is listed twice; list each channel once"));
     }
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
-    let plan = Plan {
-        bin,
-        bins,
-        channels,
-        scan,
-    };
+    let plan = Plan { bin, bins, channels, scan };
     let start = std::time::Instant::now();
     let found = histogram(&mut reader, &plan).map_err(failed)?;
     let (records, seconds) = (reader.records(), start.elapsed().as_secs_f64());
-    info!(
-        "{records} records in {seconds:.4} s, {:.1} million per second",
-        1e-6 * records as f64 / seconds
-    );
+    info!("{records} records in {seconds:.4} s, {:.1} million per second", 1e-6 * records as f64 / seconds);
     report(a, &reader, &plan, &found);
     let shape = &found.shape[if scan.is_some() { 0 } else { 2 }..];
     numpy::save(&a.output, shape, &found.counts)
@@ -243,17 +221,11 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
     if left_out.photons() > 0 {
         let reasons = left_out.describe(header.resolution_s(mode));
         let counted = found.photons - left_out.photons();
-        note(format!(
-            "{counted} of {} photons are counted; {reasons}",
-            found.photons
-        ));
+        note(format!("{counted} of {} photons are counted; {reasons}", found.photons));
     }
     for (i, channel) in plan.channels.iter().enumerate() {
         let row = found.counts.chunks_exact(plan.bins).skip(i);
-        if row
-            .step_by(plan.channels.len())
-            .all(|bins| bins.iter().all(|n| *n == 0))
-        {
+        if row.step_by(plan.channels.len()).all(|bins| bins.iter().all(|n| *n == 0)) {
             note(format!("channel {channel} has no counted photons"));
         }
     }
@@ -262,10 +234,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
         _ => "lines",
     };
     if found.beyond > 0 {
-        note(format!(
-            "{} {step} begin after the last one of their frame",
-            found.beyond
-        ));
+        note(format!("{} {step} begin after the last one of their frame", found.beyond));
     }
     if found.missing > 0 {
         note(format!("the last frame lacks {} {step}", found.missing));
@@ -280,10 +249,7 @@ fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> 
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
         let fix = "remove --bin-ps";
-        return Err(Failure::input(format!(
-            "{}: the header has no resolution; {fix}",
-            a.file.display()
-        )));
+        return Err(Failure::input(format!("{}: the header has no resolution; {fix}", a.file.display())));
     };
     let counts = wanted / (resolution * 1e12);
     if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
@@ -300,18 +266,14 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         [] => return Ok(None),
         [width, height] if width > 0 && height > 0 => (width, height),
         _ => {
-            return Err(Failure::input(
-                "--pixels: expected columns and rows, such as --pixels 128,128",
-            ));
+            return Err(Failure::input("--pixels: expected columns and rows, such as --pixels 128,128"));
         }
     };
     let bit = |n: &u8| 1 << (n - 1);
     let markers = |begin: &u8, end: u8| {
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
-            return Err(Failure::input(
-                "--pixel-marker: begin, end and frame need different markers",
-            ));
+            return Err(Failure::input("--pixel-marker: begin, end and frame need different markers"));
         }
         Ok(Clock::Pixels { begin, end, frame })
     };
@@ -325,12 +287,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
             ));
         }
     };
-    Ok(Some(Scan {
-        width,
-        height,
-        bidirectional: is_bidirectional(reader.header()),
-        clock,
-    }))
+    Ok(Some(Scan { width, height, bidirectional: is_bidirectional(reader.header()), clock }))
 }
 
 /// Returns the scan that the header describes, if it has the requested size.
@@ -342,9 +299,7 @@ fn of_header(
 ) -> Result<Scan, Failure> {
     let file = a.file.display();
     let scan = Scan::of_header(reader.header()).map_err(|why| {
-        Failure::input(format!(
-            "{file}: {why}; if each pixel has a marker, set it with --pixel-marker"
-        ))
+        Failure::input(format!("{file}: {why}; if each pixel has a marker, set it with --pixel-marker"))
     })?;
     if (scan.width, scan.height) != (width, height) {
         return Err(Failure::input(format!(

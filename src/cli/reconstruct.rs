@@ -27,12 +27,7 @@ use tracing::info;
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outputs = [Some(&a.output), a.errors.as_ref()];
-    let inputs = [
-        Some(&a.source),
-        a.scheme.as_ref(),
-        a.variance.as_ref(),
-        a.prior.as_ref(),
-    ];
+    let inputs = [Some(&a.source), a.scheme.as_ref(), a.variance.as_ref(), a.prior.as_ref()];
     if is_frames(&a.source) {
         return of_run::run(a);
     }
@@ -44,14 +39,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         places::extension(path, "arrays are", &["npy"])?;
     }
     let Some(scheme) = &a.scheme else {
-        return Err(Failure::input(
-            "--scheme is missing; pass the capture scheme with --scheme",
-        ));
+        return Err(Failure::input("--scheme is missing; pass the capture scheme with --scheme"));
     };
     if !a.masks.is_empty() || a.superpixel {
-        return Err(Failure::input(
-            "--mask and --superpixel apply only to runs, not to intensities",
-        ));
+        return Err(Failure::input("--mask and --superpixel apply only to runs, not to intensities"));
     }
     let scheme = load(scheme)?;
     if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
@@ -60,9 +51,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ));
     }
     if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(Failure::input(
-            "--saturation: expected a positive number, in units of the intensities",
-        ));
+        return Err(Failure::input("--saturation: expected a positive number, in units of the intensities"));
     }
     if a.prior.is_some() && a.noise.is_none() {
         return Err(Failure::input(
@@ -71,12 +60,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
-    let options = Options {
-        noise: a.noise,
-        saturation: a.saturation,
-        realizable: a.realizable,
-        prior,
-    };
+    let options = Options { noise: a.noise, saturation: a.saturation, realizable: a.realizable, prior };
     if reader.is_double() {
         go::<f64>(a, &scheme, reader, options)
     } else {
@@ -89,11 +73,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     let (k, channels) = (scheme.captures(), scheme.sensor.channels());
     let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
     if !shape.starts_with(want) {
-        let want = if channels == 1 {
-            format!("({k}, ...)")
-        } else {
-            format!("({k}, {channels}, ...)")
-        };
+        let want = if channels == 1 { format!("({k}, ...)") } else { format!("({k}, {channels}, ...)") };
         return Err(Failure::input(format!(
             "{}: its shape is {shape:?}, but the {} captures need shape {want}; pass the scheme of these captures, with the captures on \
              the first axis",
@@ -122,22 +102,13 @@ fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
             "--view: the intensities have no row and column axes after captures and channels; remove the option",
         ));
     };
-    let layout = Layout {
-        height,
-        width,
-        ..one_place(a)
-    };
+    let layout = Layout { height, width, ..one_place(a) };
     let view = Directions::pinhole(degrees.to_radians(), width, height);
     Ok(view.rays(layout, &a.wavelengths))
 }
 
 fn one_place(a: &Arguments) -> Layout {
-    Layout {
-        height: 1,
-        width: 1,
-        times: 1,
-        lanes: a.wavelengths.len(),
-    }
+    Layout { height: 1, width: 1, times: 1, lanes: a.wavelengths.len() }
 }
 
 fn go<T: PixelNumber + npyz::AutoSerialize>(
@@ -148,12 +119,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
 ) -> Result<(), Failure> {
     let leading = leading(a, scheme, &intensities.shape)?;
     let pixels: usize = leading.iter().product();
-    let variances = a
-        .variance
-        .as_deref()
-        .map(NumpyReader::open)
-        .transpose()
-        .map_err(Failure::input)?;
+    let variances = a.variance.as_deref().map(NumpyReader::open).transpose().map_err(Failure::input)?;
     if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
         return Err(Failure::input(format!(
             "--variance: its shape {:?} differs from that of the intensities, {:?}",
@@ -192,10 +158,8 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
             if let (Some(path), Some(file)) = (&a.errors, errors.as_deref_mut()) {
                 to.push((path, begin(path, file)?));
             }
-            let files: Vec<&File> = std::iter::once(&*out)
-                .chain(errors.as_deref())
-                .map(BufWriter::get_ref)
-                .collect();
+            let files: Vec<&File> =
+                std::iter::once(&*out).chain(errors.as_deref()).map(BufWriter::get_ref).collect();
             done = work.all(
                 &|which, first, values| {
                     let (path, start) = to[which];
@@ -219,10 +183,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         start.elapsed().as_secs_f64()
     );
     if tally.partial > 0 {
-        eprintln!(
-            "note: {} of {} pixels lack some measurements",
-            tally.partial, tally.pixels
-        );
+        eprintln!("note: {} of {} pixels lack some measurements", tally.partial, tally.pixels);
     }
     if tally.lost > 0 {
         eprintln!(
@@ -256,11 +217,7 @@ fn write_both(output: &Path, errors: Option<&Path>, fill: &mut Fill) -> Result<(
                 let mut inner = None;
                 whole_file::write_with(path, |e| {
                     inner = fill(out, Some(e)).err();
-                    if inner.is_some() {
-                        Err(std::io::Error::other("given up"))
-                    } else {
-                        e.flush()
-                    }
+                    if inner.is_some() { Err(std::io::Error::other("given up")) } else { e.flush() }
                 })
                 .map_err(|e| inner.unwrap_or_else(|| Failure::failed(format!("{}: {e}", path.display()))))
             }

@@ -93,9 +93,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Some(folder) => render.shared_light(folder),
         None => render,
     };
-    let summary = render
-        .to_target(&target)
-        .map_err(|e| Failure::of_system(is_of_system(&e), e))?;
+    let summary = render.to_target(&target).map_err(|e| Failure::of_system(is_of_system(&e), e))?;
     progress.clear();
     let store = target.path.display();
     if !summary.complete {
@@ -121,11 +119,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             summary.samples as f64 / summary.wall_s / 1e6,
             summary.rays as f64 / summary.wall_s / 1e6,
             summary.discarded,
-            if part.is_none() {
-                in_doubt(&target.path)?
-            } else {
-                String::new()
-            },
+            if part.is_none() { in_doubt(&target.path)? } else { String::new() },
         ))?;
     }
     if !a.no_figures && part.is_none() {

@@ -146,10 +146,7 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
     places::files([], [Some(&new.output)])?;
     places::extension(&new.output, "schemes are", &["toml"])?;
     if new.captures > MOST {
-        return Err(Failure::input(format!(
-            "-k: expected at most {MOST} captures, got {}",
-            new.captures
-        )));
+        return Err(Failure::input(format!("-k: expected at most {MOST} captures, got {}", new.captures)));
     }
     let scheme = of(new.captures, new.sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?;
     save(&scheme, &new.output)?;
@@ -174,11 +171,7 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
             let design = DesignMatrix::new(scheme, ray);
             let (rank, bound) = (design.rank(), a_optimal_bound(scheme));
             let row = match design.error_variance() {
-                Ok(v) => format!(
-                    "{:>9.4}  {v:>14.4}  {bound:>8.3}  {:>10.4}",
-                    design.condition(),
-                    v / bound
-                ),
+                Ok(v) => format!("{:>9.4}  {v:>14.4}  {bound:>8.3}  {:>10.4}", design.condition(), v / bound),
                 Err(_) => format!(
                     "        -               -  {bound:>8.3}  needs {} captures",
                     scheme.least_captures()
@@ -200,11 +193,7 @@ fn write_matrix(a: &Matrix) -> Result<(), Failure> {
     places::files([Some(&a.scheme)], [Some(&a.output)])?;
     places::extension(&a.output, "arrays are", &["npy"])?;
     let scheme = load(&a.scheme)?;
-    let ray = Ray {
-        nm: a.wavelength,
-        incidence: a.incidence.to_radians(),
-        azimuth: a.azimuth.to_radians(),
-    };
+    let ray = Ray { nm: a.wavelength, incidence: a.incidence.to_radians(), azimuth: a.azimuth.to_radians() };
     let matrix = DesignMatrix::new(&scheme, &ray).a;
     let values: Vec<f64> = matrix.transpose().iter().copied().collect();
     numpy::save(&a.output, &[matrix.nrows(), matrix.ncols()], &values)
@@ -222,18 +211,13 @@ fn draw(a: &Plot) -> Result<(), Failure> {
 pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let motors = scheme.motors();
     if motors.is_empty() {
-        return Err(Failure::input(
-            "no setting of the scheme changes between captures",
-        ));
+        return Err(Failure::input("no setting of the scheme changes between captures"));
     }
     let period = |quantity| match quantity {
         Quantity::Angle => 180.0,
         Quantity::Retardance => 360.0,
     };
-    let names: Vec<String> = motors
-        .iter()
-        .map(|m| scheme.element(*m).name.replace('_', " "))
-        .collect();
+    let names: Vec<String> = motors.iter().map(|m| scheme.element(*m).name.replace('_', " ")).collect();
     let elements: Vec<(&str, &str, f64)> = motors
         .iter()
         .zip(&names)
@@ -248,11 +232,7 @@ pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let all = scheme.parameters();
     let captures = scheme.captures();
     let values: Vec<Vec<f64>> = (0..captures)
-        .map(|k| {
-            (0..motors.len())
-                .map(|m| all[m * captures + k].to_degrees())
-                .collect()
-        })
+        .map(|k| (0..motors.len()).map(|m| all[m * captures + k].to_degrees()).collect())
         .collect();
     let image = angles::draw(&scheme.name, &elements, &values).map_err(Failure::failed)?;
     super::figure::save(&image, path)

@@ -22,11 +22,7 @@ pub struct Source {
 
 /// Opens a store for reading; an unfinished one only if `partial`.
 pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
-    let open = if partial {
-        TensorStore::open_partial
-    } else {
-        TensorStore::open
-    };
+    let open = if partial { TensorStore::open_partial } else { TensorStore::open };
     open(path).map_err(Failure::input)
 }
 

@@ -78,18 +78,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for path in &a.schemes {
         schemes.push(load(path)?);
     }
-    let matrices = a
-        .from
-        .read("trial", &format!("--scheme {}", a.schemes[0].display()))?;
+    let matrices = a.from.read("trial", &format!("--scheme {}", a.schemes[0].display()))?;
     let unknown = match &matrices.values {
         Values::Single(v) => unknown(v, |x| x.is_finite()),
         Values::Double(v) => unknown(v, |x| x.is_finite()),
     };
     if unknown > 0 {
-        eprintln!(
-            "note: {}: excluded {unknown} matrices that are not finite",
-            a.from.source.display()
-        );
+        eprintln!("note: {}: excluded {unknown} matrices that are not finite", a.from.source.display());
     }
     let mut target = image(matrices, &a.wavelengths)?;
     if let Some(degrees) = a.view {
@@ -97,13 +92,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     brightness(&target).map_err(failure)?;
     let noise = a.noise.resolve(&target)?;
-    let trial = Trial {
-        image: &target,
-        noise: &noise,
-        prior: prior.as_ref(),
-        repeat: a.repeat,
-        seed: a.noise.seed,
-    };
+    let trial =
+        Trial { image: &target, noise: &noise, prior: prior.as_ref(), repeat: a.repeat, seed: a.noise.seed };
     let mut rows = vec![];
     for scheme in &schemes {
         let row = trial.run(scheme).map_err(failure)?;
@@ -154,10 +144,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 /// Returns the number of matrices with a non-finite element.
 fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
-    elements
-        .chunks_exact(16)
-        .filter(|m| !m.iter().all(&is_finite))
-        .count()
+    elements.chunks_exact(16).filter(|m| !m.iter().all(&is_finite)).count()
 }
 
 /// Converts an error of a trial to a failure of the command.

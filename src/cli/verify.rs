@@ -27,17 +27,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
         return super::output::print(&format!(
             "{store}: {}{files} files, {size:.1} MB, all intact",
-            found
-                .part
-                .map_or(String::new(), |part| format!("{part} of a render, "))
+            found.part.map_or(String::new(), |part| format!("{part} of a render, "))
         ));
     }
-    let mut lines: Vec<String> = found
-        .faults
-        .iter()
-        .take(SHOWN)
-        .map(|f| format!("  {f}"))
-        .collect();
+    let mut lines: Vec<String> = found.faults.iter().take(SHOWN).map(|f| format!("  {f}")).collect();
     if found.faults.len() > SHOWN {
         lines.push(format!("  … and {} more", found.faults.len() - SHOWN));
     }

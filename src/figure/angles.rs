@@ -32,12 +32,7 @@ pub fn draw(
     values: &[Vec<f64>],
 ) -> Result<Drawing, FigureError> {
     check(elements, values)?;
-    let panels = Panels {
-        size: SIZE,
-        head: HEAD,
-        gap: 0.0,
-        columns: 1,
-    };
+    let panels = Panels { size: SIZE, head: HEAD, gap: 0.0, columns: 1 };
     let (wide, high) = panels.extent(elements.len());
     // The page has the ticks of all panels on one long axis. The labels of the panels take the space of its
     // label.
@@ -69,12 +64,7 @@ pub fn draw(
         page.text_up(&text, (label_x, panel.centre().1), style);
         for (k, angles) in values.iter().enumerate() {
             if let Some(part) = part(angles[i], *period) {
-                page.marker(
-                    Marker::of(i),
-                    place(panel, k, values.len(), part),
-                    radius,
-                    palette(i),
-                );
+                page.marker(Marker::of(i), place(panel, k, values.len(), part), radius, palette(i));
             }
         }
     }
@@ -83,10 +73,7 @@ pub fn draw(
 
 /// Returns the position of capture `k` of `n` in its panel.
 fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
-    (
-        panel.x + (k as f64 + 0.5) / n as f64 * panel.w,
-        panel.y + row(part),
-    )
+    (panel.x + (k as f64 + 0.5) / n as f64 * panel.w, panel.y + row(part))
 }
 
 /// Returns an angle as a fraction of its period, 0 to below 1.
@@ -110,11 +97,7 @@ fn captures(n: usize) -> Ticks {
         .unwrap_or(n);
     let first = (step >= 5).then_some(1);
     let rest = (1..=n / step.max(1)).map(|i| i * step);
-    let marks = first
-        .into_iter()
-        .chain(rest)
-        .map(|k| ((k as f64 - 0.5) / n as f64, k.to_string()))
-        .collect();
+    let marks = first.into_iter().chain(rest).map(|k| ((k as f64 - 0.5) / n as f64, k.to_string())).collect();
     Ticks { marks, exponent: 0 }
 }
 
@@ -142,20 +125,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const TWO: [(&str, &str, f64); 2] = [
-        ("polarizer 1", "angle / °", 180.0),
-        ("retarder 2", "angle / °", 180.0),
-    ];
+    const TWO: [(&str, &str, f64); 2] =
+        [("polarizer 1", "angle / °", 180.0), ("retarder 2", "angle / °", 180.0)];
 
     /// Every angle has a marker in its panel, column and row; an angle one period later is the same.
     #[test]
     fn angles_are_in_their_places() {
-        let values = vec![
-            vec![45.0, 0.0],
-            vec![f64::NAN, 90.0],
-            vec![-45.0, 270.0],
-            vec![0.0, 180.0],
-        ];
+        let values = vec![vec![45.0, 0.0], vec![f64::NAN, 90.0], vec![-45.0, 270.0], vec![0.0, 180.0]];
         let drawing = draw("t", &TWO, &values).unwrap();
         let img = drawing.pixels().unwrap();
         let pixel = |panel: usize, capture: usize, degrees: f64| {
@@ -164,28 +140,14 @@ mod tests {
             let (x, y) = place(panel, capture, 4, degrees / 180.0);
             *img.get_pixel(x as u32, y as u32)
         };
-        for (panel, capture, degrees) in [
-            (0, 0, 45.0),
-            (0, 2, 135.0),
-            (0, 3, 0.0),
-            (1, 0, 0.0),
-            (1, 1, 90.0),
-            (1, 2, 90.0),
-            (1, 3, 0.0),
-        ] {
-            assert_eq!(
-                pixel(panel, capture, degrees),
-                palette(panel),
-                "{panel} {capture}"
-            );
+        for (panel, capture, degrees) in
+            [(0, 0, 45.0), (0, 2, 135.0), (0, 3, 0.0), (1, 0, 0.0), (1, 1, 90.0), (1, 2, 90.0), (1, 3, 0.0)]
+        {
+            assert_eq!(pixel(panel, capture, degrees), palette(panel), "{panel} {capture}");
             assert_ne!(pixel(panel, capture, degrees + 22.0), palette(panel));
         }
         for degrees in 0..180 {
-            assert_ne!(
-                pixel(0, 1, f64::from(degrees)),
-                palette(0),
-                "no marker without an angle"
-            );
+            assert_ne!(pixel(0, 1, f64::from(degrees)), palette(0), "no marker without an angle");
         }
     }
 

@@ -145,19 +145,11 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     for s in &chart.series {
         if s.points.is_empty() {
             let value = format!("empty for `{}`", s.name);
-            return Err(FigureError::option(
-                "series",
-                value,
-                "a list of at least one point",
-            ));
+            return Err(FigureError::option("series", value, "a list of at least one point"));
         }
         if let Some(errors) = s.errors.as_ref().filter(|e| e.len() != s.points.len()) {
             let value = format!("a list of {} values for `{}`", errors.len(), s.name);
-            return Err(FigureError::option(
-                "errors",
-                value,
-                "as long as the list of points",
-            ));
+            return Err(FigureError::option("errors", value, "as long as the list of points"));
         }
     }
     if shown(chart).next().is_none() {
@@ -208,10 +200,7 @@ fn left_out(chart: &Chart) -> Option<String> {
     let n = chart.series.iter().flat_map(|s| &s.points).filter(lost).count();
     let (s, are) = if n == 1 { ("", "is") } else { ("s", "are") };
     (n > 0).then(|| {
-        format!(
-            "{n} point{s} at or below 0 {are} not shown on the logarithmic {} axis.",
-            axes.join(" or ")
-        )
+        format!("{n} point{s} at or below 0 {are} not shown on the logarithmic {} axis.", axes.join(" or "))
     })
 }
 
@@ -268,11 +257,7 @@ fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
 
 /// Draws the line and error bars of a series.
 fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, nib: Nib) {
-    let pen = Pen {
-        colour,
-        width: nib.line,
-        dashed: series.style == SeriesStyle::Dashed,
-    };
+    let pen = Pen { colour, width: nib.line, dashed: series.style == SeriesStyle::Dashed };
     if series.style != SeriesStyle::Markers {
         let points: Vec<Option<Point>> = series.points.iter().map(|&p| scales.point(p)).collect();
         page.line(&points, pen);
@@ -280,11 +265,7 @@ fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, n
     if series.style == SeriesStyle::Band {
         return;
     }
-    let pen = Pen {
-        width: nib.bar,
-        dashed: false,
-        ..pen
-    };
+    let pen = Pen { width: nib.bar, dashed: false, ..pen };
     for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
         // An error bar that reaches zero on a logarithmic axis extends beyond the chart, without a cap.
         let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);

@@ -20,13 +20,7 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
 /// # Errors
 /// The same [`FigureError`] as drawing.
 pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
-    let missing = |axis, fix| {
-        Err(FigureError::MissingAxis {
-            slice: slice.name.clone(),
-            axis,
-            fix,
-        })
-    };
+    let missing = |axis, fix| Err(FigureError::MissingAxis { slice: slice.name.clone(), axis, fix });
     let wavelength = match view {
         View::Mueller(v) => v.wavelength_nm,
         View::SpaceSpace(v) | View::SpaceTime(v) => v.wavelength_nm,
@@ -44,12 +38,7 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
         _ => [0, 0],
     };
     if let Some(index) = element.into_iter().find(|i| *i > 3) {
-        return Err(FigureError::Index {
-            slice: slice.name.clone(),
-            what: "Stokes elements",
-            index,
-            len: 4,
-        });
+        return Err(FigureError::Index { slice: slice.name.clone(), what: "Stokes elements", index, len: 4 });
     }
     if element != [0, 0] && slice.polarization != Polarization::Mueller {
         return missing("Stokes", "polarization = \"mueller\"");
@@ -67,11 +56,7 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
         View::Flight(_) => Ok(()),
         View::Profile(v) if !v.pixel.iter().all(|p| (0.0..1e6).contains(p)) => {
             let value = format!("{:?}", v.pixel);
-            Err(FigureError::option(
-                "pixel",
-                value,
-                "a column and a row of the camera, from 0",
-            ))
+            Err(FigureError::option("pixel", value, "a column and a row of the camera, from 0"))
         }
         View::Profile(_) => Ok(()),
         View::SpaceSpace(v) | View::SpaceTime(v) => {

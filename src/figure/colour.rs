@@ -62,11 +62,8 @@ pub fn nearest(values: &[f64], wanted: f64) -> usize {
 /// primary is darker), dark grey for a single one.
 #[must_use]
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
-    const SHADES: [[[u8; 3]; 2]; 3] = [
-        [[204, 44, 38], [120, 20, 50]],
-        [[40, 140, 60], [10, 82, 70]],
-        [[38, 96, 190], [92, 48, 150]],
-    ];
+    const SHADES: [[[u8; 3]; 2]; 3] =
+        [[[204, 44, 38], [120, 20, 50]], [[40, 140, 60], [10, 82, 70]], [[38, 96, 190], [92, 48, 150]]];
     if nm.len() == 1 {
         return vec![Rgb([45, 45, 55])];
     }
@@ -102,32 +99,21 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
 #[must_use]
 pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
-    percentile(values.clone(), 0.99)
-        .filter(positive)
-        .or_else(|| percentile(values, 1.0))
-        .into()
+    percentile(values.clone(), 0.99).filter(positive).or_else(|| percentile(values, 1.0)).into()
 }
 
 /// sRGB transfer function of a linear value, clamped to 0..1.
 #[must_use]
 pub fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 {
-        12.92 * v
-    } else {
-        1.055 * v.powf(1.0 / 2.4) - 0.055
-    };
+    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8
 }
 
 /// Returns a linear colour relative to its white level.
 #[must_use]
 pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
-    if rgb.iter().all(|v| v.is_finite()) {
-        Rgb(rgb.map(|v| srgb(v / white)))
-    } else {
-        UNDEFINED
-    }
+    if rgb.iter().all(|v| v.is_finite()) { Rgb(rgb.map(|v| srgb(v / white))) } else { UNDEFINED }
 }
 
 /// Diverging map: -1 blue, 0 nearly white, +1 red; values beyond are clamped.
@@ -174,20 +160,12 @@ mod tests {
 
     #[test]
     fn every_list_of_wavelengths_keeps_flat_light_grey() {
-        for nm in [
-            vec![450.0, 635.0],
-            vec![400.0, 450.0, 550.0, 660.0],
-            vec![700.0, 800.0],
-            vec![1.0; 4],
-        ] {
+        for nm in [vec![450.0, 635.0], vec![400.0, 450.0, 550.0, 660.0], vec![700.0, 800.0], vec![1.0; 4]] {
             for row in rgb_weights(&nm) {
                 assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{nm:?} {row:?}");
             }
         }
-        assert_eq!(
-            rgb_weights(&[400.0, 450.0, 550.0, 660.0])[2],
-            [0.5, 0.5, 0.0, 0.0]
-        );
+        assert_eq!(rgb_weights(&[400.0, 450.0, 550.0, 660.0])[2], [0.5, 0.5, 0.0, 0.0]);
     }
 
     #[test]

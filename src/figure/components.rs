@@ -76,11 +76,7 @@ impl Map {
 /// Dark text on light ground, white text on dark ground (luma of ITU-R BT.601).
 fn ink_on(ground: Rgb<u8>) -> Rgb<u8> {
     let [r, g, b] = ground.0.map(f32::from);
-    if 0.299 * r + 0.587 * g + 0.114 * b < 120.0 {
-        Rgb([255; 3])
-    } else {
-        INK
-    }
+    if 0.299 * r + 0.587 * g + 0.114 * b < 120.0 { Rgb([255; 3]) } else { INK }
 }
 
 /// Formats a value to a hundredth of the scale; negative zero becomes 0.
@@ -94,11 +90,7 @@ fn number(v: f64, limit: f64) -> String {
     }
     let places = (2.0 - magnitude).clamp(0.0, 6.0) as usize;
     let text = format!("{v:.places$}");
-    if text.bytes().any(|b| (b'1'..=b'9').contains(&b)) {
-        text.replace('-', "−")
-    } else {
-        "0".into()
-    }
+    if text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { text.replace('-', "−") } else { "0".into() }
 }
 
 #[cfg(test)]
@@ -106,11 +98,7 @@ mod tests {
     use super::*;
 
     fn map(values: [f64; 16]) -> Map {
-        Map {
-            label: "1st component".into(),
-            caption: "50 %".into(),
-            values,
-        }
+        Map { label: "1st component".into(), caption: "50 %".into(), values }
     }
 
     /// Cells have the colours of their values on the common scale.

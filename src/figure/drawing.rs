@@ -183,9 +183,7 @@ impl Drawing {
     /// Draws a filled rectangle.
     pub(crate) fn fill(&mut self, r: Rect, colour: Rgb<u8>, opacity: f64) {
         let colour = hex(colour);
-        self.put(format_args!(
-            "<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"
-        ));
+        self.put(format_args!("<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
     }
 
     /// Draws a frame of one pixel just outside a rectangle.
@@ -200,9 +198,7 @@ impl Drawing {
         let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
         let (x, y, dx, dy) = (n(sharp(x, dx)), n(sharp(y, dy)), n(dx), n(dy));
         let colour = hex(colour);
-        self.put(format_args!(
-            "<path d=\"M{x} {y}l{dx} {dy}\" stroke=\"{colour}\"/>"
-        ));
+        self.put(format_args!("<path d=\"M{x} {y}l{dx} {dy}\" stroke=\"{colour}\"/>"));
     }
 
     /// Draws lines through points. A missing point leaves a gap, and a point between two gaps is a dot.
@@ -237,9 +233,7 @@ impl Drawing {
     pub(crate) fn area(&mut self, corners: impl Iterator<Item = Point>, colour: Rgb<u8>, opacity: f64) {
         let path: String = corners.map(|(x, y)| format!("L{} {}", n(x), n(y))).collect();
         let (path, colour) = (path.trim_start_matches('L'), hex(colour));
-        self.put(format_args!(
-            "<path d=\"M{path}Z\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"
-        ));
+        self.put(format_args!("<path d=\"M{path}Z\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
     }
 
     /// Draws a marker with a white rim that separates it from lines and other markers.
@@ -320,11 +314,7 @@ mod tests {
     #[test]
     fn gaps_part_a_line_and_lone_points_are_dots() {
         let mut d = Drawing::new(9.0, 9.0, "");
-        let pen = Pen {
-            colour: INK,
-            width: 1.0,
-            dashed: false,
-        };
+        let pen = Pen { colour: INK, width: 1.0, dashed: false };
         d.line(&[Some((1.0, 2.0)), None, Some((3.0, 4.0)), Some((5.0, 6.0))], pen);
         assert!(d.svg().contains("M1 2h0.01M3 4L5 6"), "{}", d.svg());
         let before = d.clone();

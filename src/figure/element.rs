@@ -47,10 +47,7 @@ impl FromStr for Element {
             _ => None,
         };
         let (i, j) = element.ok_or_else(bad)?;
-        Ok(Self {
-            sign,
-            at: [i as usize, j as usize],
-        })
+        Ok(Self { sign, at: [i as usize, j as usize] })
     }
 }
 
@@ -97,11 +94,7 @@ fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
     if (times[at] - ps).abs() <= half * (1.0 + 1e-9) {
         return Ok(at);
     }
-    Err(FigureError::option(
-        "time_ps",
-        ps,
-        "within the time bins of the slice",
-    ))
+    Err(FigureError::option("time_ps", ps, "within the time bins of the slice"))
 }
 
 /// Returns the element as a tile.
@@ -121,11 +114,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
         pick.extend(time);
         pick.extend(lane.map(|l| (AxisKind::Wavelength, l)));
         let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
-        Ok(
-            source.sum(&keep[..if lane.is_some() { 2 } else { 3 }], &pick, |v| {
-                sign * f64::from(v)
-            }),
-        )
+        Ok(source.sum(&keep[..if lane.is_some() { 2 } else { 3 }], &pick, |v| sign * f64::from(v)))
     };
     if !view.is_signed() {
         let (values, weights) = if view.wavelength_nm.is_some() {
@@ -135,15 +124,9 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
             (of(view.element.at, None)?, rgb_weights(source.wavelengths()))
         };
         let raster = Raster::colour(w, h, &values, &weights);
-        let white = white("limit", view.limit, || {
-            exposure(raster.data.iter().flatten().copied())
-        })?;
-        let image = raster.image(|rgb| {
-            photo(
-                rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }),
-                white.value(),
-            )
-        });
+        let white = white("limit", view.limit, || exposure(raster.data.iter().flatten().copied()))?;
+        let image =
+            raster.image(|rgb| photo(rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }), white.value()));
         return Ok(Tile::image(image).with_white(white));
     }
     let lane = source.wavelength(view.wavelength_nm)?;
@@ -151,19 +134,13 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     // The sign applies to the quotient; M00 keeps its sign.
     let m00 = of([0, 0], Some(lane))?;
     let pairs = element.data.iter().zip(&m00.data);
-    let raster = Raster::new(
-        &view.slice,
-        w,
-        pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect(),
-    )?;
+    let raster = Raster::new(&view.slice, w, pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect())?;
     let limit = white("limit", view.limit, || {
         if view.normalized {
             return White::Value(1.0);
         }
         let sizes = || raster.data.iter().map(|v| v[0].abs());
-        percentile(sizes(), 0.99)
-            .filter(|l| *l > 0.0)
-            .map_or_else(|| exposure(sizes()), White::Value)
+        percentile(sizes(), 0.99).filter(|l| *l > 0.0).map_or_else(|| exposure(sizes()), White::Value)
     })?;
     let end = limit.value();
     let image = raster.image(|[m, m00]| match view.normalized {
@@ -191,11 +168,7 @@ mod tests {
     use tensor::axes::Axis;
 
     fn matrices(pixels: &[[f32; 16]]) -> Tensor {
-        let axis = |kind, n: usize| Axis {
-            kind,
-            coords: (0..n).map(|i| i as f64).collect(),
-            chunk: 1,
-        };
+        let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
         let axes = vec![
             axis(AxisKind::Y, 1),
             axis(AxisKind::X, pixels.len()),
@@ -216,11 +189,7 @@ mod tests {
             time_ps: None,
             limit: Some(1.0),
         };
-        let panel = Panel {
-            mean: t,
-            std_error: None,
-            overflow: None,
-        };
+        let panel = Panel { mean: t, std_error: None, overflow: None };
         let tile = tile(&view, &panel).expect("a picture");
         tile.cells[0].0.pixels().map(|p| p.0).collect()
     }

@@ -38,21 +38,12 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
             })
             .collect();
         first = reached.iter().position(|s| *s > TAIL).unwrap_or(0);
-        last = reached
-            .iter()
-            .position(|s| *s >= 1.0 - TAIL)
-            .unwrap_or(last)
-            .max(first);
+        last = reached.iter().position(|s| *s >= 1.0 - TAIL).unwrap_or(last).max(first);
     }
     let n = frames.min(last - first + 1).min(bins);
     (0..n)
         .map(|i| {
-            first
-                + if n > 1 {
-                    (i * (last - first) + (n - 1) / 2) / (n - 1)
-                } else {
-                    (last - first) / 2
-                }
+            first + if n > 1 { (i * (last - first) + (n - 1) / 2) / (n - 1) } else { (last - first) / 2 }
         })
         .collect()
 }
@@ -118,13 +109,7 @@ pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames
         channels(source.wavelengths()),
         white_words(white, " (99.5th percentile of the positive values)"),
     );
-    Ok(Frames {
-        xs,
-        ys,
-        note,
-        white,
-        shown,
-    })
+    Ok(Frames { xs, ys, note, white, shown })
 }
 
 /// Draws the contact sheet.
@@ -138,10 +123,7 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, Fi
     let factors = Factor::square(w, h, room, room, 24.min(room));
     let stamps = frames.shown.iter().map(|f| width(&f.0, style).ceil());
     let panels = Panels {
-        size: (
-            stamps.fold(factors.0.length(w), |a, b| a.max(b.min(160.0))),
-            factors.1.length(h),
-        ),
+        size: (stamps.fold(factors.0.length(w), |a, b| a.max(b.min(160.0))), factors.1.length(h)),
         head: (1.6 * style.em).round(),
         gap: 8.0,
         columns,
@@ -151,9 +133,7 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, Fi
         panels.name(&mut page, i, &[(&time, style)]);
         let raster = raster.shrink(factors);
         let white = frames.white.value();
-        raster.paint(&mut page, panels.corner(i), factors, |rgb| {
-            colour::photo(rgb, white)
-        });
+        raster.paint(&mut page, panels.corner(i), factors, |rgb| colour::photo(rgb, white));
         let size = (factors.0.length(w), factors.1.length(h));
         page.frame(page.data.within(panels.corner(i), size), INK);
     }
@@ -166,20 +146,12 @@ pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Draw
     let (w, h) = (frames.xs.len(), frames.ys.len());
     let factors = Factor::square(w, h, 600, 800, 40);
     let (x, y) = photo::axes(frames.xs, frames.ys, factors);
-    let mut page = Page {
-        title,
-        x,
-        y,
-        notes: vec![String::new(), frames.note],
-        ..Page::default()
-    };
+    let mut page = Page { title, x, y, notes: vec![String::new(), frames.note], ..Page::default() };
     let draw = |(time, raster): (String, Raster<3>)| {
         page.notes[0] = format!("Travel time {time}.");
         let mut page = page.draw(factors.0.length(w), factors.1.length(h));
         let raster = raster.shrink(factors);
-        raster.paint(&mut page, (0.0, 0.0), factors, |rgb| {
-            colour::photo(rgb, frames.white.value())
-        });
+        raster.paint(&mut page, (0.0, 0.0), factors, |rgb| colour::photo(rgb, frames.white.value()));
         page
     };
     Ok(frames.shown.into_iter().map(draw).collect())

@@ -52,11 +52,7 @@ impl Axis {
     #[must_use]
     pub fn new(label: impl Into<String>, ticks: Ticks) -> Self {
         let label = label.into();
-        Self {
-            label,
-            ticks,
-            downward: false,
-        }
+        Self { label, ticks, downward: false }
     }
 }
 
@@ -121,18 +117,12 @@ impl Measure {
     /// Returns the width of a column of ticks with their labels.
     fn beside(&self, ticks: &Ticks) -> f64 {
         let widest = ticks.marks.iter().map(|m| width(&m.1, self.tick).ceil());
-        widest
-            .reduce(f64::max)
-            .map_or(0.0, |w| self.tick_length + self.gap + w)
+        widest.reduce(f64::max).map_or(0.0, |w| self.tick_length + self.gap + w)
     }
 
     /// Returns the space for the label of an axis.
     fn name(&self, label: &str) -> f64 {
-        if label.is_empty() {
-            0.0
-        } else {
-            self.label.em.floor() + self.space
-        }
+        if label.is_empty() { 0.0 } else { self.label.em.floor() + self.space }
     }
 }
 
@@ -143,15 +133,13 @@ impl Page<'_> {
     pub fn draw(&self, w: f64, h: f64) -> Drawing {
         let m = Measure::of(w);
         let (y_ticks, y_label) = (m.beside(&self.y.ticks), m.name(&self.y.label));
-        let x_ticks = if self.x.ticks.marks.is_empty() {
-            0.0
-        } else {
-            m.tick_length + m.gap + m.tick.em.floor()
-        };
+        let x_ticks =
+            if self.x.ticks.marks.is_empty() { 0.0 } else { m.tick_length + m.gap + m.tick.em.floor() };
         let left = EDGE + y_label + y_ticks;
-        let right = self.bar.as_ref().map_or(EDGE + 8.0, |bar| {
-            m.bar_gap + m.bar_width + m.beside(&bar.ticks) + m.name("|") + EDGE
-        });
+        let right = self
+            .bar
+            .as_ref()
+            .map_or(EDGE + 8.0, |bar| m.bar_gap + m.bar_width + m.beside(&bar.ticks) + m.name("|") + EDGE);
         let page_w = (left + w + right).max(PAGE_LEAST);
         let left = left + ((page_w - left - w - right) / 2.0).floor();
         // A short plot still leaves space for the labels along its height.
@@ -159,32 +147,13 @@ impl Page<'_> {
             .max(self.bar.as_ref().map_or(0.0, |bar| width(&bar.label, m.label)));
         let sag = ((along - h) / 2.0).ceil().max(0.0);
         let room = page_w - 2.0 * EDGE;
-        let lines: Vec<String> = self
-            .notes
-            .iter()
-            .flat_map(|note| wrap(note, m.note, room))
-            .collect();
+        let lines: Vec<String> = self.notes.iter().flat_map(|note| wrap(note, m.note, room)).collect();
         let title = self.title.trim();
-        let top = EDGE
-            + sag
-            + if title.is_empty() {
-                0.0
-            } else {
-                m.title.em.floor() + 16.0
-            };
+        let top = EDGE + sag + if title.is_empty() { 0.0 } else { m.title.em.floor() + 16.0 };
         let below = (x_ticks + m.name(&self.x.label)).max(sag + 4.0);
-        let notes = if lines.is_empty() {
-            0.0
-        } else {
-            10.0 + m.note_line * lines.len() as f64
-        };
+        let notes = if lines.is_empty() { 0.0 } else { 10.0 + m.note_line * lines.len() as f64 };
         let mut page = Drawing::new(page_w, top + h + below + notes + EDGE, self.title);
-        page.data = Rect {
-            x: left,
-            y: top,
-            w,
-            h,
-        };
+        page.data = Rect { x: left, y: top, w, h };
         let centre = page.data.centre();
         let bottom = top + h;
 
@@ -245,9 +214,8 @@ impl<'a> Bar<'a> {
     /// Draws the bar into its rectangle, with ticks and label to its right.
     fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
         let steps = (r.h as u32).clamp(1, BAR_STEPS);
-        let colours = RgbImage::from_fn(1, steps, |_, y| {
-            (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32)
-        });
+        let colours =
+            RgbImage::from_fn(1, steps, |_, y| (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32));
         page.image(r, &colours);
         page.frame(r, INK);
         let edge = r.x + r.w;
@@ -285,10 +253,7 @@ impl Panels {
     #[must_use]
     pub fn corner(&self, i: usize) -> Point {
         let (column, row) = ((i % self.columns) as f64, (i / self.columns) as f64);
-        (
-            column * (self.size.0 + self.gap),
-            self.head + row * (self.size.1 + self.gap + self.head),
-        )
+        (column * (self.size.0 + self.gap), self.head + row * (self.size.1 + self.gap + self.head))
     }
 
     /// Returns the rectangle of a panel on a page.
@@ -300,13 +265,7 @@ impl Panels {
     /// Creates a page for `count` panels, at least one, with a bar and notes.
     #[must_use]
     pub fn page(&self, count: usize, title: &str, bar: Option<Bar>, notes: Vec<String>) -> Drawing {
-        let page = Page {
-            title,
-            bar,
-            notes,
-            frameless: true,
-            ..Page::default()
-        };
+        let page = Page { title, bar, notes, frameless: true, ..Page::default() };
         let (w, h) = self.extent(count);
         page.draw(w, h)
     }

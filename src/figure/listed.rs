@@ -22,9 +22,8 @@ struct Figures {
 /// [`InputError`] at the location of a figure that is malformed, does not fit the scene's slices, or whose
 /// name is a duplicate or not a valid file name.
 pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
-    let file: Figures = document::parse(path, text, |_| {
-        "`sunstone schema` describes figures under [[figures]]".to_owned()
-    })?;
+    let file: Figures =
+        document::parse(path, text, |_| "`sunstone schema` describes figures under [[figures]]".to_owned())?;
     let error = |figure: &Located<Figure>, message: String, help: String| InputError {
         file: path.to_owned(),
         text: text.into(),

@@ -45,10 +45,7 @@ impl Scale {
         let low = percentile(positive, 0.05).unwrap_or(1.0);
         if top / low > ratio {
             let high = top.log10();
-            Self::Log {
-                low: low.log10().max(high - DECADES),
-                high,
-            }
+            Self::Log { low: low.log10().max(high - DECADES), high }
         } else {
             Self::Sqrt { top }
         }
@@ -98,11 +95,7 @@ impl Scale {
         let most = rgb.into_iter().fold(0.0, f32::max);
         let bright = self.place(most) * 255.0;
         Rgb(rgb.map(|v| {
-            if most > 0.0 {
-                ((v.max(0.0) / most).powf(1.0 / 2.2) * bright).round() as u8
-            } else {
-                0
-            }
+            if most > 0.0 { ((v.max(0.0) / most).powf(1.0 / 2.2) * bright).round() as u8 } else { 0 }
         }))
     }
 }
@@ -142,13 +135,15 @@ impl Values {
         match self {
             Self::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
             Self::Size(r, scale) => rising(r, factors, |[v]| sequential(scale.place(v))),
-            Self::Signed(r, _) => rising(r, factors, |[m, m00]| {
-                if m00 > 0.0 && m00.is_finite() {
-                    signed(m / m00)
-                } else {
-                    UNDEFINED
-                }
-            }),
+            Self::Signed(r, _) => {
+                rising(
+                    r,
+                    factors,
+                    |[m, m00]| {
+                        if m00 > 0.0 && m00.is_finite() { signed(m / m00) } else { UNDEFINED }
+                    },
+                )
+            }
         }
     }
 }
@@ -187,10 +182,7 @@ impl Content<'_> {
         };
         let mut page = page.draw(w, h);
         let image = self.values.image((fx, fy));
-        let size = (
-            f64::from(image.width()) * fx.up as f64,
-            f64::from(image.height()) * fy.up as f64,
-        );
+        let size = (f64::from(image.width()) * fx.up as f64, f64::from(image.height()) * fy.up as f64);
         page.image(page.data.within((0.0, 0.0), size), &image);
         page
     }
@@ -245,17 +237,10 @@ fn content<'a>(
     let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
     let (note, values) = if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
         let keep = [upward, AxisKind::X, AxisKind::Wavelength];
-        let values = source.sum(
-            &keep,
-            &[(AxisKind::Y, view.row), element[0], element[1]],
-            f64::from,
-        );
+        let values = source.sum(&keep, &[(AxisKind::Y, view.row), element[0], element[1]], f64::from);
         let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
         let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
-        let note = format!(
-            "{row}{}; the colour bar is for the brightest channel.",
-            channels(nm)
-        );
+        let note = format!("{row}{}; the colour bar is for the brightest channel.", channels(nm));
         (note, Values::Colour(raster, scale))
     } else if view.element == [0, 0] {
         let data = one(element).into_iter().map(|v| [v]).collect();
@@ -269,13 +254,7 @@ fn content<'a>(
         let note = format!("{row}{at} Grey: undefined (M00 is not positive).");
         (note, Values::Signed(raster, view.element))
     };
-    Ok(Content {
-        xs,
-        ups,
-        label,
-        note,
-        values,
-    })
+    Ok(Content { xs, ups, label, note, values })
 }
 
 #[cfg(test)]
@@ -288,14 +267,9 @@ mod tests {
         assert_eq!(narrow, Scale::Sqrt { top: 3.0 });
         assert_eq!(narrow.place(0.75), 0.5);
         let wide = Scale::of((0..=100).map(|i| 10_f32.powf(i as f32 / 20.0 - 3.0)));
-        let Scale::Log { low, high } = wide else {
-            panic!("{wide:?}")
-        };
+        let Scale::Log { low, high } = wide else { panic!("{wide:?}") };
         assert!((low + 2.0).abs() < 0.3 && (high - 2.0).abs() < 0.01);
-        assert_eq!(
-            (wide.place(1e-9), wide.place(1e9), wide.place(-1.0)),
-            (0.0, 1.0, 0.0)
-        );
+        assert_eq!((wide.place(1e-9), wide.place(1e9), wide.place(-1.0)), (0.0, 1.0, 0.0));
         assert_eq!(Scale::of([0.0; 3].iter().copied()), Scale::Sqrt { top: 1.0 });
     }
 

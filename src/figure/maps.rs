@@ -91,9 +91,7 @@ impl Shades {
                     place: Box::new(|[x, y]| y.atan2(x) / std::f32::consts::TAU),
                     colour: cyclic,
                     ticks: Ticks {
-                        marks: [0.0, 0.25, 0.5, 0.75, 1.0]
-                            .map(|at| (at, brief(at * whole)))
-                            .into(),
+                        marks: [0.0, 0.25, 0.5, 0.75, 1.0].map(|at| (at, brief(at * whole))).into(),
                         exponent: 0,
                     },
                     remark: String::new(),
@@ -138,19 +136,12 @@ pub fn draw(
     if maps.is_empty() {
         return Err(FigureError::nothing(title, "maps"));
     }
-    let panels = Panels {
-        size,
-        head: 48.0,
-        gap: 24.0,
-        columns: columns.clamp(1, maps.len()),
-    };
+    let panels = Panels { size, head: 48.0, gap: 24.0, columns: columns.clamp(1, maps.len()) };
     let bar = Bar::new(format!("{name}{}", shades.remark), shades.ticks, &shades.colour);
     let mut page = panels.page(maps.len(), title, Some(bar), notes.to_vec());
     for (i, (map, raster, factors)) in pictures.into_iter().enumerate() {
         panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
-        raster.paint(&mut page, panels.corner(i), factors, |v| {
-            (shades.colour)((shades.place)(v))
-        });
+        raster.paint(&mut page, panels.corner(i), factors, |v| (shades.colour)((shades.place)(v)));
     }
     Ok(page)
 }
@@ -161,19 +152,11 @@ mod tests {
     use crate::colour::UNDEFINED;
 
     fn map(data: Vec<f32>) -> Map {
-        Map {
-            label: "a".into(),
-            caption: "b".into(),
-            width: 4,
-            data,
-        }
+        Map { label: "a".into(), caption: "b".into(), width: 4, data }
     }
 
     fn picture(maps: &[Map], quantity: Quantity) -> image::RgbImage {
-        draw("two", maps, 2, "error", quantity, &[])
-            .unwrap()
-            .pixels()
-            .unwrap()
+        draw("two", maps, 2, "error", quantity, &[]).unwrap().pixels().unwrap()
     }
 
     fn count(img: &image::RgbImage, c: Rgb<u8>) -> usize {
@@ -188,10 +171,7 @@ mod tests {
         let img = picture(&[map(low), map(vec![1.0; 12])], Quantity::Size);
         let area = count(&img, sequential(1.0));
         assert!(area >= 12 * 100 * 100, "{area}");
-        assert!(
-            count(&img, sequential(0.5)) * 12 >= area * 11,
-            "the square root of a quarter"
-        );
+        assert!(count(&img, sequential(0.5)) * 12 >= area * 11, "the square root of a quarter");
         assert!(count(&img, UNDEFINED) * 12 >= area * 9 / 10);
     }
 
@@ -202,9 +182,7 @@ mod tests {
         let angles = [10.0, 190.0, -170.0, 370.0].repeat(3);
         let img = picture(&[map(angles)], Quantity::Angle { period: 180.0 });
         let seen = img.get_pixel(img.width() / 4, img.height() / 2);
-        let area = img
-            .pixels()
-            .filter(|p| p.0.iter().zip(seen.0).all(|(a, b)| a.abs_diff(b) < 3));
+        let area = img.pixels().filter(|p| p.0.iter().zip(seen.0).all(|(a, b)| a.abs_diff(b) < 3));
         assert!(area.count() >= 12 * 100 * 100, "{seen:?}");
         let img = picture(&[map([-2.0, 2.0].repeat(6))], Quantity::Signed { limit: 2.0 });
         assert!(count(&img, signed(1.0)) >= 6 * 100 * 100 && count(&img, signed(-1.0)) >= 6 * 100 * 100);
@@ -213,19 +191,12 @@ mod tests {
     #[test]
     fn damage_is_refused() {
         let draw = |maps: &[Map], quantity| draw("t", maps, 3, "e", quantity, &[]);
-        assert!(matches!(
-            draw(&[], Quantity::Size),
-            Err(FigureError::Empty { .. })
-        ));
+        assert!(matches!(draw(&[], Quantity::Size), Err(FigureError::Empty { .. })));
         let bad = draw(&[map(vec![1.0; 5])], Quantity::Size);
         assert!(matches!(bad, Err(FigureError::Damaged { .. })));
         let none = draw(&[map(vec![1.0; 4])], Quantity::Angle { period: 0.0 });
         assert!(matches!(none, Err(FigureError::Option { option: "period", .. })));
-        for quantity in [
-            Quantity::Size,
-            Quantity::Signed { limit: 1.0 },
-            Quantity::Angle { period: 1.0 },
-        ] {
+        for quantity in [Quantity::Size, Quantity::Signed { limit: 1.0 }, Quantity::Angle { period: 1.0 }] {
             assert!(draw(&[map(vec![f32::NAN; 8])], quantity).is_ok());
         }
     }

@@ -6,15 +6,8 @@ use image::Rgb;
 pub const BLACK: usize = 6;
 
 /// The colour-blind-safe palette of Okabe and Ito, without the yellow that is too pale on white.
-const PALETTE: [[u8; 3]; 7] = [
-    [0, 114, 178],
-    [213, 94, 0],
-    [0, 158, 115],
-    [230, 159, 0],
-    [204, 121, 167],
-    [86, 180, 233],
-    [0, 0, 0],
-];
+const PALETTE: [[u8; 3]; 7] =
+    [[0, 114, 178], [213, 94, 0], [0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233], [0, 0, 0]];
 
 /// Outlines with a radius of about 1, scaled to look equally large: disc, square, triangle up, diamond,
 /// triangle down, ring, cross and plus.

@@ -24,12 +24,7 @@ const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 /// Returns the sixteen panels of a grid with panels of this size, `gap` apart.
 #[must_use]
 pub fn panels(size: (f64, f64), gap: f64) -> Panels {
-    Panels {
-        size,
-        head: 0.0,
-        gap,
-        columns: 4,
-    }
+    Panels { size, head: 0.0, gap, columns: 4 }
 }
 
 /// The contents of a grid, before scaling.
@@ -66,38 +61,20 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
         if view.normalized {
             return White::Value(1.0);
         }
-        percentile(sizes(), 0.99)
-            .filter(|l| *l > 0.0)
-            .map_or_else(|| exposure(sizes()), White::Value)
+        percentile(sizes(), 0.99).filter(|l| *l > 0.0).map_or_else(|| exposure(sizes()), White::Value)
     })?;
-    Ok(Grid {
-        source,
-        lane,
-        raster,
-        white,
-        limit,
-    })
+    Ok(Grid { source, lane, raster, white, limit })
 }
 
 /// Returns the colour bar of a grid.
 pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
     Bar::signed(limit.into(), |ticks| {
-        if normalized {
-            "Mij / M00".to_owned()
-        } else {
-            format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
-        }
+        if normalized { "Mij / M00".to_owned() } else { format!("Mij [{}]", ticks.unit(CAMERA_UNIT)) }
     })
 }
 
 pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    let Grid {
-        source,
-        lane,
-        raster,
-        white,
-        limit,
-    } = read(view, panel)?;
+    let Grid { source, lane, raster, white, limit } = read(view, panel)?;
     let (w, h) = (raster.w, raster.h);
     let factors = Factor::square(raster.w, raster.h, 400, 440, 40);
     let raster = raster.shrink(factors);
@@ -108,9 +85,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
         None => String::new(),
     };
     let bar = bar(view.normalized, limit.value());
-    let mut notes = vec![format!(
-        "Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes."
-    )];
+    let mut notes = vec![format!("Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes.")];
     if view.normalized {
         notes.push(format!(
             "M00 is shown as intensity, white {}; grey: undefined (M00 is not positive).",

@@ -47,10 +47,7 @@ impl Format {
             "png" => Ok(Self::Png),
             "svg" => Ok(Self::Svg),
             "pdf" => Ok(Self::Pdf),
-            _ => Err(unknown(
-                path,
-                ".png, .svg or .pdf (light in flight also .gif or .apng)",
-            )),
+            _ => Err(unknown(path, ".png, .svg or .pdf (light in flight also .gif or .apng)")),
         }
     }
 }
@@ -62,10 +59,7 @@ pub fn is_animation(path: &Path) -> bool {
 }
 
 fn extension(path: &Path) -> String {
-    path.extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_ascii_lowercase()
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
 /// Writes a drawing atomically in the format of the path's extension. Creates missing folders.
@@ -97,8 +91,7 @@ pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError
             for drawing in frames {
                 let picture = DynamicImage::from(drawing.pixels()?).into_rgba8();
                 let delay = Delay::from_numer_denom_ms(FRAME_MS.into(), 1);
-                gif.encode_frame(Frame::from_parts(picture, 0, 0, delay))
-                    .map_err(encode)?;
+                gif.encode_frame(Frame::from_parts(picture, 0, 0, delay)).map_err(encode)?;
             }
         }
         "apng" => {
@@ -127,10 +120,8 @@ fn encode(e: impl std::fmt::Display) -> FigureError {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), FigureError> {
-    whole_file::write_with(path, |file| file.write_all(bytes)).map_err(|source| FigureError::Write {
-        path: path.display().to_string(),
-        source,
-    })
+    whole_file::write_with(path, |file| file.write_all(bytes))
+        .map_err(|source| FigureError::Write { path: path.display().to_string(), source })
 }
 
 impl Drawing {
@@ -142,10 +133,7 @@ impl Drawing {
             fonts.load_font_data(font().to_vec());
             Arc::new(fonts)
         });
-        let options = Options {
-            fontdb: Arc::clone(fonts),
-            ..Options::default()
-        };
+        let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
         Tree::from_str(&self.in_pixels(), &options).map_err(encode)
     }
 
@@ -191,13 +179,8 @@ impl Drawing {
     }
 
     pub(crate) fn pdf_with(&self, compress: bool) -> Result<Vec<u8>, FigureError> {
-        let options = svg2pdf::ConversionOptions {
-            compress,
-            ..svg2pdf::ConversionOptions::default()
-        };
-        let page = svg2pdf::PageOptions {
-            dpi: self.per_inch().map_or(PER_INCH, |n| n as f32),
-        };
+        let options = svg2pdf::ConversionOptions { compress, ..svg2pdf::ConversionOptions::default() };
+        let page = svg2pdf::PageOptions { dpi: self.per_inch().map_or(PER_INCH, |n| n as f32) };
         let pdf = svg2pdf::to_pdf(&self.tree()?, options, page).map_err(encode)?;
         Ok(in_order(&pdf))
     }

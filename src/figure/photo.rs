@@ -28,15 +28,8 @@ pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<
     let values = source.sum(&keep, &source.element([0, 0])?, f64::from);
     let weights = rgb_weights(source.wavelengths());
     let raster = Raster::colour(xs.len(), ys.len(), &values, &weights);
-    let white = white("white", view.white, || {
-        exposure(raster.data.iter().flatten().copied())
-    })?;
-    Ok(Photo {
-        xs,
-        ys,
-        raster,
-        white,
-    })
+    let white = white("white", view.white, || exposure(raster.data.iter().flatten().copied()))?;
+    Ok(Photo { xs, ys, raster, white })
 }
 
 /// Returns the value shown as white: the user's choice, or the default.
@@ -54,12 +47,7 @@ pub(super) fn white(
 
 pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
-    let Photo {
-        xs,
-        ys,
-        raster,
-        white,
-    } = read(view, source)?;
+    let Photo { xs, ys, raster, white } = read(view, source)?;
     let factors = Factor::square(raster.w, raster.h, 900, 1600, 40);
     let raster = raster.shrink(factors);
     let (x, y) = axes(xs, ys, factors);
@@ -70,14 +58,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
         notes: vec![format!(
             "{}. White: {}.",
             channels(source.wavelengths()),
-            white_words(
-                white,
-                if view.white.is_none() {
-                    " (99th percentile)"
-                } else {
-                    ""
-                }
-            ),
+            white_words(white, if view.white.is_none() { " (99th percentile)" } else { "" }),
         )],
         ..Page::default()
     };
@@ -90,10 +71,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
 pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
     let across = Ticks::coordinates(xs, fx.length(xs.len()), true);
     let down = Ticks::coordinates(ys, fy.length(ys.len()), false);
-    let y = Axis {
-        downward: true,
-        ..Axis::new("camera row [pixel]", down)
-    };
+    let y = Axis { downward: true, ..Axis::new("camera row [pixel]", down) };
     (Axis::new("camera column [pixel]", across), y)
 }
 
@@ -109,12 +87,8 @@ pub fn channels(nm: &[f64]) -> String {
         .iter()
         .zip(&weights)
         .map(|(name, row)| {
-            let shown: Vec<String> = nm
-                .iter()
-                .zip(row)
-                .filter(|(_, w)| **w > 0.0)
-                .map(|(nm, _)| format!("{nm}"))
-                .collect();
+            let shown: Vec<String> =
+                nm.iter().zip(row).filter(|(_, w)| **w > 0.0).map(|(nm, _)| format!("{nm}")).collect();
             format!("{name} {} nm", shown.join(" + "))
         })
         .collect();

@@ -45,9 +45,7 @@ pub(super) fn read(
             _ => String::new(),
         },
         points: times.iter().copied().zip(along(&mean, lane)).collect(),
-        errors: squares
-            .as_ref()
-            .map(|e| along(e, lane).into_iter().map(f64::sqrt).collect()),
+        errors: squares.as_ref().map(|e| along(e, lane).into_iter().map(f64::sqrt).collect()),
         style: SeriesStyle::Band,
         colour: lane,
     };
@@ -136,11 +134,7 @@ pub(crate) fn draw_with_scales(
     if let Some(overflow) = panel.overflow {
         notes.extend(overflow_note(view, source, Source::new(&view.slice, overflow)?)?);
     }
-    let chart = Chart {
-        title: title.to_owned(),
-        notes,
-        ..chart
-    };
+    let chart = Chart { title: title.to_owned(), notes, ..chart };
     chart::draw_in(&chart, &|lane| colours[lane % colours.len()])
 }
 
@@ -155,11 +149,7 @@ pub(crate) fn chart(
         [0, 0] => "camera value".to_owned(),
         [o, i] => format!("M{o}{i}"),
     };
-    let axis = |label: String, range| ChartAxis {
-        label,
-        range,
-        ..ChartAxis::default()
-    };
+    let axis = |label: String, range| ChartAxis { label, range, ..ChartAxis::default() };
     let time = ruler(source.need(AxisKind::T)?);
     Ok(Chart {
         x: axis("travel time [ps]".into(), time),

@@ -32,15 +32,9 @@ impl Factor {
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
         if n > most {
-            Self {
-                down: n.div_ceil(most),
-                up: 1,
-            }
+            Self { down: n.div_ceil(most), up: 1 }
         } else {
-            Self {
-                down: 1,
-                up: (target / n).max(1),
-            }
+            Self { down: 1, up: (target / n).max(1) }
         }
     }
 
@@ -54,10 +48,7 @@ impl Factor {
     #[must_use]
     pub fn at_least(self, least: usize, n: usize) -> Self {
         let length = n.div_ceil(self.down) * self.up;
-        Self {
-            up: self.up * least.div_ceil(length.max(1)),
-            ..self
-        }
+        Self { up: self.up * least.div_ceil(length.max(1)), ..self }
     }
 
     /// Returns factors that keep pixels square, with the longer side close to `target`. A strip thinner than
@@ -66,11 +57,7 @@ impl Factor {
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
-            if f.length(n) >= least as f64 {
-                f
-            } else {
-                Self { down: 1, up: 1 }.at_least(least, n)
-            }
+            if f.length(n) >= least as f64 { f } else { Self { down: 1, up: 1 }.at_least(least, n) }
         };
         (widen(w), widen(h))
     }
@@ -83,17 +70,10 @@ impl Raster<3> {
         let lanes = weights[0].len().max(1);
         let mix = |lane: &[f32], row: &[f32]| match row {
             [] => lane[0],
-            _ => lane
-                .iter()
-                .zip(row)
-                .filter(|(_, w)| **w > 0.0)
-                .map(|(v, w)| v * w)
-                .sum(),
+            _ => lane.iter().zip(row).filter(|(_, w)| **w > 0.0).map(|(v, w)| v * w).sum(),
         };
         let pixels = values.data.chunks_exact(lanes);
-        let data = pixels
-            .map(|lane| weights.each_ref().map(|row| mix(lane, row)))
-            .collect();
+        let data = pixels.map(|lane| weights.each_ref().map(|row| mix(lane, row))).collect();
         Self { w, h, data }
     }
 }

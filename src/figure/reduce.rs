@@ -28,20 +28,11 @@ impl<'a> Source<'a> {
         if let Some(axis) = tensor.axes.iter().find(|a| a.coords.is_empty()) {
             return Err(FigureError::nothing(slice, axis.kind.name()));
         }
-        let size = tensor
-            .axes
-            .iter()
-            .try_fold(1_usize, |n, a| n.checked_mul(a.coords.len()));
-        let twice = tensor
-            .axes
-            .iter()
-            .any(|a| tensor.axes.iter().filter(|b| a.kind == b.kind).count() > 1);
+        let size = tensor.axes.iter().try_fold(1_usize, |n, a| n.checked_mul(a.coords.len()));
+        let twice = tensor.axes.iter().any(|a| tensor.axes.iter().filter(|b| a.kind == b.kind).count() > 1);
         if size != Some(tensor.data.len()) || twice {
-            let axes: Vec<String> = tensor
-                .axes
-                .iter()
-                .map(|a| format!("{} {}", a.coords.len(), a.kind.name()))
-                .collect();
+            let axes: Vec<String> =
+                tensor.axes.iter().map(|a| format!("{} {}", a.coords.len(), a.kind.name())).collect();
             return Err(FigureError::Damaged {
                 slice: slice.to_owned(),
                 found: tensor.data.len(),
@@ -66,19 +57,13 @@ impl<'a> Source<'a> {
                 AxisKind::Label => ("label", "labels = true"),
                 AxisKind::Wavelength => ("wavelength", "a list of wavelengths in its scene"),
             };
-            FigureError::MissingAxis {
-                slice: self.slice.to_owned(),
-                axis,
-                fix,
-            }
+            FigureError::MissingAxis { slice: self.slice.to_owned(), axis, fix }
         })
     }
 
     /// Returns the coordinates of an axis, if the tensor has it.
     pub fn coords(&self, kind: AxisKind) -> Option<&'a [f64]> {
-        self.tensor
-            .find(kind)
-            .map(|i| self.tensor.axes[i].coords.as_slice())
+        self.tensor.find(kind).map(|i| self.tensor.axes[i].coords.as_slice())
     }
 
     /// Returns the wavelengths in nanometres; empty if the tensor has no such axis.
@@ -112,12 +97,7 @@ impl<'a> Source<'a> {
         if index < len {
             return Ok(index);
         }
-        Err(FigureError::Index {
-            slice: self.slice.to_owned(),
-            what,
-            index,
-            len,
-        })
+        Err(FigureError::Index { slice: self.slice.to_owned(), what, index, len })
     }
 
     /// Sums `f(value)` in f64 over every axis that is neither kept nor picked.
@@ -135,18 +115,13 @@ impl<'a> Source<'a> {
             if let Some(&(_, at)) = pick.iter().find(|p| p.0 == axis.kind) {
                 first += at * stride;
             } else {
-                let target = keep
-                    .iter()
-                    .position(|&k| k == axis.kind)
-                    .map_or(0, |k| shape[k + 1..].iter().product());
+                let target =
+                    keep.iter().position(|&k| k == axis.kind).map_or(0, |k| shape[k + 1..].iter().product());
                 steps.push((lengths[i], stride, target));
             }
         }
         add(&mut out, &self.tensor.data, &steps, (first, 0), &f);
-        Reduced {
-            data: out.into_iter().map(|v| v as f32).collect(),
-            shape,
-        }
+        Reduced { data: out.into_iter().map(|v| v as f32).collect(), shape }
     }
 }
 
@@ -177,15 +152,9 @@ fn add(
 /// are not evenly spaced.
 pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
     let (&first, &last) = (coords.first()?, coords.last()?);
-    let step = if coords.len() > 1 {
-        (last - first) / (coords.len() - 1) as f64
-    } else {
-        1.0
-    };
-    let even = coords
-        .iter()
-        .enumerate()
-        .all(|(i, c)| (c - (first + i as f64 * step)).abs() <= 1e-3 * step.abs());
+    let step = if coords.len() > 1 { (last - first) / (coords.len() - 1) as f64 } else { 1.0 };
+    let even =
+        coords.iter().enumerate().all(|(i, c)| (c - (first + i as f64 * step)).abs() <= 1e-3 * step.abs());
     (step.is_finite() && step > 0.0 && even).then_some((first - step / 2.0, last + step / 2.0))
 }
 
@@ -197,11 +166,7 @@ mod tests {
     fn tensor(axes: &[(AxisKind, usize)]) -> Tensor {
         let axes = axes
             .iter()
-            .map(|&(kind, n)| Axis {
-                kind,
-                coords: (0..n).map(|i| i as f64).collect(),
-                chunk: 1,
-            })
+            .map(|&(kind, n)| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 })
             .collect();
         let mut t = Tensor::zeros("t", axes);
         t.data.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
@@ -220,26 +185,15 @@ mod tests {
             (AxisKind::Wavelength, 3),
         ]);
         let s = Source::new("t", &t).unwrap();
-        let picks = [
-            (AxisKind::StokesOut, 1),
-            (AxisKind::StokesIn, 2),
-            (AxisKind::Y, 2),
-            (AxisKind::Wavelength, 1),
-        ];
-        let got = s.sum(
-            &[AxisKind::T, AxisKind::X, AxisKind::Component],
-            &picks,
-            f64::from,
-        );
+        let picks =
+            [(AxisKind::StokesOut, 1), (AxisKind::StokesIn, 2), (AxisKind::Y, 2), (AxisKind::Wavelength, 1)];
+        let got = s.sum(&[AxisKind::T, AxisKind::X, AxisKind::Component], &picks, f64::from);
         assert_eq!(got.shape, [5, 4, 1]);
         let picked = picks.iter().fold(t.clone(), |t, &(kind, i)| t.select(kind, i));
         let want = picked.sum(AxisKind::U);
         for x in 0..4 {
             for k in 0..5 {
-                assert_eq!(
-                    got.data[k * 4 + x],
-                    want.at(&[(AxisKind::X, x), (AxisKind::T, k)])
-                );
+                assert_eq!(got.data[k * 4 + x], want.at(&[(AxisKind::X, x), (AxisKind::T, k)]));
             }
         }
     }
@@ -249,13 +203,7 @@ mod tests {
         let mut t = Tensor::zeros("one", vec![]);
         t.data[0] = 7.0;
         let s = Source::new("one", &t).unwrap();
-        assert_eq!(
-            s.sum(&[AxisKind::Y], &[], f64::from),
-            Reduced {
-                data: vec![7.0],
-                shape: vec![1]
-            }
-        );
+        assert_eq!(s.sum(&[AxisKind::Y], &[], f64::from), Reduced { data: vec![7.0], shape: vec![1] });
     }
 
     #[test]

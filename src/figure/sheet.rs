@@ -41,12 +41,8 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
         return Err(FigureError::nothing(title, "grids"));
     }
     let elements = mueller::panels(size, 8.0);
-    let panels = Panels {
-        size: elements.extent(16),
-        head: 24.0,
-        gap: 16.0,
-        columns: columns.clamp(1, grids.len()),
-    };
+    let panels =
+        Panels { size: elements.extent(16), head: 24.0, gap: 16.0, columns: columns.clamp(1, grids.len()) };
     let bar = Bar::signed(1.0, |_| "Mij / M00".to_owned());
     let notes = notes.iter().map(|n| (*n).to_owned()).collect();
     let mut page = panels.page(grids.len(), title, Some(bar), notes);
@@ -70,11 +66,7 @@ mod tests {
     use image::Rgb;
 
     fn grid(label: &str, m: [f32; 16]) -> Grid {
-        Grid {
-            label: label.into(),
-            width: 3,
-            data: vec![m; 6],
-        }
+        Grid { label: label.into(), width: 3, data: vec![m; 6] }
     }
 
     /// The image contains the colours of every element and no colours of other values.
@@ -97,9 +89,6 @@ mod tests {
         assert!(matches!(draw("t", &[], 3, &[]), Err(FigureError::Empty { .. })));
         let mut bad = grid("bad", [1.0; 16]);
         bad.data.pop();
-        assert!(matches!(
-            draw("t", &[bad], 3, &[]),
-            Err(FigureError::Damaged { .. })
-        ));
+        assert!(matches!(draw("t", &[bad], 3, &[]), Err(FigureError::Damaged { .. })));
     }
 }

@@ -24,10 +24,8 @@ pub fn describe_in(scene: &mut Schema) {
     let Some(scene) = scene.as_object_mut() else {
         return;
     };
-    if let Some(items) = scene
-        .get_mut("properties")
-        .and_then(|p| p.get_mut("figures"))
-        .and_then(|f| f.get_mut("items"))
+    if let Some(items) =
+        scene.get_mut("properties").and_then(|p| p.get_mut("figures")).and_then(|f| f.get_mut("items"))
     {
         *items = serde_json::json!({ "$ref": "#/$defs/Figure" });
     }

@@ -23,11 +23,7 @@ impl Ticks {
         }
         let largest = low.abs().max(high.abs());
         let magnitude = largest.log10().floor() as i32;
-        let exponent = if (-2..=4).contains(&magnitude) {
-            0
-        } else {
-            magnitude
-        };
+        let exponent = if (-2..=4).contains(&magnitude) { 0 } else { magnitude };
         let step = nice_step(span / most.max(1) as f64);
         let first = (low / step - 1e-9).ceil() as i64;
         let last = (high / step + 1e-9).floor() as i64;
@@ -112,11 +108,7 @@ impl Ticks {
 /// Returns the smallest of 1, 2, 5 times a power of ten that is at least `raw`.
 fn nice_step(raw: f64) -> f64 {
     let base = 10_f64.powf(raw.log10().floor());
-    [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
-        .map(|m| m * base)
-        .find(|s| *s >= raw * (1.0 - 1e-9))
-        .unwrap_or(raw)
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * base).find(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(raw)
 }
 
 /// Formats a number with a true minus sign.
@@ -138,11 +130,7 @@ pub fn brief(value: f64) -> String {
     let e = value.abs().log10().floor() as i32;
     let short = |v: f64, decimals: usize| {
         let text = number(v, decimals);
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
     };
     if (-3..5).contains(&e) {
         return short(value, (2 - e).max(0) as usize);
@@ -186,13 +174,7 @@ mod tests {
 
     #[test]
     fn no_range_has_no_ticks() {
-        for (a, b) in [
-            (0.0, 0.0),
-            (1.0, 0.0),
-            (f64::NAN, 1.0),
-            (0.0, f64::INFINITY),
-            (1e300, 1.1e300),
-        ] {
+        for (a, b) in [(0.0, 0.0), (1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY), (1e300, 1.1e300)] {
             let _ = Ticks::linear(a, b, 5);
         }
         assert!(Ticks::linear(0.0, 0.0, 5).marks.is_empty());

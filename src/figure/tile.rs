@@ -79,11 +79,7 @@ const UPWARD: usize = 5;
 impl Ruled {
     /// Creates an axis whose label contains the power of ten of at most `most` ticks.
     fn new(axis: &ChartAxis, scale: Along, most: usize) -> Self {
-        let mut out = Self {
-            label: String::new(),
-            scale,
-            named: axis.named.clone(),
-        };
+        let mut out = Self { label: String::new(), scale, named: axis.named.clone() };
         out.label = label(&axis.label, &out.marks(most).0);
         out
     }
@@ -133,9 +129,7 @@ impl Ramp {
         Self {
             label: bar.label.clone(),
             ticks: bar.ticks.clone(),
-            colours: RgbImage::from_fn(1, STEPS, |_, y| {
-                (bar.colour)(1.0 - (y as f32 + 0.5) / STEPS as f32)
-            }),
+            colours: RgbImage::from_fn(1, STEPS, |_, y| (bar.colour)(1.0 - (y as f32 + 0.5) / STEPS as f32)),
         }
     }
 }
@@ -147,15 +141,7 @@ impl Tile {
     }
 
     fn images(cells: Vec<(RgbImage, String)>, columns: usize) -> Self {
-        Self {
-            cells,
-            columns: columns.max(1),
-            axes: None,
-            bar: None,
-            chart: None,
-            aspect: None,
-            white: None,
-        }
+        Self { cells, columns: columns.max(1), axes: None, bar: None, chart: None, aspect: None, white: None }
     }
 
     /// Sets the value shown as white.
@@ -233,21 +219,13 @@ fn of_mueller(view: &MuellerView, panel: &Panel) -> Result<Tile, FigureError> {
         (image, format!("{}{}", i / 4, i % 4))
     };
     let bar = mueller::bar(view.normalized, grid.limit.value());
-    Ok(Tile::images((0..16).map(cell).collect(), 4)
-        .with_white(grid.white)
-        .with_bar(Ramp::of(&bar)))
+    Ok(Tile::images((0..16).map(cell).collect(), 4).with_white(grid.white).with_bar(Ramp::of(&bar)))
 }
 
 fn of_map(content: &map::Content) -> Tile {
-    let axis = |label: &str, coords: &[f64]| Scaled {
-        label: label.to_owned(),
-        coords: coords.to_vec(),
-    };
+    let axis = |label: &str, coords: &[f64]| Scaled { label: label.to_owned(), coords: coords.to_vec() };
     let mut tile = Tile::image(content.image()).with_bar(Ramp::of(&content.bar()));
-    tile.axes = Some([
-        axis("camera column [pixel]", content.xs),
-        axis(content.label, content.ups),
-    ]);
+    tile.axes = Some([axis("camera column [pixel]", content.xs), axis(content.label, content.ups)]);
     tile.aspect = Some(1.0);
     tile
 }
@@ -304,11 +282,7 @@ fn lines(chart: &Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Fig
 pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Result<Tile, FigureError> {
     let raster = Raster::new(name, width, values.iter().map(|v| [*v]).collect())?;
     let must = |ok: bool, option, value: f32| {
-        if ok {
-            Ok(())
-        } else {
-            Err(FigureError::option(option, value, "finite, and a valid range"))
-        }
+        if ok { Ok(()) } else { Err(FigureError::option(option, value, "finite, and a valid range")) }
     };
     Ok(match scale {
         Scale::Linear { low, high } => {
@@ -318,17 +292,13 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
             let label = labelled(name, &ticks);
             let bar = Bar::new(label, ticks, &sequential);
             let image = raster.image(|[v]| sequential((v - low) / span));
-            Tile::image(image)
-                .with_white(White::Value(high))
-                .with_bar(Ramp::of(&bar))
+            Tile::image(image).with_white(White::Value(high)).with_bar(Ramp::of(&bar))
         }
         Scale::Signed { limit } => {
             must(limit.is_finite() && limit > 0.0, "limits", limit)?;
             let bar = Bar::signed(limit.into(), |ticks| labelled(name, ticks));
             let image = raster.image(|[v]| signed(v / limit));
-            Tile::image(image)
-                .with_white(White::Value(limit))
-                .with_bar(Ramp::of(&bar))
+            Tile::image(image).with_white(White::Value(limit)).with_bar(Ramp::of(&bar))
         }
         Scale::Angle { period } => {
             must(period.is_finite() && period > 0.0, "limits", period)?;
@@ -338,13 +308,9 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
             let image = raster.image(|[v]| colour::cyclic(v / period));
             Tile::image(image).with_bar(Ramp::of(&bar))
         }
-        Scale::Things => Tile::image(raster.image(|[v]| {
-            if v.is_finite() && v >= 0.0 {
-                palette(v as usize)
-            } else {
-                UNDEFINED
-            }
-        })),
+        Scale::Things => Tile::image(
+            raster.image(|[v]| if v.is_finite() && v >= 0.0 { palette(v as usize) } else { UNDEFINED }),
+        ),
     })
 }
 

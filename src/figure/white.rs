@@ -23,7 +23,6 @@ impl White {
 impl From<Option<f32>> for White {
     /// Returns `Nothing` unless there is a finite positive number.
     fn from(v: Option<f32>) -> Self {
-        v.filter(|v| *v > 0.0 && v.is_finite())
-            .map_or(Self::Nothing, Self::Value)
+        v.filter(|v| *v > 0.0 && v.is_finite()).map_or(Self::Nothing, Self::Value)
     }
 }

@@ -46,11 +46,8 @@ impl<'a> Data<'a> {
         for (i, buffer) in root.buffers.iter().enumerate() {
             // Fallbacks of compressed views are not needed and can be empty.
             let extensions = buffer.extensions.as_ref().map(|e| &e.others);
-            let is_fallback = |name: &&str| {
-                extensions
-                    .and_then(|e| e.get(*name))
-                    .is_some_and(|v| v["fallback"] == true)
-            };
+            let is_fallback =
+                |name: &&str| extensions.and_then(|e| e.get(*name)).is_some_and(|v| v["fallback"] == true);
             let is_absent = || {
                 let mut views = root.buffer_views.iter().filter(|v| v.buffer.value() == i);
                 let has_bytes = buffer.uri.is_some() || i == 0 && blob.is_some();
@@ -94,12 +91,7 @@ impl<'a> Data<'a> {
                 views.insert(i, bytes);
             }
         }
-        let mut data = Self {
-            root,
-            buffers,
-            views,
-            elements: BTreeMap::new(),
-        };
+        let mut data = Self { root, buffers, views, elements: BTreeMap::new() };
         data.elements = draco::decode(root, |view| data.view(view))?;
         Ok(data)
     }
@@ -115,9 +107,7 @@ impl<'a> Data<'a> {
         match component(json) {
             Some(ComponentType::U8 | ComponentType::U16 | ComponentType::U32) => {}
             _ => {
-                return Err(broken(format!(
-                    "accessor {accessor} does not contain unsigned indices"
-                )));
+                return Err(broken(format!("accessor {accessor} does not contain unsigned indices")));
             }
         }
         let values = self.gather::<u32, 1>(accessor, |t, _, b| decode_unsigned(t, b))?;
@@ -192,12 +182,7 @@ impl<'a> Data<'a> {
             };
             let (at, data) = (&sparse.indices, &sparse.values);
             let targets = self
-                .elements(
-                    at.buffer_view.value(),
-                    at.byte_offset.0,
-                    changes,
-                    target_type.0.size(),
-                )
+                .elements(at.buffer_view.value(), at.byte_offset.0, changes, target_type.0.size())
                 .ok_or_else(outside)?;
             let changed = self
                 .elements(data.buffer_view.value(), data.byte_offset.0, changes, size * N)
@@ -242,18 +227,14 @@ impl<'a> Data<'a> {
 
 fn compression(view: &View) -> Option<(&'static str, &Value)> {
     let extensions = &view.extensions.as_ref()?.others;
-    MESHOPT
-        .into_iter()
-        .find_map(|name| Some((name, extensions.get(name)?)))
+    MESHOPT.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
 }
 
 /// Decompresses a view; returns `None` if that fails. Filters of colours, which are not used, are not
 /// reversed.
 fn decompressed(extension: &Value, buffers: &[Cow<[u8]>]) -> Option<Vec<u8>> {
     let number = |key: &str| usize::try_from(extension[key].as_u64()?).ok();
-    let start = extension
-        .get("byteOffset")
-        .map_or(Some(0), |_| number("byteOffset"))?;
+    let start = extension.get("byteOffset").map_or(Some(0), |_| number("byteOffset"))?;
     let end = start.checked_add(number("byteLength")?)?;
     let bytes = buffers.get(number("buffer")?)?.get(start..end)?;
     let mode = match extension["mode"].as_str()? {
@@ -305,10 +286,7 @@ fn decode_unsigned(t: ComponentType, b: &[u8]) -> u32 {
 fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, ImportError> {
     let Some(base) = base else {
         let what = format!("buffer {uri:?} is in an external file");
-        return Err(ImportError::unsupported(
-            what,
-            "load the document from disk, or embed its buffers",
-        ));
+        return Err(ImportError::unsupported(what, "load the document from disk, or embed its buffers"));
     };
     let name = percent_decoded(uri)
         .ok_or_else(|| broken(format!("the buffer URI {uri:?} is not a valid file name")))?;

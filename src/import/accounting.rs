@@ -10,9 +10,7 @@ use serde_json::{Value, json};
 const FILES: u64 = 250;
 
 fn word(rng: &mut Pcg64Mcg) -> String {
-    let letters: String = (0..6)
-        .map(|_| char::from(rng.random_range(b'a'..=b'z')))
-        .collect();
+    let letters: String = (0..6).map(|_| char::from(rng.random_range(b'a'..=b'z'))).collect();
     format!("x{letters}")
 }
 
@@ -22,10 +20,7 @@ fn accounted(parsed: &Result<Model, ImportError>, name: &str, file: &dyn std::fm
         Ok(model) => model.notes.iter().any(|note| note.contains(name)),
         Err(error) => error.to_string().contains(name),
     };
-    assert!(
-        is_named,
-        "{name} is neither noted nor refused: {parsed:?} of {file:?}"
-    );
+    assert!(is_named, "{name} is neither noted nor refused: {parsed:?} of {file:?}");
 }
 
 #[test]
@@ -43,11 +38,9 @@ fn obj() {
             2 => ("vt 0.5 0.5 0.5".to_owned(), "third coordinate"),
             3 => ("vn 0 0 1 5".to_owned(), "surplus"),
             4 => {
-                let known = *[
-                    "l", "p", "curv", "surf", "lod", "bevel", "usemap", "call", "csh", "mg",
-                ]
-                .choose(rng)
-                .unwrap();
+                let known = *["l", "p", "curv", "surf", "lod", "bevel", "usemap", "call", "csh", "mg"]
+                    .choose(rng)
+                    .unwrap();
                 (format!("{known} 1"), known)
             }
             5 => ("f 1 2 3".to_owned(), "texture coordinates"),
@@ -55,11 +48,7 @@ fn obj() {
         };
         let mut all: Vec<&str> = lines.split('\n').collect();
         // Insert vertices at the end, since they change the numbers of later ones.
-        let at = if line.starts_with('v') {
-            all.len()
-        } else {
-            rng.random_range(0..=all.len())
-        };
+        let at = if line.starts_with('v') { all.len() } else { rng.random_range(0..=all.len()) };
         all.insert(at, &line);
         let text = all.join("\n");
         accounted(&parse_obj(text.as_bytes()), name, &text);
@@ -71,9 +60,7 @@ fn ply() {
     for seed in 0..FILES {
         let rng = &mut Pcg64Mcg::seed_from_u64(seed);
         let name = word(rng);
-        let kinds = [
-            "char", "uint8", "short", "uint16", "int32", "uint", "float", "double",
-        ];
+        let kinds = ["char", "uint8", "short", "uint16", "int32", "uint", "float", "double"];
         let kind = kinds.choose(rng).unwrap();
         let is_list = rng.random::<bool>();
         let property = if is_list {
@@ -99,9 +86,7 @@ fn ply() {
             }
         }
         let [a, b, c, d] = header;
-        let rows: String = ["0 0 0", "1 0 0", "0 1 0"]
-            .map(|v| format!("{v}{vertex}\n"))
-            .concat();
+        let rows: String = ["0 0 0", "1 0 0", "0 1 0"].map(|v| format!("{v}{vertex}\n")).concat();
         let text = format!(
             "ply\nformat ascii 1.0\n{d}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n{a}\
              element face 1\nproperty list uchar int vertex_indices\n{b}{c}end_header\n{rows}3 0 1 2{face}\n{more}\n"
@@ -113,12 +98,7 @@ fn ply() {
 #[test]
 fn gltf() {
     let sample: Value = serde_json::from_slice(&gltf_tests::sample_gltf()).unwrap();
-    assert!(
-        parse_gltf(sample.to_string().as_bytes(), None)
-            .unwrap()
-            .notes
-            .is_empty()
-    );
+    assert!(parse_gltf(sample.to_string().as_bytes(), None).unwrap().notes.is_empty());
     // Objects that the importer reads; materials and their parts are tested with the materials.
     let places = [
         "",
@@ -149,11 +129,7 @@ fn gltf() {
         match rng.random_range(0..4) {
             0 if place != "/meshes/0/primitives/0/attributes" => object["extensions"] = json!({&name: value}),
             1 => {
-                let list = if rng.random() {
-                    "extensionsRequired"
-                } else {
-                    "animations"
-                };
+                let list = if rng.random() { "extensionsRequired" } else { "animations" };
                 if list == "animations" {
                     document[list] = json!([{"channels": []}]);
                     name = list.into();
@@ -169,10 +145,6 @@ fn gltf() {
             _ if place.ends_with("attributes") => object[format!("_{name}")] = json!(0),
             _ => object[&name] = value,
         }
-        accounted(
-            &parse_gltf(document.to_string().as_bytes(), None),
-            &name,
-            &document,
-        );
+        accounted(&parse_gltf(document.to_string().as_bytes(), None), &name, &document);
     }
 }

@@ -117,10 +117,7 @@ impl Appearance {
             model,
             base: [1.0; 3],
             image: None,
-            coat: (model == Model::Gltf).then_some(Coat {
-                ior: 1.5,
-                colour: [1.0; 3],
-            }),
+            coat: (model == Model::Gltf).then_some(Coat { ior: 1.5, colour: [1.0; 3] }),
             metallic: 0.0,
             alpha: 1.0,
             metallic_roughness: None,

@@ -48,16 +48,13 @@ pub(super) fn columns(element: &Element, name: &str) -> Option<([usize; 3], f32)
         .then(|| colour("").or_else(|| all("", ["red", "green", "blue"])))
         .flatten()
         .or_else(|| {
-            name.strip_suffix("color")
-                .and_then(|prefix| (!prefix.is_empty()).then(|| colour(prefix))?)
+            name.strip_suffix("color").and_then(|prefix| (!prefix.is_empty()).then(|| colour(prefix))?)
         })
         .or_else(|| all(&prefixed, ["0", "1", "2"]))
         .or_else(|| all(&prefixed, ["1", "2", "3"]))
         .or_else(|| all(&prefixed, ["x", "y", "z"]))
         .or_else(|| {
-            let one = ["0", "1", "x", "r"]
-                .iter()
-                .find_map(|end| find(format!("{prefixed}{end}")))?;
+            let one = ["0", "1", "x", "r"].iter().find_map(|end| find(format!("{prefixed}{end}")))?;
             Some([one; 3])
         })?;
     let full = match element.properties[found[0]].kind {

@@ -31,10 +31,7 @@ fn values_stay_with_their_triangles() {
     let text = file(VERTEX, FACE);
     let faces = corners(&text, "face_tint");
     let (quadrangle, last) = ([[0.5, 0.6, 0.7]; 3], [[0.1, 0.2, 0.3]; 3]);
-    assert_eq!(
-        (faces.coloured, faces.values),
-        (true, vec![quadrangle, quadrangle, last])
-    );
+    assert_eq!((faces.coloured, faces.values), (true, vec![quadrangle, quadrangle, last]));
     let vertices = corners(&text, "vertex_color");
     let reds: Vec<[f32; 3]> = vertices.values.iter().map(|t| t.map(|c| c[0])).collect();
     let of = |triangle: [u32; 3]| triangle.map(|i| 0.25 * i as f32);
@@ -56,21 +53,11 @@ fn columns_are_found_by_their_names() {
         (["n_x", "n_y", "n_z"], "vertex_n"),
     ] {
         let found = corners(&file(&of(columns), FACE), name);
-        assert_eq!(
-            (found.coloured, found.values[0][0]),
-            (true, [0.0, 0.1, 0.2]),
-            "{columns:?}"
-        );
+        assert_eq!((found.coloured, found.values[0][0]), (true, [0.0, 0.1, 0.2]), "{columns:?}");
     }
     let one = corners(&file(&of(["weight_0", "u", "v"]), FACE), "vertex_weight");
-    assert_eq!(
-        (one.coloured, one.values[2]),
-        (false, [[0.25; 3], [1.0; 3], [0.5; 3]])
-    );
-    let bytes = file(
-        "property uchar red\nproperty uchar green\nproperty uchar blue\n",
-        FACE,
-    );
+    assert_eq!((one.coloured, one.values[2]), (false, [[0.25; 3], [1.0; 3], [0.5; 3]]));
+    let bytes = file("property uchar red\nproperty uchar green\nproperty uchar blue\n", FACE);
     let bytes = bytes
         .replace("0.1 0.2\n", "51 255\n")
         .replace("0.25 ", "0 ")
@@ -87,9 +74,7 @@ fn attributes_that_are_not_there_are_named() {
         ("face_color", "no attribute \"face_color\""),
         ("vertex_tint", "no attribute \"vertex_tint\""),
     ] {
-        let message = parse_ply_attribute(text.as_bytes(), name)
-            .unwrap_err()
-            .to_string();
+        let message = parse_ply_attribute(text.as_bytes(), name).unwrap_err().to_string();
         assert!(message.contains(what), "{message}");
     }
 }

@@ -18,11 +18,7 @@ const DRAWN: u32 = 48;
 /// relative index `eta`.
 #[must_use]
 pub fn coat_albedo(eta: f64, alpha: f64, masking: Masking) -> f64 {
-    let model = Microfacet {
-        distribution: Distribution::Ggx,
-        masking,
-        alpha: alpha.max(0.001) as f32,
-    };
+    let model = Microfacet { distribution: Distribution::Ggx, masking, alpha: alpha.max(0.001) as f32 };
     let eta = Spectral::splat(eta as f32);
     f64::from(coat::reflected(&model, eta, Vec3A::Z.z, DRAWN).to_array()[0])
 }
@@ -75,16 +71,8 @@ mod tests {
         let specified = [0.204, 0.492, 0.780];
         let disney = [0.220, 0.530, 0.840];
         for (factor, coat, want) in [
-            (
-                gltf(1.5, 1.0),
-                coat_albedo(1.5, 1.0, Masking::Correlated),
-                specified,
-            ),
-            (
-                principled(1.5, 1.0),
-                coat_albedo(1.5, 1.0, Masking::Separable),
-                disney,
-            ),
+            (gltf(1.5, 1.0), coat_albedo(1.5, 1.0, Masking::Correlated), specified),
+            (principled(1.5, 1.0), coat_albedo(1.5, 1.0, Masking::Separable), disney),
         ] {
             for (base, want) in [0.2, 0.5, 0.8].into_iter().zip(want) {
                 let got = coat + factor * base * (1.0 - coat);

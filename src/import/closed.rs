@@ -16,10 +16,8 @@ impl Inside {
     #[must_use]
     pub fn new(meshes: &[&mut Mesh]) -> Self {
         let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
-        let triangles: Vec<[DVec3; 3]> = meshes
-            .iter()
-            .flat_map(|m| m.indices.iter().map(|t| t.map(|i| corner(m, i))))
-            .collect();
+        let triangles: Vec<[DVec3; 3]> =
+            meshes.iter().flat_map(|m| m.indices.iter().map(|t| t.map(|i| corner(m, i)))).collect();
         let all = triangles.iter().flatten();
         let low = all.clone().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = all.copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -95,10 +93,7 @@ impl Welded {
             });
             list.collect()
         });
-        Self {
-            ids: ids.collect(),
-            places,
-        }
+        Self { ids: ids.collect(), places }
     }
 
     /// Returns the triangles of all meshes except those that merging makes degenerate.
@@ -122,11 +117,7 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let mut edges: HashMap<(u32, u32), (i32, u32)> = HashMap::new();
     for [a, b, c] in welded.triangles(meshes) {
         for (from, to) in [(a, b), (b, c), (c, a)] {
-            let (edge, way) = if from < to {
-                ((from, to), 1)
-            } else {
-                ((to, from), -1)
-            };
+            let (edge, way) = if from < to { ((from, to), 1) } else { ((to, from), -1) };
             let entry = edges.entry(edge).or_default();
             entry.0 += way;
             entry.1 += 1;
@@ -135,11 +126,7 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let bad: Vec<_> = edges.iter().filter(|(_, (balance, _))| *balance != 0).collect();
     let (edge, (_, count)) = bad.iter().min_by_key(|(edge, _)| **edge)?;
     let point = |id: u32| format!("{:?}", welded.places[id as usize].as_vec3().to_array());
-    let what = if count % 2 == 1 {
-        "the surface is open"
-    } else {
-        "the triangles have inconsistent winding"
-    };
+    let what = if count % 2 == 1 { "the surface is open" } else { "the triangles have inconsistent winding" };
     Some(format!(
         "{what} at {} of {} edges, for example from {} to {}",
         bad.len(),
@@ -208,10 +195,7 @@ pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
         .map(|(id, _)| *id)
         .collect();
     for (mesh, list) in meshes.iter_mut().zip(&corners) {
-        let turned: Vec<bool> = list
-            .iter()
-            .map(|t| inward.contains(&root(&mut parents, t[0])))
-            .collect();
+        let turned: Vec<bool> = list.iter().map(|t| inward.contains(&root(&mut parents, t[0]))).collect();
         let mut vertices = vec![false; mesh.positions.len()];
         for (t, turned) in mesh.indices.iter_mut().zip(turned) {
             if turned {

@@ -63,15 +63,8 @@ pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes,
         }
         if sweep.mesh.indices.len() <= MOST {
             let Sweep { mesh, deviation, .. } = sweep;
-            mesh.validate().map_err(|cause| ImportProblem::Mesh {
-                name: String::new(),
-                cause,
-            })?;
-            return Ok(Tubes {
-                mesh,
-                sides,
-                deviation,
-            });
+            mesh.validate().map_err(|cause| ImportProblem::Mesh { name: String::new(), cause })?;
+            return Ok(Tubes { mesh, sides, deviation });
         }
     }
     Err(ImportError::unsupported(
@@ -91,10 +84,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
         let wrong = |what: String| Err(ImportError::malformed(what, FIX).at_line(number));
         let values: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
         let Some(&[x, y, z, radius]) = values.as_deref() else {
-            return wrong(format!(
-                "expected four numbers (x y z radius), got `{}`",
-                line.trim()
-            ));
+            return wrong(format!("expected four numbers (x y z radius), got `{}`", line.trim()));
         };
         let p = place.transform_point3(DVec3::new(x, y, z));
         if !p.as_vec3().is_finite() || !(radius as f32).is_finite() {
@@ -112,11 +102,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     let least = if kind == Kind::BSpline { 4 } else { 2 };
     match curves.iter().position(|c| c.len() < least) {
         Some(i) => Err(ImportError::malformed(
-            format!(
-                "curve {} has {} points, expected at least {least}",
-                i + 1,
-                curves[i].len()
-            ),
+            format!("curve {} has {} points, expected at least {least}", i + 1, curves[i].len()),
             FIX,
         )),
         None if curves.is_empty() => Err(ImportProblem::EmptyFile.into()),
@@ -174,9 +160,7 @@ impl Sweep {
             let turn = (k + shift).rem_euclid(i64::from(self.sides)) as f64 / f64::from(self.sides) * TAU;
             let e = radial * turn.cos() + rotated * turn.sin();
             let normal = (e * (ring.q - ring.w.dot(e)).max(1e-3 * ring.q) - ring.s).normalize_or(e);
-            self.mesh
-                .positions
-                .push((ring.center + e * (ring.radius * self.corner)).as_vec3());
+            self.mesh.positions.push((ring.center + e * (ring.radius * self.corner)).as_vec3());
             self.mesh.normals.push(normal.as_vec3());
             self.mesh.uvs.push(Vec2::new(u as f32, ring.v as f32));
         }
@@ -200,11 +184,7 @@ impl Sweep {
                 for corners in [[p, q, r], [p, r, s]] {
                     let [x, y, z] = corners.map(|i| self.mesh.positions[i as usize]);
                     let flat = (y - x).as_dvec3().cross((z - x).as_dvec3()) == DVec3::ZERO;
-                    let unseen = || {
-                        corners
-                            .iter()
-                            .all(|i| hidden(self.mesh.normals[*i as usize].as_dvec3()))
-                    };
+                    let unseen = || corners.iter().all(|i| hidden(self.mesh.normals[*i as usize].as_dvec3()));
                     if !flat && !unseen() {
                         self.mesh.indices.push(corners);
                     }
@@ -228,20 +208,14 @@ impl Sweep {
             for k in 0..8 {
                 let v = f64::from(k) / 8.0;
                 let [a, b] = [v, v + 0.125].map(|v| derivatives(&p, v)[0].truncate());
-                turned += if a == DVec3::ZERO || b == DVec3::ZERO {
-                    0.0
-                } else {
-                    a.angle_between(b)
-                };
+                turned += if a == DVec3::ZERO || b == DVec3::ZERO { 0.0 } else { a.angle_between(b) };
                 let axis = (at(1.0) - at(0.0)).truncate().normalize_or_zero();
                 let from = at(v) - chord(v);
                 off = off.max(from.truncate().reject_from_normalized(axis).length() + from.w.abs());
                 thickest = thickest.max(at(v).w);
             }
             // With n pieces the chord distance is n² times smaller.
-            let wanted = (off / (CHORD * thickest.max(1e-3 * off)))
-                .sqrt()
-                .max(turned / TURN);
+            let wanted = (off / (CHORD * thickest.max(1e-3 * off))).sqrt().max(turned / TURN);
             let pieces = wanted.ceil().clamp(1.0, PIECES);
             bend = bend.max(off / (pieces * pieces));
             let from = u32::from(i > 0);
@@ -266,10 +240,7 @@ impl Sweep {
             if ring.tangent == DVec3::ZERO {
                 let Some(tangent) = last else {
                     let what = "all points of a curve coincide";
-                    return Err(ImportError::malformed(
-                        what,
-                        "remove the curve, or correct its points",
-                    ));
+                    return Err(ImportError::malformed(what, "remove the curve, or correct its points"));
                 };
                 (ring.tangent, ring.q, ring.w, ring.s) = (tangent, 1.0, DVec3::ZERO, DVec3::ZERO);
             }
@@ -322,24 +293,15 @@ impl Sweep {
             };
             let steps = ((to - from) / TAU * f64::from(self.sides)).ceil().max(1.0) as u32;
             let latitude = |k: u32| {
-                if k == steps {
-                    to
-                } else {
-                    from + (to - from) * f64::from(k) / f64::from(steps)
-                }
+                if k == steps { to } else { from + (to - from) * f64::from(k) / f64::from(steps) }
             };
             let rings: Vec<Ring> = (0..=steps).map(|k| ring(sphere, tangent, latitude(k))).collect();
             let joint = incoming.and(outgoing);
             let sagitta = (TAU / 2.0 / f64::from(self.sides)).sin().powi(2);
             self.deviation = self.deviation.max(sphere.0.w * sagitta);
-            self.join(&rings, |n| {
-                joint.is_some_and(|(t, latitude)| n.dot(t) >= latitude.sin() - 1e-6)
-            });
+            self.join(&rings, |n| joint.is_some_and(|(t, latitude)| n.dot(t) >= latitude.sin() - 1e-6));
             if let Some((t, latitude)) = outgoing {
-                self.join(
-                    &[ring(sphere, t, latitude), ring(spheres[i + 1], t, latitude)],
-                    |_| false,
-                );
+                self.join(&[ring(sphere, t, latitude), ring(spheres[i + 1], t, latitude)], |_| false);
             }
         }
     }

@@ -6,10 +6,7 @@ use std::f64::consts::TAU;
 use transport::geometry::mesh::Mesh;
 
 fn text(points: &[[f64; 4]]) -> String {
-    points
-        .iter()
-        .map(|[x, y, z, r]| format!("{x} {y} {z} {r}\n"))
-        .collect()
+    points.iter().map(|[x, y, z, r]| format!("{x} {y} {z} {r}\n")).collect()
 }
 
 /// Returns the area, and the volume if the mesh is closed.
@@ -43,13 +40,7 @@ fn a_straight_spline_is_a_cylinder_or_a_cone() {
     // Segments span the second to the second-last point.
     for direction in [DVec3::X, DVec3::Z, DVec3::new(1.0, 2.0, -3.0).normalize()] {
         let at = |k: f64, r: f64| (direction * k).extend(r).to_array();
-        let tube = text(&[
-            at(0.0, 0.1),
-            at(1.0, 0.1),
-            at(2.0, 0.1),
-            at(3.0, 0.1),
-            at(4.0, 0.1),
-        ]);
+        let tube = text(&[at(0.0, 0.1), at(1.0, 0.1), at(2.0, 0.1), at(3.0, 0.1), at(4.0, 0.1)]);
         let made = parse_curves(tube.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap();
         near(measures(&made.mesh)[0], TAU * 0.1 * 2.0, 1e-4);
         normals_agree(&made.mesh);
@@ -85,9 +76,7 @@ fn a_circle_is_a_torus() {
 #[test]
 fn linear_curves_have_spheres_at_their_points() {
     let made = |points: &[[f64; 4]]| {
-        parse_curves(text(points).as_bytes(), Kind::Linear, &DAffine3::IDENTITY)
-            .unwrap()
-            .mesh
+        parse_curves(text(points).as_bytes(), Kind::Linear, &DAffine3::IDENTITY).unwrap().mesh
     };
     // Capsule.
     let capsule = made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
@@ -96,12 +85,8 @@ fn linear_curves_have_spheres_at_their_points() {
     near(volume, TAU / 2.0 * 0.25 * (2.0 + 4.0 / 3.0 * 0.5), 1e-2);
     normals_agree(&capsule);
     // A joint on a straight line does not change the area, nor do duplicate points.
-    let straight = made(&[
-        [0.0, 0.0, 0.0, 0.5],
-        [0.0, 1.0, 0.0, 0.5],
-        [0.0, 1.0, 0.0, 0.5],
-        [0.0, 2.0, 0.0, 0.5],
-    ]);
+    let straight =
+        made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
     near(measures(&straight)[0], area, 2e-2);
     // Two spheres and the cone tangent to both: sin α = 0.25.
     let cone = made(&[[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.25]]);
@@ -115,16 +100,10 @@ fn linear_curves_have_spheres_at_their_points() {
 
 #[test]
 fn texture_coordinates_run_around_and_along() {
-    let lines = text(&[
-        [0.0, 0.0, 0.0, 1.0],
-        [1.0, 0.0, 0.0, 1.0],
-        [2.0, 0.0, 0.0, 1.0],
-        [3.0, 0.0, 0.0, 1.0],
-    ]);
+    let lines =
+        text(&[[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [2.0, 0.0, 0.0, 1.0], [3.0, 0.0, 0.0, 1.0]]);
     let two = format!("{lines}\n\n{lines}");
-    let mesh = parse_curves(two.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY)
-        .unwrap()
-        .mesh;
+    let mesh = parse_curves(two.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap().mesh;
     for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
         // Along x, Mitsuba's u is 0 at y and 1/4 at z.
         let angle = f64::from(uv.x) * TAU;

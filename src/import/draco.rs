@@ -59,11 +59,7 @@ pub(super) fn decode<'a>(
             if let Some(accessor) = primitive.indices {
                 let faces = stream.faces().as_flattened();
                 let bytes = faces.iter().flat_map(|point| point.0.to_le_bytes()).collect();
-                let indices = Elements {
-                    component: ComponentType::U32,
-                    count: faces.len(),
-                    bytes,
-                };
+                let indices = Elements { component: ComponentType::U32, count: faces.len(), bytes };
                 out.insert(accessor.value(), indices);
             }
             for (semantic, accessor) in &primitive.attributes {
@@ -120,9 +116,5 @@ fn elements(attribute: &PointAttribute, points: usize) -> Option<Elements> {
         let start = attribute.mapped_index(PointIndex(point)).0 as usize * stride;
         bytes.extend_from_slice(values.get(start..start + size)?);
     }
-    Some(Elements {
-        component,
-        count: points,
-        bytes,
-    })
+    Some(Elements { component, count: points, bytes })
 }

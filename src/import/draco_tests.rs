@@ -32,21 +32,12 @@ const POSITIONS: [Vec3; 6] = [
     vec3(8., 1., 0.),
 ];
 const NORMALS: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::Z];
-const UVS: [Vec2; 6] = [
-    vec2(0., 0.),
-    vec2(0.5, 0.),
-    vec2(1., 0.25),
-    vec2(0., 1.),
-    vec2(0.5, 0.75),
-    vec2(1., 1.),
-];
+const UVS: [Vec2; 6] =
+    [vec2(0., 0.), vec2(0.5, 0.), vec2(1., 0.25), vec2(0., 1.), vec2(0.5, 0.75), vec2(1., 1.)];
 const TRIANGLES: [[u32; 3]; 5] = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 5, 2]];
 
 fn stream(hex: &str) -> Vec<u8> {
-    let digits: Vec<u8> = hex
-        .bytes()
-        .map(|b| (b as char).to_digit(16).unwrap() as u8)
-        .collect();
+    let digits: Vec<u8> = hex.bytes().map(|b| (b as char).to_digit(16).unwrap() as u8).collect();
     digits.as_chunks().0.iter().map(|[a, b]| a << 4 | b).collect()
 }
 
@@ -97,11 +88,7 @@ fn both_kinds_of_connectivity_give_the_mesh_that_was_compressed() {
             .map(|p| POSITIONS.iter().position(|q| p.abs_diff_eq(*q, 2.5e-4)).unwrap())
             .collect();
         for (i, &k) in original.iter().enumerate() {
-            assert!(
-                mesh.normals[i].abs_diff_eq(NORMALS[k], 2e-3),
-                "{:?}",
-                mesh.normals[i]
-            );
+            assert!(mesh.normals[i].abs_diff_eq(NORMALS[k], 2e-3), "{:?}", mesh.normals[i]);
             let uv = vec2(UVS[k].x, 1.0 - UVS[k].y);
             assert!(mesh.uvs[i].abs_diff_eq(uv, 1.3e-4), "{:?}", mesh.uvs[i]);
         }
@@ -110,11 +97,8 @@ fn both_kinds_of_connectivity_give_the_mesh_that_was_compressed() {
             t.rotate_left(least);
             t
         };
-        let mut triangles: Vec<_> = mesh
-            .indices
-            .iter()
-            .map(|t| first(t.map(|i| original[i as usize] as u32)))
-            .collect();
+        let mut triangles: Vec<_> =
+            mesh.indices.iter().map(|t| first(t.map(|i| original[i as usize] as u32))).collect();
         triangles.sort_unstable();
         let mut expected = TRIANGLES.map(first);
         expected.sort_unstable();
@@ -128,11 +112,7 @@ fn values_that_are_also_there_uncompressed_are_used() {
     let length = bytes.len();
     bytes.resize(length.next_multiple_of(4), 0);
     let start = bytes.len();
-    bytes.extend(
-        [0., 0., 0., 1., 0., 0., 0., 1., 0.0_f32]
-            .iter()
-            .flat_map(|x| x.to_le_bytes()),
-    );
+    bytes.extend([0., 0., 0., 1., 0., 0., 0., 1., 0.0_f32].iter().flat_map(|x| x.to_le_bytes()));
     let mut document = document(bytes.len(), IDS);
     document["extensionsRequired"] = json!([]);
     document["bufferViews"] =
@@ -152,33 +132,13 @@ fn faults_are_named() {
         assert!(message.contains(word), "{path}: {message}");
     };
     let extension = format!("/meshes/0/primitives/0/extensions/{DRACO}");
-    fails(
-        &format!("{extension}/attributes/NORMAL"),
-        json!(7),
-        "does not contain its NORMAL",
-    );
-    fails(
-        &format!("{extension}/attributes/NORMAL"),
-        json!("x"),
-        "does not contain its NORMAL",
-    );
-    fails(
-        &format!("{extension}/attributes/POSITION"),
-        json!(0),
-        "does not match the compressed data",
-    );
+    fails(&format!("{extension}/attributes/NORMAL"), json!(7), "does not contain its NORMAL");
+    fails(&format!("{extension}/attributes/NORMAL"), json!("x"), "does not contain its NORMAL");
+    fails(&format!("{extension}/attributes/POSITION"), json!(0), "does not match the compressed data");
     fails(&format!("{extension}/bufferView"), json!(1), "beyond its buffer");
     fails(&extension, json!({}), "no buffer view");
     fails("/bufferViews/0/byteLength", json!(100), "cannot be decoded");
-    fails(
-        "/accessors/0/count",
-        json!(5),
-        "does not match the compressed data",
-    );
-    fails(
-        "/accessors/3/count",
-        json!(12),
-        "does not match the compressed data",
-    );
+    fails("/accessors/0/count", json!(5), "does not match the compressed data");
+    fails("/accessors/3/count", json!(12), "does not match the compressed data");
     fails("/meshes/0/primitives/0/mode", json!(6), "the mode TRIANGLES");
 }

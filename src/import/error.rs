@@ -65,11 +65,7 @@ impl std::error::Error for ImportError {
 
 impl From<ImportProblem> for ImportError {
     fn from(problem: ImportProblem) -> Self {
-        Self {
-            file: None,
-            line: None,
-            problem,
-        }
+        Self { file: None, line: None, problem }
     }
 }
 

@@ -50,25 +50,12 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let materials = material_names(&document);
     // Parts that are not read must not cause an error.
     if let Some(top) = document.as_object_mut() {
-        for key in [
-            "animations",
-            "cameras",
-            "materials",
-            "textures",
-            "images",
-            "samplers",
-            "extensions",
-        ] {
+        for key in ["animations", "cameras", "materials", "textures", "images", "samplers", "extensions"] {
             top.remove(key);
         }
     }
     // A scene without nodes is empty (section 3.5.1).
-    for scene in document
-        .get_mut("scenes")
-        .and_then(Value::as_array_mut)
-        .into_iter()
-        .flatten()
-    {
+    for scene in document.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {
             scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
         }
@@ -85,22 +72,16 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
         triangles: 0,
     };
     importer.walk()?;
-    importer
-        .parts
-        .end("export a scene whose nodes have triangle meshes")
+    importer.parts.end("export a scene whose nodes have triangle meshes")
 }
 
 /// Returns the file names of a document's external buffers, as far as the document is readable.
 #[must_use]
 pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
-    let root = container(bytes)
-        .ok()
-        .and_then(|(json, _)| Root::from_slice(&json).ok());
+    let root = container(bytes).ok().and_then(|(json, _)| Root::from_slice(&json).ok());
     let buffers = root.map(|root| root.buffers).unwrap_or_default();
     let uris = buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
-    uris.filter(|uri| !uri.contains(':'))
-        .filter_map(percent_decoded)
-        .collect()
+    uris.filter(|uri| !uri.contains(':')).filter_map(percent_decoded).collect()
 }
 
 /// Bytes of a file, or decoded from it.
@@ -182,10 +163,7 @@ impl Importer<'_> {
         stack.reverse();
         let mut visited = vec![false; root.nodes.len()];
         while let Some(index) = stack.pop() {
-            let node = root
-                .nodes
-                .get(index)
-                .ok_or_else(|| broken(format!("node {index} does not exist")))?;
+            let node = root.nodes.get(index).ok_or_else(|| broken(format!("node {index} does not exist")))?;
             if std::mem::replace(&mut visited[index], true) {
                 return Err(broken(format!(
                     "node {index} occurs more than once in the hierarchy (a cycle, or listed as a child twice)"
@@ -194,9 +172,7 @@ impl Importer<'_> {
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
             if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.parts
-                    .notes
-                    .add(format!("{name:?} is invisible; it and its children are skipped"));
+                self.parts.notes.add(format!("{name:?} is invisible; it and its children are skipped"));
                 continue;
             }
             if let Some(mesh) = node.mesh {
@@ -204,11 +180,7 @@ impl Importer<'_> {
             }
             stack.extend(node.children.iter().flatten().rev().map(Index::value));
         }
-        let left = root
-            .nodes
-            .iter()
-            .zip(visited)
-            .filter(|(n, seen)| n.mesh.is_some() && !seen);
+        let left = root.nodes.iter().zip(visited).filter(|(n, seen)| n.mesh.is_some() && !seen);
         let note = "a node with a mesh is skipped: it is not part of the scene";
         self.parts.notes.add_times(note, left.count());
         Ok(())
@@ -262,23 +234,14 @@ impl Importer<'_> {
                 None => Err(broken(format!("{INSTANCING}: {name} is not an accessor"))),
             }
         };
-        let moves = accessor("TRANSLATION")?
-            .map(|i| self.data.floats::<3>(i))
-            .transpose()?;
-        let turns = accessor("ROTATION")?
-            .map(|i| self.data.floats::<4>(i))
-            .transpose()?;
+        let moves = accessor("TRANSLATION")?.map(|i| self.data.floats::<3>(i)).transpose()?;
+        let turns = accessor("ROTATION")?.map(|i| self.data.floats::<4>(i)).transpose()?;
         let scales = accessor("SCALE")?.map(|i| self.data.floats::<3>(i)).transpose()?;
-        let counts = [
-            moves.as_ref().map(Vec::len),
-            turns.as_ref().map(Vec::len),
-            scales.as_ref().map(Vec::len),
-        ];
+        let counts =
+            [moves.as_ref().map(Vec::len), turns.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
         let count = counts.iter().flatten().copied().next().unwrap_or(0);
         if counts.iter().flatten().any(|&c| c != count) || count == 0 {
-            return Err(broken(format!(
-                "{INSTANCING}: the attributes are empty or differ in count"
-            )));
+            return Err(broken(format!("{INSTANCING}: the attributes are empty or differ in count")));
         }
         (0..count)
             .map(|i| {
@@ -336,9 +299,7 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
             continue;
         };
         if out[index].is_some() {
-            return Err(broken(format!(
-                "node {index} is listed as a child more than once"
-            )));
+            return Err(broken(format!("node {index} is listed as a child more than once")));
         }
         let world = parent * local(node, index)?;
         out[index] = Some(world);
@@ -368,9 +329,7 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     let nodes = &root.scenes.get(scene).ok_or_else(missing)?.nodes;
     let others = root.scenes.len() - 1;
     if others > 0 {
-        parts.notes.add(format!(
-            "scene {scene} (counted from 0) is used; {others} other scenes are ignored"
-        ));
+        parts.notes.add(format!("scene {scene} (counted from 0) is used; {others} other scenes are ignored"));
     }
     Ok(nodes.iter().map(Index::value).collect())
 }
@@ -417,11 +376,7 @@ fn read_mesh(
     pose: &Pose,
     parts: &mut Parts,
 ) -> Result<Vec<Local>, ImportError> {
-    let json = data
-        .root
-        .meshes
-        .get(index)
-        .ok_or_else(|| broken(format!("mesh {index} does not exist")))?;
+    let json = data.root.meshes.get(index).ok_or_else(|| broken(format!("mesh {index} does not exist")))?;
     let name = mesh_name(data.root, index);
     let weights = pose.weights.or(json.weights.as_deref()).unwrap_or_default();
     let mut out = vec![];
@@ -448,11 +403,8 @@ fn read_mesh(
 
 fn material_names(document: &Value) -> Vec<String> {
     let list = document["materials"].as_array().map_or(&[][..], Vec::as_slice);
-    let name = |(i, m): (usize, &Value)| {
-        m["name"]
-            .as_str()
-            .map_or_else(|| format!("material_{i}"), str::to_owned)
-    };
+    let name =
+        |(i, m): (usize, &Value)| m["name"].as_str().map_or_else(|| format!("material_{i}"), str::to_owned);
     list.iter().enumerate().map(name).collect()
 }
 
@@ -466,39 +418,26 @@ fn read_primitive(
     let mode = match p.mode {
         Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
         Checked::Valid(_) => {
-            parts
-                .notes
-                .add(format!("points or lines of mesh {name:?} are skipped"));
+            parts.notes.add(format!("points or lines of mesh {name:?} are skipped"));
             return Ok(None);
         }
         Checked::Invalid => {
-            return Err(broken(format!(
-                "mesh {name:?} has a primitive of an unknown mode"
-            )));
+            return Err(broken(format!("mesh {name:?} has a primitive of an unknown mode")));
         }
     };
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let Some(positions) = attribute(Semantic::Positions) else {
-        parts.notes.add(format!(
-            "a primitive of mesh {name:?} has no POSITION and is skipped"
-        ));
+        parts.notes.add(format!("a primitive of mesh {name:?} has no POSITION and is skipped"));
         return Ok(None);
     };
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())
     };
     let positions = vec3(positions)?;
-    let normals = attribute(Semantic::Normals)
-        .map(vec3)
-        .transpose()?
-        .unwrap_or_default();
+    let normals = attribute(Semantic::Normals).map(vec3).transpose()?.unwrap_or_default();
     let uvs = match attribute(Semantic::TexCoords(0)) {
         // glTF's v starts at the image's upper left corner, Sunstone's at the lower left.
-        Some(index) => data
-            .floats(index)?
-            .into_iter()
-            .map(|[u, v]| Vec2::new(u, 1.0 - v))
-            .collect(),
+        Some(index) => data.floats(index)?.into_iter().map(|[u, v]| Vec2::new(u, 1.0 - v)).collect(),
         None => Vec::new(),
     };
     let order = match p.indices {
@@ -511,12 +450,7 @@ fn read_primitive(
         );
         parts.notes.add_times(note, order.len() % 3);
     }
-    Ok(Some(Mesh {
-        positions,
-        normals,
-        uvs,
-        indices: triangles(mode, &order),
-    }))
+    Ok(Some(Mesh { positions, normals, uvs, indices: triangles(mode, &order) }))
 }
 
 /// Splits an index list into triangles (specification, section 3.7.2.1).

@@ -31,11 +31,7 @@ pub(super) fn joints(
         None => vec![],
     };
     if json.inverse_bind_matrices.is_some() && inverses.len() < json.joints.len() {
-        let what = format!(
-            "skin {skin} has {} matrices for {} joints",
-            inverses.len(),
-            json.joints.len()
-        );
+        let what = format!("skin {skin} has {} matrices for {} joints", inverses.len(), json.joints.len());
         return Err(broken(what));
     }
     let joint = |(i, node): (usize, &Index<_>)| {
@@ -63,11 +59,8 @@ pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh
             };
             let moves = data.floats::<3>(accessor.value())?;
             if !to.is_empty() && moves.len() != to.len() {
-                let what = format!(
-                    "a morph target has {} displacements for {} vertices",
-                    moves.len(),
-                    to.len()
-                );
+                let what =
+                    format!("a morph target has {} displacements for {} vertices", moves.len(), to.len());
                 return Err(broken(what));
             }
             for (v, by) in to.iter_mut().zip(moves) {
@@ -91,24 +84,18 @@ pub(super) fn skin(
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let mut sets = vec![];
     for set in 0.. {
-        let (Some(of), Some(weights)) = (
-            attribute(Semantic::Joints(set)),
-            attribute(Semantic::Weights(set)),
-        ) else {
+        let (Some(of), Some(weights)) = (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)))
+        else {
             break;
         };
         let (of, weights) = (data.joints(of)?, data.floats::<4>(weights)?);
         if [of.len(), weights.len()] != [mesh.positions.len(); 2] {
-            return Err(broken(
-                "a skinned primitive has different numbers of joints, weights and positions",
-            ));
+            return Err(broken("a skinned primitive has different numbers of joints, weights and positions"));
         }
         sets.push((of, weights));
     }
     if sets.is_empty() {
-        return Err(broken(
-            "a primitive of a node with a skin has no JOINTS_0 and WEIGHTS_0",
-        ));
+        return Err(broken("a primitive of a node with a skin has no JOINTS_0 and WEIGHTS_0"));
     }
     let mut mirrored = 0;
     for vertex in 0..mesh.positions.len() {
@@ -131,9 +118,7 @@ pub(super) fn skin(
             }
         }
         if sum == 0.0 {
-            return Err(broken(format!(
-                "all weights of vertex {vertex} of a skinned primitive are 0"
-            )));
+            return Err(broken(format!("all weights of vertex {vertex} of a skinned primitive are 0")));
         }
         // The weights sum to 1 only up to rounding.
         let (linear, offset) = (linear * sum.recip(), offset / sum);

@@ -21,10 +21,7 @@ pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)
         .map_err(|e| broken(format!("cannot parse the glTF JSON ({e})")))?;
-    let file = File {
-        root: &root,
-        blob: blob.as_deref(),
-    };
+    let file = File { root: &root, blob: blob.as_deref() };
     let list = items(&root, "materials").iter().enumerate();
     let all = list.map(|(i, m)| file.appearance(i, m)).collect();
     Ok(all)
@@ -51,13 +48,8 @@ const MATERIAL: &[&str] = &[
     "doubleSided",
 ];
 
-const METALLIC_ROUGHNESS: &[&str] = &[
-    "baseColorFactor",
-    "baseColorTexture",
-    "metallicFactor",
-    "roughnessFactor",
-    "metallicRoughnessTexture",
-];
+const METALLIC_ROUGHNESS: &[&str] =
+    &["baseColorFactor", "baseColorTexture", "metallicFactor", "roughnessFactor", "metallicRoughnessTexture"];
 
 const EXTENSIONS: &[&str] = &[
     "KHR_materials_ior",
@@ -83,10 +75,7 @@ fn specular(f0: [f64; 3], out: &mut Appearance) {
     } else if strongest > 0.0 {
         let root = strongest.sqrt();
         out.ior = (1.0 + root) / (1.0 - root);
-        out.coat = Some(Coat {
-            ior: out.ior,
-            colour: f0.map(|v| v / strongest),
-        });
+        out.coat = Some(Coat { ior: out.ior, colour: f0.map(|v| v / strongest) });
     }
 }
 
@@ -97,9 +86,7 @@ struct File<'a> {
 
 impl File<'_> {
     fn appearance(&self, index: usize, m: &Value) -> Appearance {
-        let name = m["name"]
-            .as_str()
-            .map_or_else(|| format!("material_{index}"), str::to_owned);
+        let name = m["name"].as_str().map_or_else(|| format!("material_{index}"), str::to_owned);
         let mut out = Appearance::new(name, Model::Gltf);
         let unused = &mut out.unused;
         let pbr = &m["pbrMetallicRoughness"];
@@ -107,11 +94,8 @@ impl File<'_> {
         out.image = self.picture(&pbr["baseColorTexture"], "baseColorTexture", unused);
         out.metallic = number(&pbr["metallicFactor"], 1.0).clamp(0.0, 1.0);
         let mut roughness = number(&pbr["roughnessFactor"], 1.0).clamp(0.0, 1.0);
-        out.metallic_roughness = self.picture(
-            &pbr["metallicRoughnessTexture"],
-            "metallicRoughnessTexture",
-            unused,
-        );
+        out.metallic_roughness =
+            self.picture(&pbr["metallicRoughnessTexture"], "metallicRoughnessTexture", unused);
         let mut opacity = number(&pbr["baseColorFactor"][3], 1.0);
         let more = &m["extensions"];
         let glossy = &more["KHR_materials_pbrSpecularGlossiness"];
@@ -124,17 +108,13 @@ impl File<'_> {
             specular(colour(&glossy["specularFactor"], 1.0), &mut out);
         } else {
             out.ior = number(&more["KHR_materials_ior"]["ior"], 1.5).clamp(1.0, 5.0);
-            out.coat = Some(Coat {
-                ior: out.ior,
-                colour: [1.0; 3],
-            });
+            out.coat = Some(Coat { ior: out.ior, colour: [1.0; 3] });
         }
         out.alpha = (roughness * roughness).max(0.001);
         let unlit = more.get("KHR_materials_unlit").is_some();
         if unlit {
             (out.coat, out.metallic, out.metallic_roughness) = (None, 0.0, None);
-            out.notes
-                .push("KHR_materials_unlit is approximated by a diffuse surface".to_owned());
+            out.notes.push("KHR_materials_unlit is approximated by a diffuse surface".to_owned());
         }
         let glass = &more["KHR_materials_transmission"];
         out.transmission = number(&glass["transmissionFactor"], 0.0).clamp(0.0, 1.0);
@@ -166,15 +146,7 @@ impl File<'_> {
             (&more["KHR_materials_ior"], &["ior"]),
             (glass, &["transmissionFactor"]),
             (&more["KHR_materials_volume"], &["thicknessFactor"]),
-            (
-                glossy,
-                &[
-                    "diffuseFactor",
-                    "diffuseTexture",
-                    "specularFactor",
-                    "glossinessFactor",
-                ],
-            ),
+            (glossy, &["diffuseFactor", "diffuseTexture", "specularFactor", "glossinessFactor"]),
             (more, EXTENSIONS),
         ] {
             for (key, _) in place.as_object().into_iter().flatten() {
@@ -229,9 +201,7 @@ impl File<'_> {
             if let Some(data) = uri.strip_prefix("data:") {
                 let source = gltf::buffer::Source::Uri(uri);
                 let bytes = gltf::buffer::Data::from_source(source, None).ok()?.0;
-                return data
-                    .starts_with("image/")
-                    .then_some(Source::Embedded(image, bytes));
+                return data.starts_with("image/").then_some(Source::Embedded(image, bytes));
             }
             return percent_decoded(uri).map(Source::File);
         }
@@ -277,15 +247,9 @@ mod tests {
             {"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.1, 0.2, 1], "metallicFactor": 0, "roughnessFactor": 0.5},
              "extensions": {"KHR_materials_ior": {"ior": 1.4}, "KHR_materials_clearcoat": {}}, "emissiveFactor": [0, 1, 0]},
         ]}));
-        assert_eq!(
-            (all[0].name.as_str(), all[0].metallic, all[0].alpha),
-            ("material_0", 1.0, 1.0)
-        );
+        assert_eq!((all[0].name.as_str(), all[0].metallic, all[0].alpha), ("material_0", 1.0, 1.0));
         let red = &all[1];
-        assert_eq!(
-            (red.base, red.metallic, red.alpha, red.ior),
-            ([0.8, 0.1, 0.2], 0.0, 0.25, 1.4)
-        );
+        assert_eq!((red.base, red.metallic, red.alpha, red.ior), ([0.8, 0.1, 0.2], 0.0, 0.25, 1.4));
         assert_eq!(red.unused, ["emissiveFactor", "KHR_materials_clearcoat"]);
     }
 
@@ -300,18 +264,10 @@ mod tests {
             ("pbrMetallicRoughness", "diffuseFactor", json!([1, 1, 1])),
             ("extensions", "KHR_materials_clearcoat", json!({})),
             ("extensions", "KHR_materials_sheen", json!({})),
-            (
-                "extensions",
-                "KHR_materials_specular",
-                json!({"specularFactor": 0}),
-            ),
+            ("extensions", "KHR_materials_specular", json!({"specularFactor": 0})),
             ("extensions", "KHR_materials_unlit", json!({})),
             ("extensions", "KHR_materials_ior", json!({"ior": 1.2})),
-            (
-                "extensions",
-                "KHR_materials_transmission",
-                json!({"transmissionFactor": 1}),
-            ),
+            ("extensions", "KHR_materials_transmission", json!({"transmissionFactor": 1})),
             (
                 "extensions",
                 "KHR_materials_pbrSpecularGlossiness",
@@ -320,25 +276,14 @@ mod tests {
             ("", "alphaMode", json!("MASK")),
             ("pbrMetallicRoughness", "metallicFactor", json!(0)),
             ("pbrMetallicRoughness", "roughnessFactor", json!(0)),
-            (
-                "pbrMetallicRoughness",
-                "baseColorFactor",
-                json!([0.5, 0.5, 0.5, 0.5]),
-            ),
+            ("pbrMetallicRoughness", "baseColorFactor", json!([0.5, 0.5, 0.5, 0.5])),
         ] {
             let mut material = json!({});
-            let target = if place.is_empty() {
-                &mut material
-            } else {
-                &mut material[place]
-            };
+            let target = if place.is_empty() { &mut material } else { &mut material[place] };
             target[key] = value;
             // A missing texture is listed too.
             let found = read(&json!({"materials": [material]})).remove(0);
-            let changed = Appearance {
-                unused: vec![],
-                ..found.clone()
-            } != bare;
+            let changed = Appearance { unused: vec![], ..found.clone() } != bare;
             let named = found.unused.iter().any(|u| u == key);
             assert!(changed || named || key == "alphaMode", "{key}: {found:?}");
         }
@@ -362,10 +307,8 @@ mod tests {
 
     #[test]
     fn broken_references_are_left_out() {
-        let all = read(
-            &json!({"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}},
-            "normalTexture": {"index": 0}}], "textures": [{"source": 9}]}),
-        );
+        let all = read(&json!({"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}},
+            "normalTexture": {"index": 0}}], "textures": [{"source": 9}]}));
         assert!(all[0].image.is_none() && all[0].normals.is_none());
         assert_eq!(all[0].unused, ["baseColorTexture", "normalTexture"]);
     }

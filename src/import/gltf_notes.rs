@@ -9,15 +9,8 @@ pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
 /// Extensions that are read, here or with the materials.
-const READ: [&str; 7] = [
-    DRACO,
-    INSTANCING,
-    VISIBILITY,
-    MESHOPT[0],
-    MESHOPT[1],
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-];
+const READ: [&str; 7] =
+    [DRACO, INSTANCING, VISIBILITY, MESHOPT[0], MESHOPT[1], "KHR_mesh_quantization", "KHR_texture_transform"];
 
 /// Compression of buffer views, and of meshes.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
@@ -45,20 +38,7 @@ const NO_GEOMETRY: [&str; 14] = [
 /// from the data). `extras` are application-specific.
 const KEYS: [(&str, &[&str]); 7] = [
     ("scenes", &["name", "nodes"]),
-    (
-        "nodes",
-        &[
-            "name",
-            "children",
-            "mesh",
-            "skin",
-            "weights",
-            "matrix",
-            "translation",
-            "rotation",
-            "scale",
-        ],
-    ),
+    ("nodes", &["name", "children", "mesh", "skin", "weights", "matrix", "translation", "rotation", "scale"]),
     ("meshes", &["name", "primitives", "weights"]),
     (
         "accessors",
@@ -75,17 +55,7 @@ const KEYS: [(&str, &[&str]); 7] = [
             "sparse",
         ],
     ),
-    (
-        "bufferViews",
-        &[
-            "name",
-            "buffer",
-            "byteOffset",
-            "byteLength",
-            "byteStride",
-            "target",
-        ],
-    ),
+    ("bufferViews", &["name", "buffer", "byteOffset", "byteLength", "byteStride", "target"]),
     ("buffers", &["name", "uri", "byteLength"]),
     ("skins", &["name", "joints", "inverseBindMatrices", "skeleton"]),
 ];
@@ -126,10 +96,7 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     for name in names("extensionsRequired") {
         if !is_known(name) {
             let what = format!("the file requires the unsupported extension {name}");
-            return Err(ImportError::unsupported(
-                what,
-                "export the file again without the extension",
-            ));
+            return Err(ImportError::unsupported(what, "export the file again without the extension"));
         }
     }
     let mut account = Account { notes };
@@ -138,20 +105,12 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             let is_read = TOP.contains(&key.as_str()) || key.starts_with("extensions") || key == "extras";
             let size = value.as_array().map_or(1, Vec::len);
             if !is_read && size > 0 {
-                let more = if key == "animations" {
-                    ": the rest pose is imported"
-                } else {
-                    ""
-                };
+                let more = if key == "animations" { ": the rest pose is imported" } else { "" };
                 account.notes.add(format!("`{key}` is not used{more}"));
             }
         }
     }
-    account.object(
-        &document["asset"],
-        "asset",
-        &["version", "minVersion", "generator", "copyright"],
-    );
+    account.object(&document["asset"], "asset", &["version", "minVersion", "generator", "copyright"]);
     account.extensions(document, "the document");
     for (kind, keys) in KEYS {
         for item in list(&document[kind]) {
@@ -167,11 +126,7 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             }
             if let Some(sparse) = item.get("sparse") {
                 account.object(sparse, "sparse", &["count", "indices", "values"]);
-                account.object(
-                    &sparse["indices"],
-                    "indices",
-                    &["bufferView", "byteOffset", "componentType"],
-                );
+                account.object(&sparse["indices"], "indices", &["bufferView", "byteOffset", "componentType"]);
                 account.object(&sparse["values"], "values", &["bufferView", "byteOffset"]);
             }
             let read = [(INSTANCING, "attributes"), (VISIBILITY, "visible")];
@@ -219,8 +174,7 @@ impl Account<'_> {
     fn extensions(&mut self, item: &Value, place: &str) {
         for name in item["extensions"].as_object().into_iter().flat_map(|o| o.keys()) {
             if !READ.contains(&name.as_str()) {
-                self.notes
-                    .add(format!("the extension {name} of {place} is not used"));
+                self.notes.add(format!("the extension {name} of {place} is not used"));
             }
         }
     }

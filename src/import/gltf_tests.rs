@@ -118,30 +118,18 @@ fn instances_are_baked_to_world_space() {
     let parts = parse_gltf(&sample_glb(), None).unwrap().parts;
     assert_eq!(parts.len(), 2);
     let close = |a: &[Vec3], b: &[Vec3]| {
-        assert!(
-            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.abs_diff_eq(*b, 1e-5)),
-            "{a:?}"
-        );
+        assert!(a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.abs_diff_eq(*b, 1e-5)), "{a:?}");
     };
     let turned = &parts[0];
-    assert_eq!(
-        (turned.name.as_str(), turned.material.as_deref()),
-        ("turned", Some("jade"))
-    );
+    assert_eq!((turned.name.as_str(), turned.material.as_deref()), ("turned", Some("jade")));
     // Scale (2, 3, 4), rotation by 90° about z, translation by 1 along z, then by the parent's (10, 20, 30).
-    close(
-        &turned.mesh.positions,
-        &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)],
-    );
+    close(&turned.mesh.positions, &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)]);
     close(&turned.mesh.normals, &[Vec3::Z; 3]);
     // v points up in Sunstone and down in glTF.
     assert_eq!(turned.mesh.uvs, [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
     assert_eq!(turned.mesh.indices, [[0, 1, 2]]);
     let mirrored = &parts[1].mesh;
-    close(
-        &mirrored.positions,
-        &[vec3(10., 0., 0.), vec3(9., 0., 0.), vec3(10., 1., 0.)],
-    );
+    close(&mirrored.positions, &[vec3(10., 0., 0.), vec3(9., 0., 0.), vec3(10., 1., 0.)]);
     close(&mirrored.normals, &[Vec3::Z; 3]);
     assert_eq!(mirrored.indices, [[0, 2, 1]], "the reflection turns the winding");
 }
@@ -154,20 +142,12 @@ fn buffers_from_data_uris_and_files() {
     std::fs::write(dir.path().join("my data.bin"), bin()).unwrap();
     let mut d = document();
     d["buffers"][0]["uri"] = "my%20data.bin".into();
-    assert_eq!(
-        parse_gltf(d.to_string().as_bytes(), Some(dir.path())).unwrap(),
-        expected
-    );
-    let message = parse_gltf(d.to_string().as_bytes(), None)
-        .unwrap_err()
-        .to_string();
+    assert_eq!(parse_gltf(d.to_string().as_bytes(), Some(dir.path())).unwrap(), expected);
+    let message = parse_gltf(d.to_string().as_bytes(), None).unwrap_err().to_string();
     assert!(message.contains("external file"), "{message}");
-    for (uri, word) in [
-        ("%ff", "file name"),
-        ("/dev/zero", "relative"),
-        (".", "expected a file"),
-        ("no", "exists"),
-    ] {
+    for (uri, word) in
+        [("%ff", "file name"), ("/dev/zero", "relative"), (".", "expected a file"), ("no", "exists")]
+    {
         d["buffers"][0]["uri"] = uri.into();
         let error = parse_gltf(d.to_string().as_bytes(), Some(dir.path())).unwrap_err();
         assert!(error.to_string().contains(word), "{error}");
@@ -190,17 +170,9 @@ fn modes_and_index_types() {
     assert_eq!(indices(4, None).unwrap(), [[0, 1, 2]]);
     for mode in [0, 1, 2, 3] {
         let message = indices(mode, Some(5)).unwrap_err().to_string();
-        assert!(
-            message.contains("points or lines of mesh \"corner\""),
-            "{message}"
-        );
+        assert!(message.contains("points or lines of mesh \"corner\""), "{message}");
     }
-    assert!(
-        indices(7, Some(5))
-            .unwrap_err()
-            .to_string()
-            .contains("unknown mode")
-    );
+    assert!(indices(7, Some(5)).unwrap_err().to_string().contains("unknown mode"));
 }
 
 #[test]
@@ -220,10 +192,7 @@ fn scenes_may_be_missing_or_empty() {
     let mut missing = document();
     missing.as_object_mut().unwrap().remove("scenes");
     let parts = parse_gltf(&glb(&missing, &bin()), None).unwrap().parts;
-    assert_eq!(
-        parts.len(),
-        changed("/asset/version", json!("2.0")).unwrap().parts.len()
-    );
+    assert_eq!(parts.len(), changed("/asset/version", json!("2.0")).unwrap().parts.len());
     fails("/scenes", json!([{}]), "no triangles");
 }
 
@@ -240,11 +209,7 @@ fn sparse_accessors() {
 #[test]
 fn faults_are_named() {
     fails("/nodes/0/children", json!([2]), "cycle");
-    fails(
-        "/nodes/2/children",
-        json!([0, 0]),
-        "node 0 is listed as a child more than once",
-    );
+    fails("/nodes/2/children", json!([0, 0]), "node 0 is listed as a child more than once");
     fails("/nodes/2/children", json!([9]), "node 9 does not exist");
     fails("/scene", json!(3), "default scene");
     fails("/nodes/1/mesh", json!(5), "mesh 5");
@@ -252,32 +217,16 @@ fn faults_are_named() {
     fails("/nodes/2/scale", json!([3e38, 3e38, 3e38]), "not finite");
     fails("/nodes/0/rotation", json!([0, 0, 0, 0]), "quaternion");
     fails("/nodes/1/skin", json!(0), "skin 0");
-    fails(
-        "/meshes/0/primitives/0/attributes/POSITION",
-        json!(70),
-        "accessor 70",
-    );
+    fails("/meshes/0/primitives/0/attributes/POSITION", json!(70), "accessor 70");
     fails("/meshes/0/primitives/0/attributes", json!({}), "POSITION");
     fails("/meshes/0/primitives/0/material", json!(7), "material 7");
-    fails(
-        "/accessors/0/count",
-        json!(4_294_967_295_u64),
-        "beyond its buffer",
-    );
+    fails("/accessors/0/count", json!(4_294_967_295_u64), "beyond its buffer");
     fails("/accessors/0/count", json!(1), "normals for 1 vertices");
-    fails(
-        "/accessors/3/componentType",
-        json!(5126),
-        "does not contain unsigned indices",
-    );
+    fails("/accessors/3/componentType", json!(5126), "does not contain unsigned indices");
     fails("/accessors/3/byteOffset", json!(99), "vertex 255");
     fails("/accessors/1/type", json!("VEC4"), "3 components");
     fails("/bufferViews/0/byteOffset", json!(u64::MAX), "beyond its buffer");
-    fails(
-        "/extensionsRequired",
-        json!(["KHR_gaussian_splatting"]),
-        "KHR_gaussian_splatting",
-    );
+    fails("/extensionsRequired", json!(["KHR_gaussian_splatting"]), "KHR_gaussian_splatting");
     fails("/asset/version", json!("1.0"), "2.0");
     fails("/scenes/0/nodes", json!([]), "no triangles");
     let known = json!([INSTANCING, "KHR_mesh_quantization", "KHR_materials_ior"]);
@@ -291,11 +240,7 @@ fn faults_are_named() {
 fn what_is_left_out_is_noted() {
     let noted = |path: &str, value: Value, word: &str| {
         let model = changed(path, value).unwrap();
-        assert!(
-            model.notes.iter().any(|n| n.contains(word)),
-            "{path}: {:?}",
-            model.notes
-        );
+        assert!(model.notes.iter().any(|n| n.contains(word)), "{path}: {:?}", model.notes);
         model
     };
     let line = json!({"mode": 1, "attributes": {"POSITION": 0}});
@@ -309,22 +254,11 @@ fn what_is_left_out_is_noted() {
     noted("/buffers/0/byteLength", json!(500), "expected 500 bytes");
     let required = json!(["KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_ior"]);
     assert_eq!(changed("/extensionsRequired", required).unwrap().parts.len(), 2);
-    noted(
-        "/nodes/1/extensions",
-        json!({"KHR_lights_punctual": {"light": 0}}),
-        "KHR_lights_punctual",
-    );
-    let hidden = noted(
-        "/nodes/2/extensions",
-        json!({"KHR_node_visibility": {"visible": false}}),
-        "invisible",
-    );
+    noted("/nodes/1/extensions", json!({"KHR_lights_punctual": {"light": 0}}), "KHR_lights_punctual");
+    let hidden =
+        noted("/nodes/2/extensions", json!({"KHR_node_visibility": {"visible": false}}), "invisible");
     assert_eq!(hidden.parts.len(), 1);
-    noted(
-        "/scenes",
-        json!([{"nodes": [1]}, {"nodes": [2]}]),
-        "scene 0 (counted from 0) is used",
-    );
+    noted("/scenes", json!([{"nodes": [1]}, {"nodes": [2]}]), "scene 0 (counted from 0) is used");
     noted("/scenes/0/nodes", json!([1]), "is not part of the scene");
     noted("/animations", json!([{}]), "`animations`");
     noted("/nodes/1/camera", json!(0), "`camera` of `nodes`");
@@ -358,15 +292,11 @@ fn skins_are_applied() {
     bytes.extend([0_u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
     let weights = bytes.len();
     for w in [1.0, 0.0, 0.5, 0.5, 1.0, 0.0, 1.0, 0.0_f32].as_chunks::<2>().0 {
-        [w[0], w[1], 0.0, 0.0]
-            .iter()
-            .for_each(|w| bytes.extend(w.to_le_bytes()));
+        [w[0], w[1], 0.0, 0.0].iter().for_each(|w| bytes.extend(w.to_le_bytes()));
     }
     let matrices = bytes.len();
     for shift in [0.0, -1.0_f32] {
-        let m = [
-            1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., shift, 0., 0., 1.0_f32,
-        ];
+        let m = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., shift, 0., 0., 1.0_f32];
         m.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
     }
     let view = json!({"buffer": 0, "byteLength": bytes.len()});
@@ -382,24 +312,17 @@ fn skins_are_applied() {
     d["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"] = json!(7);
     d["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(8);
     d["nodes"][1]["skin"] = json!(0);
-    d["nodes"].as_array_mut().unwrap().extend([
-        json!({"translation": [0, 0, 3]}),
-        json!({"translation": [5, 0, 0], "scale": [2, 2, 2]}),
-    ]);
+    d["nodes"]
+        .as_array_mut()
+        .unwrap()
+        .extend([json!({"translation": [0, 0, 3]}), json!({"translation": [5, 0, 0], "scale": [2, 2, 2]})]);
     d["scenes"][0]["nodes"] = json!([1, 3, 4]);
     d["skins"] = json!([{"joints": [3, 4], "inverseBindMatrices": 9}]);
     let model = parse_gltf(&glb(&d, &bytes), None).unwrap();
     assert_eq!(model.parts.len(), 1);
     // Vertex 1 at (1, 0, 0): half of (1, 0, 3) and half of 2 (1 - 1, 0, 0) + (5, 0, 0).
-    assert_eq!(
-        model.parts[0].mesh.positions,
-        [vec3(0., 0., 3.), vec3(3., 0., 1.5), vec3(0., 1., 3.)]
-    );
-    assert_eq!(
-        model.parts[0].mesh.indices,
-        [[0, 1, 2]],
-        "the node's own mirror is ignored"
-    );
+    assert_eq!(model.parts[0].mesh.positions, [vec3(0., 0., 3.), vec3(3., 0., 1.5), vec3(0., 1., 3.)]);
+    assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]], "the node's own mirror is ignored");
     d["skins"][0]["joints"] = json!([3]);
     let error = parse_gltf(&glb(&d, &bytes), None).unwrap_err().to_string();
     assert!(error.contains("joint 1"), "{error}");
@@ -417,12 +340,7 @@ fn containers_are_read_as_the_specification_asks() {
     assert_eq!(parse_gltf(&more, None).unwrap(), expected);
     let mut old = sample_glb();
     old[4] = 1;
-    assert!(
-        parse_gltf(&old, None)
-            .unwrap_err()
-            .to_string()
-            .contains("GLB container of version 2, got 1")
-    );
+    assert!(parse_gltf(&old, None).unwrap_err().to_string().contains("GLB container of version 2, got 1"));
     let marked = [b"\xef\xbb\xbf", &sample_gltf()[..]].concat();
     assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }
@@ -456,10 +374,7 @@ fn compressed_views_are_read() {
     };
     for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
         let model = parse_gltf(text(name, "ATTRIBUTES").as_bytes(), None).unwrap();
-        assert_eq!(
-            model.parts[0].mesh.positions,
-            [Vec3::ZERO, Vec3::X, vec3(0., 2., 0.)]
-        );
+        assert_eq!(model.parts[0].mesh.positions, [Vec3::ZERO, Vec3::X, vec3(0., 2., 0.)]);
         assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]]);
         assert!(model.notes.is_empty(), "{:?}", model.notes);
         let bare = text(name, "ATTRIBUTES").replace("\"fallback\":true", "");

@@ -80,9 +80,7 @@ pub fn load(path: &Path) -> Result<Model, ImportError> {
         error.file = Some(path.to_owned());
         error
     })?;
-    let stem = path
-        .file_stem()
-        .map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
+    let stem = path.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
     for part in model.parts.iter_mut().filter(|p| p.name.is_empty()) {
         part.name.clone_from(&stem);
     }
@@ -90,16 +88,12 @@ pub fn load(path: &Path) -> Result<Model, ImportError> {
 }
 
 fn load_unnamed(path: &Path) -> Result<Model, ImportError> {
-    let extension = path
-        .extension()
-        .map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+    let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     if !["obj", "ply", "gltf", "glb", "serialized"].contains(&extension.as_str()) {
         return Err(ImportProblem::Extension(extension).into());
     }
-    let bytes = base::input::read(path).map_err(|cause| ImportProblem::Read {
-        what: "the file".into(),
-        cause,
-    })?;
+    let bytes =
+        base::input::read(path).map_err(|cause| ImportProblem::Read { what: "the file".into(), cause })?;
     match extension.as_str() {
         "obj" => parse_obj(&bytes),
         "ply" => parse_ply(&bytes),
@@ -122,27 +116,19 @@ mod tests {
 
         std::fs::write(&path, "v 0 0 0\nv 1 zero 0\n").unwrap();
         let message = load(&path).unwrap_err().to_string();
-        assert!(
-            message.contains("tri.OBJ:2: ") && message.contains("zero"),
-            "{message}"
-        );
+        assert!(message.contains("tri.OBJ:2: ") && message.contains("zero"), "{message}");
 
         let message = load(&dir.path().join("a.stl")).unwrap_err().to_string();
         assert!(message.contains("a.stl") && message.contains(".glb"), "{message}");
         let message = load(&dir.path().join("none.ply")).unwrap_err().to_string();
-        assert!(
-            message.contains("none.ply") && message.contains("exists"),
-            "{message}"
-        );
+        assert!(message.contains("none.ply") && message.contains("exists"), "{message}");
     }
 
     #[test]
     fn empty_files_are_refused() {
-        for error in [
-            parse_obj(b"").unwrap_err(),
-            parse_ply(b"").unwrap_err(),
-            parse_gltf(b"", None).unwrap_err(),
-        ] {
+        for error in
+            [parse_obj(b"").unwrap_err(), parse_ply(b"").unwrap_err(), parse_gltf(b"", None).unwrap_err()]
+        {
             assert!(matches!(error.problem, ImportProblem::EmptyFile), "{error}");
         }
     }

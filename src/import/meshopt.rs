@@ -66,9 +66,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let channels = if version == 1 { stride / 4 } else { 0 };
     let tail = bytes.len().checked_sub(stride + channels)?;
     let (mut last, channels) = (bytes[tail..tail + stride].to_vec(), &bytes[tail + stride..]);
-    let mut stream = Stream {
-        bytes: bytes.get(1..tail)?,
-    };
+    let mut stream = Stream { bytes: bytes.get(1..tail)? };
     let most = ((8192 / stride) & !15).min(256);
     let mut out: Vec<u8> = vec![];
     for done in (0..count).step_by(most) {
@@ -97,9 +95,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
                 let delta = [0, 1, 2, 3].map(|j| planes[j][i]);
                 let add16 = |a: usize| {
                     let d = unfolded(u16::from_le_bytes([delta[a], delta[a + 1]]).into()) as u16;
-                    u16::from_le_bytes([before[a], before[a + 1]])
-                        .wrapping_add(d)
-                        .to_le_bytes()
+                    u16::from_le_bytes([before[a], before[a + 1]]).wrapping_add(d).to_le_bytes()
                 };
                 let new = match channel & 3 {
                     0 => [0, 1, 2, 3].map(|j| before[j].wrapping_add(unfolded(delta[j].into()) as u8)),
@@ -138,11 +134,7 @@ fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8
                 for i in 0..16 {
                     let at = i * bits as usize;
                     // The first value is in the highest bits, except that single bits start at the lowest.
-                    let shift = if bits == 1 {
-                        i % 8
-                    } else {
-                        8 - bits as usize - at % 8
-                    };
+                    let shift = if bits == 1 { i % 8 } else { 8 - bits as usize - at % 8 };
                     let value = packed[at / 8] >> shift & most;
                     out.push(if value == most { stream.byte()? } else { value });
                 }
@@ -158,9 +150,7 @@ fn sequence(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     if bytes[0] & 0xf0 != 0xd0 || bytes[0] & 0xf > 1 {
         return None;
     }
-    let mut stream = Stream {
-        bytes: &bytes[1..end],
-    };
+    let mut stream = Stream { bytes: &bytes[1..end] };
     let mut last = [0_u32; 2];
     (0..count)
         .map(|_| {
@@ -180,10 +170,7 @@ struct Recent<T> {
 
 impl<T: Copy + Default> Recent<T> {
     fn new() -> Self {
-        Self {
-            entries: [T::default(); 16],
-            next: 0,
-        }
+        Self { entries: [T::default(); 16], next: 0 }
     }
 
     fn push(&mut self, entry: T) {
@@ -204,9 +191,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     }
     let (body, table) = bytes.split_at_checked(bytes.len().checked_sub(16)?)?;
     let codes = body.get(1..1 + count / 3)?;
-    let mut stream = Stream {
-        bytes: &body[1 + count / 3..],
-    };
+    let mut stream = Stream { bytes: &body[1 + count / 3..] };
     let (mut edges, mut vertices) = (Recent::<[u32; 2]>::new(), Recent::<u32>::new());
     let (mut next, mut last) = (0_u32, 0_u32);
     let far = if version == 1 { 13 } else { 15 };
@@ -363,10 +348,8 @@ mod tests {
             .flat_map(|i| [i * i % 977, 3 * i, 65535 - 7 * i, 0])
             .flat_map(u16::to_le_bytes)
             .collect();
-        let floats: Vec<u8> = (0..40_u16)
-            .flat_map(|i| [f32::from(i) / 8.0, -1.5])
-            .flat_map(f32::to_le_bytes)
-            .collect();
+        let floats: Vec<u8> =
+            (0..40_u16).flat_map(|i| [f32::from(i) / 8.0, -1.5]).flat_map(f32::to_le_bytes).collect();
         for version in [0, 1] {
             let decoded = |text: [&str; 2]| decode(&bytes(text[version]), Mode::Attributes, 40, 8).unwrap();
             assert_eq!(decoded(WORDS), words, "version {version}");
@@ -404,32 +387,18 @@ mod tests {
             [-0.577_350_3, 0.577_350_3, -0.577_350_3_f32],
         ];
         let small = undone("00007f007f007f0049817f00ab557f00", "OCTAHEDRAL", 4);
-        let large = undone(
-            "00000000ff7f0000ff7f0000ff7f000024490180ff7f0000abaa5555ff7f0000",
-            "OCTAHEDRAL",
-            8,
-        );
+        let large =
+            undone("00000000ff7f0000ff7f0000ff7f000024490180ff7f0000abaa5555ff7f0000", "OCTAHEDRAL", 8);
         for (i, normal) in normals.iter().enumerate() {
             for (k, v) in normal.iter().enumerate() {
                 let byte = f32::from(small[4 * i + k] as i8) / 127.0;
                 let at = 8 * i + 2 * k;
                 let word = f32::from(i16::from_le_bytes([large[at], large[at + 1]])) / 32767.0;
-                assert!(
-                    (byte - v).abs() < 0.012 && (word - v).abs() < 1e-4,
-                    "{byte} {word} {v}"
-                );
+                assert!((byte - v).abs() < 0.012 && (word - v).abs() < 1e-4, "{byte} {word} {v}");
             }
         }
-        let turns = [
-            [0.0, 0.0, 0.0, 1.0],
-            [0.5, 0.5, -0.5, 0.5],
-            [0.8, 0.0, 0.6, 0.0_f32],
-        ];
-        let found = undone(
-            "000000000000ff7f825a7ea5825afc7f00009c6c0000fc7f",
-            "QUATERNION",
-            8,
-        );
+        let turns = [[0.0, 0.0, 0.0, 1.0], [0.5, 0.5, -0.5, 0.5], [0.8, 0.0, 0.6, 0.0_f32]];
+        let found = undone("000000000000ff7f825a7ea5825afc7f00009c6c0000fc7f", "QUATERNION", 8);
         for (q, b) in turns.iter().zip(found.chunks(8)) {
             let dot: f32 = (0..4)
                 .map(|i| q[i] * f32::from(i16::from_le_bytes([b[2 * i], b[2 * i + 1]])) / 32767.0)
@@ -437,12 +406,7 @@ mod tests {
             assert!((dot.abs() - 1.0).abs() < 1e-3, "{dot}");
         }
         let found = undone("000020eb0000b0eb000000f300087df3", "EXPONENTIAL", 8);
-        let floats: Vec<f32> = found
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| f32::from_le_bytes(*b))
-            .collect();
+        let floats: Vec<f32> = found.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
         assert_eq!(floats, [1.0, -2.5, 0.0, 1000.25]);
         assert!(unfilter(&mut [0; 4], "WHITENING", 4).is_none());
     }

@@ -55,24 +55,14 @@ mod tests {
 
     #[test]
     fn metals_reflect_as_schlick_says() {
-        for (r, most) in [
-            (0.34, 0.021),
-            (0.5, 0.01),
-            (0.7, 0.01),
-            (0.9, 0.016),
-            (0.98, 0.01),
-            (1.0, 4e-6),
-        ] {
+        for (r, most) in [(0.34, 0.021), (0.5, 0.01), (0.7, 0.01), (0.9, 0.016), (0.98, 0.01), (1.0, 4e-6)] {
             let [n, k] = metal(r);
             assert!((reflectance(1.0, n, k) - r).abs() < 3e-6, "{r}");
             for degrees in ANGLES {
                 let cos = degrees.to_radians().cos();
                 let want = r + (1.0 - r) * (1.0 - cos).powi(5);
                 let got = reflectance(cos, n, k);
-                assert!(
-                    (got / want - 1.0).abs() < most,
-                    "{r} at {degrees}°: {got}, not {want}"
-                );
+                assert!((got / want - 1.0).abs() < most, "{r} at {degrees}°: {got}, not {want}");
             }
         }
         // Gold at 550 nm, 60°. The tests of Fresnel's equations compare this value with Mitsuba's.

@@ -61,10 +61,7 @@ impl Entry {
 
     fn numbers(&self, key: &str) -> Vec<f64> {
         let words = self.text(key).unwrap_or("").split_whitespace();
-        words
-            .map_while(|w| w.parse().ok())
-            .filter(|v: &f64| v.is_finite())
-            .collect()
+        words.map_while(|w| w.parse().ok()).filter(|v: &f64| v.is_finite()).collect()
     }
 
     fn number(&self, key: &str) -> Option<f64> {
@@ -91,11 +88,7 @@ pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim().to_owned();
         match (key.to_lowercase().as_str(), all.last_mut()) {
-            ("newmtl", _) => all.push(Entry {
-                name: rest,
-                keys: BTreeMap::new(),
-                used: RefCell::default(),
-            }),
+            ("newmtl", _) => all.push(Entry { name: rest, keys: BTreeMap::new(), used: RefCell::default() }),
             (low, Some(entry)) if !key.is_empty() => {
                 entry.keys.insert(low.to_owned(), (key.to_owned(), rest));
             }
@@ -130,9 +123,7 @@ fn appearance(m: &Entry) -> Appearance {
             let sum = [0, 1, 2].map(|i| colour[i] + out.base[i]);
             let most = sum.into_iter().fold(0.0, f64::max);
             if most > 1.0 {
-                out.notes.push(format!(
-                    "Kd + Ks is {most:.2}, above 1; Kd is reduced to conserve energy"
-                ));
+                out.notes.push(format!("Kd + Ks is {most:.2}, above 1; Kd is reduced to conserve energy"));
                 out.base = [0, 1, 2].map(|i| out.base[i].min(1.0 - colour[i]));
             }
         } else {
@@ -145,15 +136,9 @@ fn appearance(m: &Entry) -> Appearance {
             });
         }
     } else if roughness.is_some() {
-        out.coat = Some(Coat {
-            ior: out.ior.max(1.01),
-            colour: [1.0; 3],
-        });
+        out.coat = Some(Coat { ior: out.ior.max(1.01), colour: [1.0; 3] });
     }
-    out.normals = m
-        .text("norm")
-        .and_then(|name| picture(name, &mut out.unused))
-        .map(|p| (p, 1.0));
+    out.normals = m.text("norm").and_then(|name| picture(name, &mut out.unused)).map(|p| (p, 1.0));
     // Black has no effect, and ambient light does not take part in light transport.
     let silent = |key: &str| ["ka", "ke", "ks", "tf"].contains(&key) && m.colour(key) == Some([0.0; 3]);
     let white = |key: &str| key == "tf" && m.colour(key) == Some([1.0; 3]);
@@ -169,10 +154,7 @@ fn appearance(m: &Entry) -> Appearance {
 /// Reads the transparency: `d`, `Tr` and their images.
 fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     let (dissolve, transparent) = (m.number("d"), m.number("Tr"));
-    let mut there = dissolve
-        .or(transparent.map(|t| 1.0 - t))
-        .unwrap_or(1.0)
-        .clamp(0.0, 1.0);
+    let mut there = dissolve.or(transparent.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
     if dissolve.is_none() && transparent == Some(1.0) && matches!(illum, Some(0..=2)) {
         out.notes
             .push("Tr is 1, but illum has no transparency: the material is imported as opaque".to_owned());
@@ -215,10 +197,7 @@ fn picture(text: &str, unused: &mut Vec<String>) -> Option<Picture> {
             other => {
                 unused.push(other.to_owned());
                 // Skip the word argument of options such as `-imfchan r` and `-type sphere`.
-                next += usize::from(matches!(
-                    other,
-                    "-imfchan" | "-type" | "-blendu" | "-blendv" | "-cc"
-                ));
+                next += usize::from(matches!(other, "-imfchan" | "-type" | "-blendu" | "-blendv" | "-cc"));
             }
         }
         i = next;
@@ -245,20 +224,12 @@ mod tests {
                     newmtl lacquer\nKd 1 0 0\nKs 1 1 1\nNs 198\nNi 1.6\nmap_Bump x.png\n\
                     newmtl gold\nKd 1 .8 .3\nPr 0.5\nPm 1\nKe 1 1 1\nnewmtl pane\nd 0.1\nillum 4\nNi 1.52\n";
         let all = parse(text.as_bytes());
-        let [wall, lacquer, gold, pane] = &all[..] else {
-            panic!("{all:?}")
-        };
+        let [wall, lacquer, gold, pane] = &all[..] else { panic!("{all:?}") };
         assert_eq!((wall.base, wall.coat), ([0.5, 0.25, 1.0], None));
         let image = wall.image.as_ref().expect("an image");
         assert_eq!(image.source, Source::File("wood grain.png".into()));
-        assert_eq!(
-            (image.uv, image.wrap),
-            (Some([[2.0, 0.0, 0.5], [0.0, 2.0, 0.0]]), Wrap::Clamp)
-        );
-        assert_eq!(
-            ((lacquer.alpha * 1e6).round(), &lacquer.unused[..]),
-            (1e5, &["map_Bump".to_owned()][..])
-        );
+        assert_eq!((image.uv, image.wrap), (Some([[2.0, 0.0, 0.5], [0.0, 2.0, 0.0]]), Wrap::Clamp));
+        assert_eq!(((lacquer.alpha * 1e6).round(), &lacquer.unused[..]), (1e5, &["map_Bump".to_owned()][..]));
         // Reflectance 0.08 at normal incidence.
         let ior = lacquer.coat.expect("a coat").ior;
         assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - 0.08).abs() < 1e-12);
@@ -280,10 +251,7 @@ mod tests {
         ] {
             assert_eq!(parse(text.as_bytes()), plain, "{text:?}");
         }
-        assert_eq!(
-            libraries(b"mtllibx\nmtllib a.mtl\nMTLLIB a.mtl\nv 0 0 0\n"),
-            [[["a.mtl"]]]
-        );
+        assert_eq!(libraries(b"mtllibx\nmtllib a.mtl\nMTLLIB a.mtl\nv 0 0 0\n"), [[["a.mtl"]]]);
         assert_eq!(
             libraries("\u{feff}mtllib a b.mtl\r\n".as_bytes()),
             [vec![vec!["a b.mtl".to_owned()], vec!["a".into(), "b.mtl".into()]]]
@@ -337,18 +305,12 @@ mod tests {
             "Kx",
         ] {
             let found = material(&format!("{key} .25 .25 .25"));
-            let used = Appearance {
-                unused: vec![],
-                ..found.clone()
-            } != bare;
+            let used = Appearance { unused: vec![], ..found.clone() } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));
             // Keys without an effect of their own: a shininess without a highlight, or an index without
             // glass.
             let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
-            assert!(
-                used || found.unused.iter().any(|u| u == key) || silent,
-                "{key}: {found:?}"
-            );
+            assert!(used || found.unused.iter().any(|u| u == key) || silent, "{key}: {found:?}");
         }
         assert!(named > 20, "{named}");
     }
@@ -362,10 +324,7 @@ mod tests {
         assert_eq!(material("d .5").opacity, 0.5);
         assert_eq!(material("d .5").transmission, 0.0);
         let glass = material("d 0\nNi 1.5\nillum 6");
-        assert_eq!(
-            (glass.opacity, glass.transmission, glass.refracts),
-            (1.0, 1.0, true)
-        );
+        assert_eq!((glass.opacity, glass.transmission, glass.refracts), (1.0, 1.0, true));
         assert_eq!(material("Kd 0 0 0\nKs 1 1 1\nillum 3").mirror, [1.0; 3]);
         assert_eq!(material("Kd .2 .2 .2\nKs 1 1 1\nillum 1").coat, None);
         assert_eq!(material("map_Kd a.png").base, [1.0; 3]);

@@ -117,14 +117,10 @@ impl Tables {
             notes.add(format!("the colours of {coloured} vertices are not used"));
         }
         if deep > 0 {
-            notes.add(format!(
-                "the third coordinate of {deep} texture coordinates (vt) is not used"
-            ));
+            notes.add(format!("the third coordinate of {deep} texture coordinates (vt) is not used"));
         }
         if long > 0 {
-            notes.add(format!(
-                "surplus numbers of {long} vertices (v, vt, vn) are not used"
-            ));
+            notes.add(format!("surplus numbers of {long} vertices (v, vt, vn) are not used"));
         }
         Ok(tables)
     }
@@ -247,10 +243,8 @@ impl Reader<'_> {
     }
 
     fn face(&mut self, rest: &str, number: usize) -> Result<(), ImportError> {
-        let mut corners = rest
-            .split_whitespace()
-            .map(|word| self.corner(word))
-            .collect::<Result<Vec<Corner>, _>>()?;
+        let mut corners =
+            rest.split_whitespace().map(|word| self.corner(word)).collect::<Result<Vec<Corner>, _>>()?;
         if corners.len() < 3 {
             self.lacking.short += 1;
             return Ok(());
@@ -300,10 +294,8 @@ impl Reader<'_> {
                 continue;
             }
             if index > counts[k] {
-                let what = format!(
-                    "the face uses position {index}, but the file has only {} positions",
-                    counts[k]
-                );
+                let what =
+                    format!("the face uses position {index}, but the file has only {} positions", counts[k]);
                 return Err(ImportError::malformed(what, FIX_FACE));
             }
             *slot = u32::try_from(index).map_err(|_| bad())?;
@@ -324,10 +316,7 @@ impl Reader<'_> {
         }
         let id = u32::try_from(object.vertices.len()).unwrap_or(NONE);
         if id == NONE {
-            return Err(ImportError::unsupported(
-                "the part has more than 2^32 vertices",
-                "split the part",
-            ));
+            return Err(ImportError::unsupported("the part has more than 2^32 vertices", "split the part"));
         }
         object.vertices.push(corner);
         object.earlier.push(std::mem::replace(newest, id));
@@ -371,20 +360,13 @@ impl Reader<'_> {
         }
         // Vertices of the object's other polygons are later dropped as unused.
         let of = |k: usize| vertices.iter().map(move |v| (v[k] as usize).saturating_sub(1));
-        let mut mesh = Mesh {
-            positions: of(0).map(|i| tables.positions[i]).collect(),
-            indices,
-            ..Mesh::default()
-        };
+        let mut mesh =
+            Mesh { positions: of(0).map(|i| tables.positions[i]).collect(), indices, ..Mesh::default() };
         if kind < 2 {
-            mesh.uvs = of(1)
-                .map(|i| tables.uvs.get(i).copied().unwrap_or_default())
-                .collect();
+            mesh.uvs = of(1).map(|i| tables.uvs.get(i).copied().unwrap_or_default()).collect();
         }
         if kind.is_multiple_of(2) {
-            mesh.normals = of(2)
-                .map(|i| tables.normals.get(i).copied().unwrap_or_default())
-                .collect();
+            mesh.normals = of(2).map(|i| tables.normals.get(i).copied().unwrap_or_default()).collect();
         }
         Ok(mesh)
     }
@@ -401,40 +383,22 @@ impl Reader<'_> {
             _ => "unknown",
         };
         let unused = self.unused.iter().map(|(keyword, (lines, first))| {
-            format!(
-                "`{keyword}` ({}) is not used: {lines} lines, first line {first}",
-                what(keyword)
-            )
+            format!("`{keyword}` ({}) is not used: {lines} lines, first line {first}", what(keyword))
         });
-        let Lacking {
-            faces,
-            uvs,
-            normals,
-            smooth,
-            missing,
-            short,
-        } = self.lacking;
+        let Lacking { faces, uvs, normals, smooth, missing, short } = self.lacking;
         for (count, what) in missing.into_iter().zip(["texture coordinates", "normals"]) {
             if count > 0 {
-                self.parts
-                    .notes
-                    .add(format!("{count} face corners refer to missing {what}"));
+                self.parts.notes.add(format!("{count} face corners refer to missing {what}"));
             }
         }
         if short > 0 {
-            self.parts
-                .notes
-                .add(format!("{short} faces with fewer than three corners are skipped"));
+            self.parts.notes.add(format!("{short} faces with fewer than three corners are skipped"));
         }
         if (1..faces).contains(&uvs) {
-            self.parts
-                .notes
-                .add(format!("{uvs} of {faces} faces have no texture coordinates"));
+            self.parts.notes.add(format!("{uvs} of {faces} faces have no texture coordinates"));
         }
         if (1..faces).contains(&normals) {
-            self.parts
-                .notes
-                .add(format!("{normals} of {faces} faces have no normals"));
+            self.parts.notes.add(format!("{normals} of {faces} faces have no normals"));
         }
         if smooth > 0 {
             self.parts.notes.add(format!(

@@ -18,22 +18,13 @@ fn parts_follow_objects_and_materials() {
          o right\ns off\nf -4 -3 -2 -1\nl 1 2\np 1\n"
     );
     let parts = parse_obj(text.as_bytes()).unwrap().parts;
-    let described: Vec<_> = parts
-        .iter()
-        .map(|p| (p.name.as_str(), p.material.as_deref(), p.mesh.indices.len()))
-        .collect();
+    let described: Vec<_> =
+        parts.iter().map(|p| (p.name.as_str(), p.material.as_deref(), p.mesh.indices.len())).collect();
     assert_eq!(
         described,
-        [
-            ("left side", Some("dark glass"), 1),
-            ("left side", Some("wall"), 1),
-            ("right", Some("wall"), 2),
-        ]
+        [("left side", Some("dark glass"), 1), ("left side", Some("wall"), 1), ("right", Some("wall"), 2),]
     );
-    assert_eq!(
-        parts[1].mesh.positions,
-        [Vec3::ZERO, vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)]
-    );
+    assert_eq!(parts[1].mesh.positions, [Vec3::ZERO, vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)]);
 }
 
 #[test]
@@ -113,18 +104,10 @@ fn encodings_and_line_ends_change_nothing() {
         latin1,
         text.replace('\n', "\r").into_bytes(),
         text.replace('\n', "\r\n").into_bytes(),
-        text.replace("\nv ", "\n\t V\t")
-            .replace("f ", "F\t")
-            .replace("usemtl ", "UseMtl  ")
-            .into_bytes(),
+        text.replace("\nv ", "\n\t V\t").replace("f ", "F\t").replace("usemtl ", "UseMtl  ").into_bytes(),
         text.replace("f ", "fo ").into_bytes(),
     ] {
-        assert_eq!(
-            parse_obj(&bytes).unwrap(),
-            expected,
-            "{}",
-            String::from_utf8_lossy(&bytes)
-        );
+        assert_eq!(parse_obj(&bytes).unwrap(), expected, "{}", String::from_utf8_lossy(&bytes));
     }
     let bad = text.replace("f 1 3 4", "f 1 3 x").replace('\n', "\r");
     assert_eq!(parse_obj(bad.as_bytes()).unwrap_err().line, Some(10));
@@ -133,21 +116,14 @@ fn encodings_and_line_ends_change_nothing() {
 #[test]
 fn faces_may_come_before_their_vertices() {
     let first = parse_obj(format!("f 1 2 3 4\n{SQUARE}").as_bytes()).unwrap();
-    assert_eq!(
-        first,
-        parse_obj(format!("{SQUARE}f 1 2 3 4\n").as_bytes()).unwrap()
-    );
+    assert_eq!(first, parse_obj(format!("{SQUARE}f 1 2 3 4\n").as_bytes()).unwrap());
 }
 
 #[test]
 fn what_is_not_used_is_noted() {
     let noted = |line: &str, word: &str| {
         let model = parse_obj(format!("{SQUARE}f 1 2 3\n{line}\n").as_bytes()).unwrap();
-        assert!(
-            model.notes.len() == 1 && model.notes[0].contains(word),
-            "{line}: {:?}",
-            model.notes
-        );
+        assert!(model.notes.len() == 1 && model.notes[0].contains(word), "{line}: {:?}", model.notes);
     };
     noted("l 1 2", "lines");
     noted("p 1", "points");

@@ -72,20 +72,10 @@ impl Parts {
             Err(cause) => return Err(ImportProblem::Mesh { name, cause }.into()),
         }
         if mesh.indices.is_empty() {
-            let mesh = if name.is_empty() {
-                "the mesh".to_owned()
-            } else {
-                format!("mesh {name:?}")
-            };
-            self.notes
-                .add(format!("{mesh} has no triangles of non-zero area and is skipped"));
+            let mesh = if name.is_empty() { "the mesh".to_owned() } else { format!("mesh {name:?}") };
+            self.notes.add(format!("{mesh} has no triangles of non-zero area and is skipped"));
         } else {
-            self.list.push(MeshPart {
-                name,
-                material,
-                mesh,
-                corners,
-            });
+            self.list.push(MeshPart { name, material, mesh, corners });
         }
         Ok(())
     }
@@ -98,10 +88,7 @@ impl Parts {
             let fix = otherwise;
             return Err(ImportProblem::NoArea { notes, fix }.into());
         }
-        Ok(Model {
-            parts: self.list,
-            notes,
-        })
+        Ok(Model { parts: self.list, notes })
     }
 }
 
@@ -170,11 +157,7 @@ mod tests {
         parts.add("r".into(), None, mesh).unwrap();
         let model = parts.end("").unwrap();
         assert_eq!(model.parts[0].mesh.normals, [Vec3::X, Vec3::X, Vec3::X, Vec3::Z]);
-        assert!(
-            model.notes.len() == 1 && model.notes[0].contains("normal"),
-            "{:?}",
-            model.notes
-        );
+        assert!(model.notes.len() == 1 && model.notes[0].contains("normal"), "{:?}", model.notes);
     }
 
     #[test]

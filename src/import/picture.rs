@@ -73,11 +73,7 @@ pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, P
 
 fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     const FORMATS: &str = "use a PNG, JPEG, OpenEXR, Radiance HDR, PFM, BMP, TGA, PNM or GIF file";
-    let is_tga = || {
-        std::path::Path::new(name)
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("tga"))
-    };
+    let is_tga = || std::path::Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("tga"));
     let format = match image::guess_format(bytes) {
         Ok(format) => format,
         Err(_) if is_tga() => ImageFormat::Tga,
@@ -86,10 +82,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
         }
     };
     if !format.reading_enabled() {
-        return Err(PictureError::new(
-            format!("{format:?} images are not supported"),
-            FORMATS,
-        ));
+        return Err(PictureError::new(format!("{format:?} images are not supported"), FORMATS));
     }
     let name = format!("{format:?}").to_uppercase();
     let damaged = |e: ImageError| PictureError::damaged(&name, e);
@@ -108,21 +101,12 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     let wide = image.color().bytes_per_pixel() > image.color().channel_count();
     let values = if wide {
         let all = image.into_rgb16();
-        all.pixels()
-            .map(|p| p.0.map(|v| f32::from(v) / 65535.0))
-            .collect()
+        all.pixels().map(|p| p.0.map(|v| f32::from(v) / 65535.0)).collect()
     } else {
         let all = image.into_rgb8();
         all.pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect()
     };
-    Ok(Pixels {
-        width,
-        height,
-        values,
-        encoded: true,
-        to_rgb: None,
-        notes,
-    })
+    Ok(Pixels { width, height, values, encoded: true, to_rgb: None, notes })
 }
 
 /// Returns the exponent in a PNG file, unless it declares sRGB too. `png` 0.18 does not return it.
@@ -174,11 +158,7 @@ pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
 /// Returns the luminance of a colour with sRGB primaries (Rec. ITU-R BT.709).
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
     // Grey values must not change by rounding.
-    if r == g && g == b {
-        r
-    } else {
-        0.2126 * r + 0.7152 * g + 0.0722 * b
-    }
+    if r == g && g == b { r } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
 }
 
 /// Returns the encoded brightness of every pixel, top row first.

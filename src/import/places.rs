@@ -9,11 +9,7 @@ use npyz::{DType, NpyFile, Order, TypeChar};
 /// # Errors
 /// The error and its location in the file, to be appended to the file's name.
 pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
-    if is_array(bytes) {
-        array(bytes)
-    } else {
-        text(bytes)
-    }
+    if is_array(bytes) { array(bytes) } else { text(bytes) }
 }
 
 /// Returns whether bytes begin like a `.npy` file.
@@ -31,10 +27,7 @@ fn affine(rows: &[f64]) -> Result<DAffine3, String> {
         return Err("the last row of the 4×4 matrix is not 0 0 0 1".into());
     }
     let column = |j: usize| DVec3::new(rows[j], rows[4 + j], rows[8 + j]);
-    Ok(DAffine3::from_mat3_translation(
-        DMat3::from_cols(column(0), column(1), column(2)),
-        column(3),
-    ))
+    Ok(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))
 }
 
 fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
@@ -43,10 +36,8 @@ fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     for (line, number) in text.lines().zip(1..) {
         let line = line.split('#').next().unwrap_or_default();
         let words = line.split([' ', ',', ';', '\t']).filter(|w| !w.is_empty());
-        let values = words.map(|w| {
-            w.parse::<f64>()
-                .map_err(|_| format!(", line {number}: `{w}` is not a number"))
-        });
+        let values =
+            words.map(|w| w.parse::<f64>().map_err(|_| format!(", line {number}: `{w}` is not a number")));
         let values = values.collect::<Result<Vec<f64>, String>>()?;
         match values.len() {
             0 => {}
@@ -64,17 +55,11 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     let (n, rows) = match shape[..] {
         [n, rows @ (3 | 4), 4] => (n as usize, rows as usize),
         _ => {
-            return Err(format!(
-                ": expected the shape [n, 3, 4] or [n, 4, 4], got {shape:?}"
-            ));
+            return Err(format!(": expected the shape [n, 3, 4] or [n, 4, 4], got {shape:?}"));
         }
     };
     // Check before allocating memory for what a damaged header declares.
-    if shape
-        .iter()
-        .try_fold(1_u64, |n, k| n.checked_mul(*k))
-        .is_none_or(|n| n > bytes.len() as u64)
-    {
+    if shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k)).is_none_or(|n| n > bytes.len() as u64) {
         return Err(": the file is truncated".into());
     }
     let by_column = file.order() == Order::Fortran;
@@ -95,15 +80,9 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     }
     let copy = |i: usize| -> Vec<f64> {
         let at = |r: usize, c: usize| {
-            if by_column {
-                values[i + n * (r + rows * c)]
-            } else {
-                values[(i * rows + r) * 4 + c]
-            }
+            if by_column { values[i + n * (r + rows * c)] } else { values[(i * rows + r) * 4 + c] }
         };
         (0..4 * rows).map(|k| at(k / 4, k % 4)).collect()
     };
-    (0..n)
-        .map(|i| affine(&copy(i)).map_err(|e| format!(", matrix {i}: {e}")))
-        .collect()
+    (0..n).map(|i| affine(&copy(i)).map_err(|e| format!(", matrix {i}: {e}"))).collect()
 }

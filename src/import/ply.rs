@@ -18,12 +18,7 @@ const FIX: &str = "export the mesh again with vertex properties x, y, z and the 
 /// Names of vertex properties: positions, normals, texture coordinates.
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMALS: [[&str; 3]; 2] = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
-const UVS: [[&str; 2]; 4] = [
-    ["u", "v"],
-    ["s", "t"],
-    ["texture_u", "texture_v"],
-    ["tex_u", "tex_v"],
-];
+const UVS: [[&str; 2]; 4] = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["tex_u", "tex_v"]];
 
 /// Names of the lists of vertex indices.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
@@ -49,10 +44,7 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("invalid attribute name {name:?}");
-        return Err(ImportError::malformed(
-            what,
-            "use a name of the form vertex_NAME or face_NAME",
-        ));
+        return Err(ImportError::malformed(what, "use a name of the form vertex_NAME or face_NAME"));
     };
     let model = read(bytes, Some(wanted))?;
     if model.parts.iter().any(|part| part.corners.values.is_empty()) {
@@ -73,22 +65,16 @@ fn read(bytes: &[u8], wanted: Option<Wanted>) -> Result<Model, ImportError> {
     let header = ply_header::read(bytes, &mut parts.notes)?;
     check_header(&header)?;
     let mut body = Body::new(header.format, &bytes[header.body..]);
-    let mut file = File {
-        wanted,
-        ..File::default()
-    };
+    let mut file = File { wanted, ..File::default() };
     for element in &header.elements {
-        file.element(element, &mut body, &mut parts)
-            .map_err(|what| located(what, &header, &body, bytes))?;
+        file.element(element, &mut body, &mut parts).map_err(|what| located(what, &header, &body, bytes))?;
     }
     if body.surplus > 0 {
         let note = "lines have more numbers than the header declares; the surplus numbers are not used";
         parts.notes.add(format!("{} {note}", body.surplus));
     }
     if body.rest() > 0 {
-        parts
-            .notes
-            .add(format!("{} bytes after the last row are not used", body.rest()));
+        parts.notes.add(format!("{} bytes after the last row are not used", body.rest()));
     }
     file.check(&header)?;
     file.assemble(&mut parts)?;
@@ -107,10 +93,9 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
                 .iter()
                 .find(|name| !has(name, false))
                 .map(|name| format!("the vertices have no property {name:?}")),
-            "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => Some(format!(
-                "element {:?} has no list property \"vertex_indices\"",
-                element.name
-            )),
+            "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => {
+                Some(format!("element {:?} has no list property \"vertex_indices\"", element.name))
+            }
             _ => None,
         };
         if let Some(what) = what {
@@ -164,10 +149,7 @@ impl File<'_> {
             "tristrips" => self.strips(element, body, parts),
             name => {
                 if element.count > 0 {
-                    parts.notes.add(format!(
-                        "the {} rows of element `{name}` are not used",
-                        element.count
-                    ));
+                    parts.notes.add(format!("the {} rows of element `{name}` are not used", element.count));
                 }
                 for _ in 0..element.count {
                     for p in &element.properties {
@@ -215,11 +197,7 @@ impl File<'_> {
             self.coloured = columns[0] != columns[1];
             // With one column, the table fills only the first entry.
             let value = |r: &[f32; 11]| {
-                if self.coloured {
-                    [r[8], r[9], r[10]]
-                } else {
-                    [r[8]; 3]
-                }
+                if self.coloured { [r[8], r[9], r[10]] } else { [r[8]; 3] }
             };
             self.attribute = rows.iter().map(|r| value(r).map(|v| v / full)).collect();
         }
@@ -238,11 +216,7 @@ impl File<'_> {
             _ => None,
         };
         let place = |i: usize| own.and_then(|(columns, _)| columns.iter().position(|c| *c == i));
-        note_unused(
-            element,
-            |i| Some(i) == indices || Some(i) == texture || place(i).is_some(),
-            parts,
-        );
+        note_unused(element, |i| Some(i) == indices || Some(i) == texture || place(i).is_some(), parts);
         self.coloured |= own.is_some_and(|(columns, _)| columns[0] != columns[1]);
         if let Some(triangles) = body.triangles(element) {
             self.triangles = triangles;
@@ -292,9 +266,7 @@ impl File<'_> {
             };
             polygons.corners.extend(&corners);
             polygons.ends.push(polygons.corners.len());
-            polygons
-                .uvs
-                .extend(numbers.as_chunks().0.iter().map(|uv| Vec2::from_array(*uv)));
+            polygons.uvs.extend(numbers.as_chunks().0.iter().map(|uv| Vec2::from_array(*uv)));
         }
         Ok(())
     }
@@ -335,10 +307,7 @@ impl File<'_> {
             return Err(ImportError::malformed("the element \"vertex\" is missing", FIX));
         }
         if faces == 0 && self.positions.is_empty() {
-            return Err(ImportError::malformed(
-                "the file has no vertices and no faces",
-                FIX,
-            ));
+            return Err(ImportError::malformed("the file has no vertices and no faces", FIX));
         }
         if faces == 0 {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
@@ -378,9 +347,7 @@ impl File<'_> {
             }
             if bare > 0 {
                 let all = bare + textured;
-                parts
-                    .notes
-                    .add(format!("{bare} of {all} faces have no texture coordinates"));
+                parts.notes.add(format!("{bare} of {all} faces have no texture coordinates"));
             }
             let mesh = self.textured_mesh(parts)?;
             parts.add(String::new(), None, mesh)?;
@@ -389,13 +356,7 @@ impl File<'_> {
             let positions = &self.positions;
             let before = self.triangles.len();
             let mut faces = vec![];
-            cut_all(
-                &self.plain,
-                |v| positions[v as usize],
-                &mut self.triangles,
-                &mut faces,
-                parts,
-            )?;
+            cut_all(&self.plain, |v| positions[v as usize], &mut self.triangles, &mut faces, parts)?;
             let values = match self.wanted {
                 _ if self.attribute.is_empty() => vec![],
                 Some(Wanted::Face(_)) if before == 0 => {
@@ -407,10 +368,7 @@ impl File<'_> {
                     corners.map(|t| t.map(|i| self.attribute[i as usize])).collect()
                 }
             };
-            let corners = Corners {
-                values,
-                coloured: self.coloured,
-            };
+            let corners = Corners { values, coloured: self.coloured };
             let mesh = Mesh {
                 positions: self.positions,
                 normals: self.normals,
@@ -431,9 +389,7 @@ impl File<'_> {
         let mut renumbered = Vec::with_capacity(corners.len());
         for (&corner, uv) in corners.iter().zip(uvs) {
             let next = mesh.positions.len() as u32;
-            let vertex = *known
-                .entry((corner, uv.to_array().map(f32::to_bits)))
-                .or_insert(next);
+            let vertex = *known.entry((corner, uv.to_array().map(f32::to_bits))).or_insert(next);
             if vertex == next {
                 mesh.positions.push(self.positions[corner as usize]);
                 mesh.normals.extend(self.normals.get(corner as usize));
@@ -441,19 +397,9 @@ impl File<'_> {
             }
             renumbered.push(vertex);
         }
-        let polygons = Polygons {
-            corners: renumbered,
-            uvs: vec![],
-            ends: ends.clone(),
-        };
+        let polygons = Polygons { corners: renumbered, uvs: vec![], ends: ends.clone() };
         let positions = &mesh.positions;
-        cut_all(
-            &polygons,
-            |v| positions[v as usize],
-            &mut mesh.indices,
-            &mut vec![],
-            parts,
-        )?;
+        cut_all(&polygons, |v| positions[v as usize], &mut mesh.indices, &mut vec![], parts)?;
         Ok(mesh)
     }
 }
@@ -483,16 +429,9 @@ fn cut_all(
 /// Notes the unused properties of an element.
 fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut Parts) {
     let properties = element.properties.iter().enumerate();
-    let names: Vec<&str> = properties
-        .filter(|(i, _)| !is_used(*i))
-        .map(|(_, p)| p.name.as_str())
-        .collect();
+    let names: Vec<&str> = properties.filter(|(i, _)| !is_used(*i)).map(|(_, p)| p.name.as_str()).collect();
     if element.count > 0 && !names.is_empty() {
-        let note = format!(
-            "unused properties of element `{}`: {}",
-            element.name,
-            names.join(", ")
-        );
+        let note = format!("unused properties of element `{}`: {}", element.name, names.join(", "));
         parts.notes.add(note);
     }
 }

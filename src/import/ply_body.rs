@@ -20,22 +20,12 @@ pub(super) struct Body<'a> {
 
 impl<'a> Body<'a> {
     pub fn new(format: Format, bytes: &'a [u8]) -> Self {
-        Self {
-            format,
-            bytes,
-            at: 0,
-            surplus: 0,
-        }
+        Self { format, bytes, at: 0, surplus: 0 }
     }
 
     /// Creates a body whose text has been read.
     pub fn through(bytes: &'a [u8]) -> Self {
-        Self {
-            format: Format::Ascii,
-            bytes,
-            at: bytes.len(),
-            surplus: 0,
-        }
+        Self { format: Format::Ascii, bytes, at: bytes.len(), surplus: 0 }
     }
 
     /// Returns the number of lines read in an ASCII file.
@@ -71,10 +61,7 @@ impl<'a> Body<'a> {
         let start = rest.iter().position(|b| !b.is_ascii_whitespace());
         let start = start.ok_or("the file is truncated")?;
         let word = &rest[start..];
-        let length = word
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .unwrap_or(word.len());
+        let length = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
         self.at += start + length;
         std::str::from_utf8(&word[..length]).map_err(|_| "a number is not valid UTF-8 text".into())
     }
@@ -105,8 +92,7 @@ impl<'a> Body<'a> {
             if let Ok(value) = word.parse() {
                 return Ok(value);
             }
-            word.parse::<f64>()
-                .map_err(|_| format!("{word:?} is not an integer"))?
+            word.parse::<f64>().map_err(|_| format!("{word:?} is not an integer"))?
         } else {
             let big = self.format == Format::BigEndian;
             double(self.take(kind.size())?, kind, big)
@@ -129,11 +115,7 @@ impl<'a> Body<'a> {
         }
         let big = self.format == Format::BigEndian;
         for bytes in self.take(count.saturating_mul(4))?.as_chunks::<4>().0 {
-            let i = if big {
-                u32::from_be_bytes(*bytes)
-            } else {
-                u32::from_le_bytes(*bytes)
-            };
+            let i = if big { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
             out.push(match kind {
                 Kind::I32 => index(i64::from(i as i32))?,
                 _ => i,
@@ -190,11 +172,7 @@ impl<'a> Body<'a> {
         let row = |bytes: &[u8]| {
             places.map(|place| place.map_or(0.0, |(at, kind)| float(&bytes[at..at + kind.size()], kind, big)))
         };
-        Ok(table
-            .par_chunks_exact(size)
-            .with_min_len(SHARE)
-            .map(row)
-            .collect())
+        Ok(table.par_chunks_exact(size).with_min_len(SHARE).map(row).collect())
     }
 
     /// Reads binary faces that are all triangles: one list with a count of one byte and indices of four
@@ -210,19 +188,11 @@ impl<'a> Body<'a> {
             return None;
         }
         let big = self.format == Format::BigEndian;
-        let most = if list.kind == Kind::I32 {
-            i32::MAX as u32
-        } else {
-            u32::MAX
-        };
+        let most = if list.kind == Kind::I32 { i32::MAX as u32 } else { u32::MAX };
         let size = element.count.checked_mul(TRIANGLE)?;
         let (rows, _) = self.bytes[self.at..].get(..size)?.as_chunks::<TRIANGLE>();
         let index = |b: &[u8; 4]| {
-            let i = if big {
-                u32::from_be_bytes(*b)
-            } else {
-                u32::from_le_bytes(*b)
-            };
+            let i = if big { u32::from_be_bytes(*b) } else { u32::from_le_bytes(*b) };
             (i <= most).then_some(i)
         };
         let corners = |row: &[u8; TRIANGLE]| {

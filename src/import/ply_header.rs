@@ -133,25 +133,14 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
                     .last_mut()
                     .ok_or_else(|| bad(format!("property {name:?} precedes all elements")))?;
                 if element.properties.iter().any(|p| p.name == name) {
-                    return Err(bad(format!(
-                        "element {:?} has two properties {name:?}",
-                        element.name
-                    )));
+                    return Err(bad(format!("element {:?} has two properties {name:?}", element.name)));
                 }
-                element.properties.push(Property {
-                    name: name.to_owned(),
-                    kind,
-                    list,
-                });
+                element.properties.push(Property { name: name.to_owned(), kind, list });
             }
             ["end_header"] => {
                 let format = format.ok_or_else(|| bad("the header has no line `format`".into()))?;
                 check_counts(&elements, format, bytes.len() - at)?;
-                return Ok(Header {
-                    format,
-                    elements,
-                    body: at,
-                });
+                return Ok(Header { format, elements, body: at });
             }
             _ => return Err(bad(format!("unknown header line `{}`", line.trim()))),
         }
@@ -163,11 +152,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
 fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(), ImportError> {
     let mut least = 0_usize;
     for (i, element) in elements.iter().enumerate() {
-        let Element {
-            name,
-            count,
-            properties,
-        } = element;
+        let Element { name, count, properties } = element;
         if elements[..i].iter().any(|e| e.name == *name) {
             return Err(ImportError::malformed(format!("duplicate element {name:?}"), FIX));
         }
@@ -189,10 +174,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             let what = format!(
                 "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"
             );
-            return Err(ImportError::malformed(
-                what,
-                "the file is truncated: export or copy it again",
-            ));
+            return Err(ImportError::malformed(what, "the file is truncated: export or copy it again"));
         }
     }
     Ok(())

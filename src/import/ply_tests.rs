@@ -29,13 +29,7 @@ fn binary(big: bool) -> Vec<u8> {
     for x in [2_u16, 11, 12] {
         put(&mut b, &x.to_le_bytes());
     }
-    for p in [
-        [-1., -1., 0.],
-        [1., -1., 0.],
-        [1., 1., 0.],
-        [-1., 1., 0.],
-        [0., 0., 1.5],
-    ] {
+    for p in [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.], [0., 0., 1.5]] {
         for x in p {
             put(&mut b, &f64::to_le_bytes(x));
         }
@@ -43,13 +37,7 @@ fn binary(big: bool) -> Vec<u8> {
             put(&mut b, &(x as f32).to_le_bytes());
         }
     }
-    for face in [
-        &[3_u16, 2, 1, 0][..],
-        &[0, 1, 4],
-        &[1, 2, 4],
-        &[2, 3, 4],
-        &[3, 0, 4],
-    ] {
+    for face in [&[3_u16, 2, 1, 0][..], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]] {
         b.extend([9, face.len() as u8]);
         for i in face {
             put(&mut b, &i.to_le_bytes());
@@ -75,10 +63,7 @@ fn ascii_polygons_and_unknown_properties() {
 fn both_byte_orders() {
     let little = &parse_ply(&binary(false)).unwrap().parts[0].mesh;
     assert_eq!(little, &parse_ply(&binary(true)).unwrap().parts[0].mesh);
-    assert_eq!(
-        little.indices,
-        [[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
-    );
+    assert_eq!(little.indices, [[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
     assert_eq!(little.positions[4], vec3(0.0, 0.0, 1.5));
     assert_eq!(little.normals, [Vec3::Z; 5]);
     assert_eq!(little.uvs[1], vec2(1.0, -1.0));
@@ -103,20 +88,11 @@ fn binary_as_ascii() {
                     "ply\nformat {format} 1.0\nelement vertex 6\nproperty float x\nproperty double y\n\
                      property float z\nproperty uchar red\n{}property short s\nproperty int t\nelement face 3\n\
                      property list {list} vertex_indices\nend_header\n",
-                    if normals {
-                        "property float nx\nproperty float ny\nproperty float nz\n"
-                    } else {
-                        ""
-                    },
+                    if normals { "property float nx\nproperty float ny\nproperty float nz\n" } else { "" },
                 )
             };
             let mut text = header("ascii");
-            let mut b = header(if big {
-                "binary_big_endian"
-            } else {
-                "binary_little_endian"
-            })
-            .into_bytes();
+            let mut b = header(if big { "binary_big_endian" } else { "binary_little_endian" }).into_bytes();
             let put = |b: &mut Vec<u8>, le: &[u8]| {
                 if big {
                     b.extend(le.iter().rev());
@@ -156,10 +132,7 @@ fn binary_as_ascii() {
             assert_eq!(model, parse_ply(text.as_bytes()).unwrap());
             let mesh = &model.parts[0].mesh;
             let expected: usize = faces.iter().map(|f| f.len() - 2).sum();
-            assert_eq!(
-                (mesh.indices.len(), mesh.normals.len()),
-                (expected, if normals { 6 } else { 0 })
-            );
+            assert_eq!((mesh.indices.len(), mesh.normals.len()), (expected, if normals { 6 } else { 0 }));
             assert_eq!(mesh.uvs[1], vec2(-2.0, 7.0));
             assert_eq!(model.notes, ["unused properties of element `vertex`: red"]);
             fails(&b[..b.len() - 1], None, "truncated");
@@ -169,11 +142,7 @@ fn binary_as_ascii() {
             // The last corner is not a vertex, or negative.
             let last = b.len() - 4;
             b[last..].fill(0xff);
-            let word = if list.ends_with("uint") {
-                "4294967295"
-            } else {
-                "-1"
-            };
+            let word = if list.ends_with("uint") { "4294967295" } else { "-1" };
             fails(&b, None, word);
         }
     }
@@ -238,9 +207,7 @@ fn line_ends_byte_order_marks_and_spaces_change_nothing() {
         format!("\u{feff}{ASCII}"),
         ASCII.replace("1 1 0 1 1 255", "  1\t1 0\n 1 1   255 "),
         ASCII.replace("ply\n", "ply\nobj_info made by hand\n"),
-        ASCII
-            .replace("float s", "float32 texture_u")
-            .replace("float t", "float64 texture_v"),
+        ASCII.replace("float s", "float32 texture_u").replace("float t", "float64 texture_v"),
     ] {
         assert_eq!(parse_ply(text.as_bytes()).unwrap(), expected, "{text}");
     }
@@ -262,10 +229,7 @@ fn what_is_not_used_is_noted() {
     noted(ASCII, "`vertex`: red");
     noted(ASCII, "`face`: group");
     noted(ASCII, "element `edge`");
-    noted(
-        &ASCII.replace("comment a", "comment TextureFile a.png"),
-        "TextureFile a.png",
-    );
+    noted(&ASCII.replace("comment a", "comment TextureFile a.png"), "TextureFile a.png");
     noted(&ASCII.replace("float t", "float t2"), "s, t2, red");
     noted(&format!("{ASCII} 7"), "more numbers than the header");
     noted(&format!("{ASCII}\n7"), "after the last row");
@@ -284,16 +248,8 @@ fn fails(bytes: &[u8], line: Option<usize>, word: &str) {
 fn faults_carry_their_line_in_ascii() {
     let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
     fails(b"plx\n", Some(1), "ply");
-    fails(
-        &edit("1 0 0 1 0 255", "1 0 zero 1 0 255"),
-        Some(19),
-        "\"zero\" is not a number",
-    );
-    fails(
-        &edit("4 0 1 2 3 7", "4 0 1 2 3 x"),
-        Some(22),
-        "\"x\" is not a number",
-    );
+    fails(&edit("1 0 0 1 0 255", "1 0 zero 1 0 255"), Some(19), "\"zero\" is not a number");
+    fails(&edit("4 0 1 2 3 7", "4 0 1 2 3 x"), Some(22), "\"x\" is not a number");
     fails(&edit("4 0 1 2 3 7", "4 0 1 2 -3 7"), Some(22), "-3");
     fails(&edit("4 0 1 2 3 7", "2 0 1 7"), None, "no rows of");
     fails(&edit("4 0 1 2 3 7", "4 0 1 2 4 7"), None, "vertex 4");
@@ -307,21 +263,9 @@ fn faults_carry_their_line_in_ascii() {
 #[test]
 fn counts_are_weighed_first() {
     let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
-    fails(
-        &edit("vertex 4", "vertex 4000000000"),
-        None,
-        "bytes follow the header",
-    );
-    fails(
-        &edit("vertex 4", "vertex 18446744073709551615"),
-        None,
-        "bytes follow the header",
-    );
-    fails(
-        b"ply\nformat ascii 1.0\nelement x 18446744073709551615\nend_header\n",
-        None,
-        "no properties",
-    );
+    fails(&edit("vertex 4", "vertex 4000000000"), None, "bytes follow the header");
+    fails(&edit("vertex 4", "vertex 18446744073709551615"), None, "bytes follow the header");
+    fails(b"ply\nformat ascii 1.0\nelement x 18446744073709551615\nend_header\n", None, "no properties");
     let whole = binary(false);
     fails(&whole[..whole.len() - 1], None, "truncated");
 }

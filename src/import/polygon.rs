@@ -52,20 +52,13 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
     if is_fan || !has_inside {
         out.extend(corners[1..].windows(2).map(|w| [corners[0], w[0], w[1]]));
         let is_flat = fan().all(|n| n.length() <= least);
-        return if is_fan || is_flat {
-            Cut::Whole
-        } else {
-            Cut::Crossing
-        };
+        return if is_fan || is_flat { Cut::Whole } else { Cut::Crossing };
     }
     if corners.len() > MOST_CORNERS {
         return Cut::TooLarge;
     }
     let (u, v) = normal.normalize().any_orthonormal_pair();
-    let flat: Vec<DVec2> = corners
-        .iter()
-        .map(|&i| DVec2::new(point(i).dot(u), point(i).dot(v)))
-        .collect();
+    let flat: Vec<DVec2> = corners.iter().map(|&i| DVec2::new(point(i).dot(u), point(i).dot(v))).collect();
     let mut whole = true;
     for ear in clip(&flat, least, &mut whole) {
         out.push(ear.map(|i| corners[i]));
@@ -128,10 +121,7 @@ mod tests {
 
     fn area_of(points: &[Vec3], triangles: &[[u32; 3]]) -> DVec3 {
         let corner = |i: u32| points[i as usize].as_dvec3();
-        triangles
-            .iter()
-            .map(|&[a, b, c]| (corner(b) - corner(a)).cross(corner(c) - corner(a)) / 2.0)
-            .sum()
+        triangles.iter().map(|&[a, b, c]| (corner(b) - corner(a)).cross(corner(c) - corner(a)) / 2.0).sum()
     }
 
     fn covered(points: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
@@ -145,37 +135,13 @@ mod tests {
         let outlines: [(&[[f32; 2]], f64); 6] = [
             // U, L, chevron.
             (
-                &[
-                    [0., 0.],
-                    [1., 0.],
-                    [1., 1.],
-                    [0.75, 1.],
-                    [0.75, 0.25],
-                    [0.25, 0.25],
-                    [0.25, 1.],
-                    [0., 1.],
-                ],
+                &[[0., 0.], [1., 0.], [1., 1.], [0.75, 1.], [0.75, 0.25], [0.25, 0.25], [0.25, 1.], [0., 1.]],
                 0.625,
             ),
-            (
-                &[[0., 0.], [1., 0.], [1., 0.5], [0.5, 0.5], [0.5, 1.], [0., 1.]],
-                0.75,
-            ),
+            (&[[0., 0.], [1., 0.], [1., 0.5], [0.5, 0.5], [0.5, 1.], [0., 1.]], 0.75),
             (&[[0., 0.], [0.5, 0.25], [1., 0.], [0.5, 1.]], 0.375),
             // Square with collinear corners on three edges.
-            (
-                &[
-                    [0., 0.],
-                    [0.5, 0.],
-                    [1., 0.],
-                    [1., 0.25],
-                    [1., 0.5],
-                    [1., 1.],
-                    [0.3, 1.],
-                    [0., 1.],
-                ],
-                1.0,
-            ),
+            (&[[0., 0.], [0.5, 0.], [1., 0.], [1., 0.25], [1., 0.5], [1., 1.], [0.3, 1.], [0., 1.]], 1.0),
             // Square with a square hole, connected to the outline by an edge in both directions.
             (
                 &[
@@ -245,16 +211,8 @@ mod tests {
     /// its corners.
     #[test]
     fn collinear_corners_stay_corners() {
-        let points = [
-            [0., 0.],
-            [0.5, 0.],
-            [1., 0.],
-            [1., 1.],
-            [0.6, 1.],
-            [0.3, 1.],
-            [0., 1.],
-        ]
-        .map(|[x, y]| vec3(x, y, 0.0));
+        let points = [[0., 0.], [0.5, 0.], [1., 0.], [1., 1.], [0.6, 1.], [0.3, 1.], [0., 1.]]
+            .map(|[x, y]| vec3(x, y, 0.0));
         let corners: Vec<u32> = (0..7).collect();
         let mut triangles = vec![];
         assert_eq!(cut(&corners, |i| points[i as usize], &mut triangles), Cut::Whole);
@@ -271,12 +229,7 @@ mod tests {
 
     #[test]
     fn convex_polygons_and_bent_quads_are_fans() {
-        let points = [
-            vec3(0., 0., 0.),
-            vec3(1., 0., 0.2),
-            vec3(1., 1., 0.),
-            vec3(0., 1., 0.3),
-        ];
+        let points = [vec3(0., 0., 0.), vec3(1., 0., 0.2), vec3(1., 1., 0.), vec3(0., 1., 0.3)];
         let mut triangles = vec![];
         cut(&[0, 1, 2, 3], |i| points[i as usize], &mut triangles);
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -285,25 +238,15 @@ mod tests {
     /// A square whose outline includes an apex above one edge: n corners give n - 2 triangles.
     #[test]
     fn corners_off_the_plane_leave_no_hole() {
-        let points = [
-            [-1., 0., 1.],
-            [1., 0., 1.],
-            [1., 0., -1.],
-            [-1., 0., -1.],
-            [0., 1., -1.],
-        ]
-        .map(Vec3::from_array);
+        let points =
+            [[-1., 0., 1.], [1., 0., 1.], [1., 0., -1.], [-1., 0., -1.], [0., 1., -1.]].map(Vec3::from_array);
         let mut triangles = vec![];
         cut(&[0, 1, 2, 3, 4], |i| points[i as usize], &mut triangles);
         assert_eq!(triangles.len(), 3, "{triangles:?}");
         for i in 0..5 {
             let edge = (i, (i + 1) % 5);
             let edges = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
-            assert_eq!(
-                edges.filter(|e| *e == edge).count(),
-                1,
-                "{edge:?} of {triangles:?}"
-            );
+            assert_eq!(edges.filter(|e| *e == edge).count(), 1, "{edge:?} of {triangles:?}");
         }
     }
 
@@ -314,18 +257,12 @@ mod tests {
         for y in [4., 3.] {
             let bow = [[0., 0.], [2., 0.], [0., 1.], [2., y]].map(|[x, y]| vec3(x, y, 0.0));
             triangles.clear();
-            assert_eq!(
-                cut(&[0, 1, 2, 3], |i| bow[i as usize], &mut triangles),
-                Cut::Crossing
-            );
+            assert_eq!(cut(&[0, 1, 2, 3], |i| bow[i as usize], &mut triangles), Cut::Crossing);
             assert!(!triangles.is_empty());
         }
         triangles.clear();
         let line = [0., 1., 2., 3.].map(|x| vec3(x, 0.0, 0.0));
-        assert_eq!(
-            cut(&[0, 1, 2, 3], |i| line[i as usize], &mut triangles),
-            Cut::Whole
-        );
+        assert_eq!(cut(&[0, 1, 2, 3], |i| line[i as usize], &mut triangles), Cut::Whole);
         assert!(covered(&line, &triangles) == 0.0);
     }
 }

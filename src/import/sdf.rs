@@ -45,16 +45,10 @@ const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, so
 pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
-        let what = format!(
-            "the grid has {x} x {y} x {z} points with {} values per point",
-            vol.channels
-        );
+        let what = format!("the grid has {x} x {y} x {z} points with {} values per point", vol.channels);
         return Err(ImportError::malformed(what, FIX));
     }
-    let grid = Grid {
-        size: vol.size,
-        values: &vol.values,
-    };
+    let grid = Grid { size: vol.size, values: &vol.values };
     let mut parts = 1;
     let mut best = grid.surface(parts, normals);
     while let Some(found) = &best
@@ -72,10 +66,9 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
             format!("the surface has more than {MOST} triangles"),
             "use fewer points",
         )),
-        Some(found) if found.mesh.indices.is_empty() => Err(ImportError::malformed(
-            "the distances have no change of sign",
-            FIX,
-        )),
+        Some(found) if found.mesh.indices.is_empty() => {
+            Err(ImportError::malformed("the distances have no change of sign", FIX))
+        }
         Some(found) => Ok(found),
     }
 }
@@ -150,10 +143,7 @@ impl Grid<'_> {
 
     /// Returns the surface, or `None` if it has too many triangles.
     fn surface(&self, parts: usize, normals: Normals) -> Option<Surface> {
-        let mut out = Surface {
-            mesh: Mesh::default(),
-            deviation: 0.0,
-        };
+        let mut out = Surface { mesh: Mesh::default(), deviation: 0.0 };
         let [nx, ny, nz] = self.size.map(|n| n - 1);
         let mut known = HashMap::new();
         for z in 0..nz {
@@ -269,12 +259,7 @@ mod tests {
                 }
             }
         }
-        Vol {
-            size,
-            channels: 1,
-            bbox: [[0.0; 3], [1.0; 3]],
-            values,
-        }
+        Vol { size, channels: 1, bbox: [[0.0; 3], [1.0; 3]], values }
     }
 
     fn area_and_volume(mesh: &Mesh) -> [f64; 2] {
@@ -293,14 +278,8 @@ mod tests {
         for normals in [Normals::Smooth, Normals::Analytic] {
             let found = surface(&sphere, normals).unwrap();
             let [area, volume] = area_and_volume(&found.mesh);
-            assert!(
-                (area / (4.0 * std::f64::consts::PI * 0.09) - 1.0).abs() < 5e-3,
-                "{area}"
-            );
-            assert!(
-                (volume / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 5e-3,
-                "{volume}"
-            );
+            assert!((area / (4.0 * std::f64::consts::PI * 0.09) - 1.0).abs() < 5e-3, "{area}");
+            assert!((volume / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 5e-3, "{volume}");
             assert!(found.deviation < NEAR);
             for (p, n) in found.mesh.positions.iter().zip(&found.mesh.normals) {
                 let from = p.as_dvec3() - 0.5;
@@ -324,11 +303,7 @@ mod tests {
     fn a_saddle_in_one_cell_is_divided() {
         let saddle = vol([2, 2, 2], |p| (p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5));
         let found = surface(&saddle, Normals::Analytic).unwrap();
-        assert!(
-            found.deviation < 0.03 && found.mesh.indices.len() > 12,
-            "{}",
-            found.deviation
-        );
+        assert!(found.deviation < 0.03 && found.mesh.indices.len() > 12, "{}", found.deviation);
         for p in &found.mesh.positions {
             let p = p.as_dvec3();
             assert!(((p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5)).abs() < 1e-6);
@@ -338,32 +313,10 @@ mod tests {
     #[test]
     fn grids_without_a_surface_are_refused() {
         let full = vol([3, 3, 3], |_| 1.0);
-        assert!(
-            surface(&full, Normals::Smooth)
-                .unwrap_err()
-                .to_string()
-                .contains("sign")
-        );
-        let flat = Vol {
-            size: [27, 1, 1],
-            ..full.clone()
-        };
-        assert!(
-            surface(&flat, Normals::Smooth)
-                .unwrap_err()
-                .to_string()
-                .contains("27 x 1 x 1")
-        );
-        let three = Vol {
-            channels: 3,
-            size: [3, 3, 1],
-            ..full
-        };
-        assert!(
-            surface(&three, Normals::Smooth)
-                .unwrap_err()
-                .to_string()
-                .contains("3 values")
-        );
+        assert!(surface(&full, Normals::Smooth).unwrap_err().to_string().contains("sign"));
+        let flat = Vol { size: [27, 1, 1], ..full.clone() };
+        assert!(surface(&flat, Normals::Smooth).unwrap_err().to_string().contains("27 x 1 x 1"));
+        let three = Vol { channels: 3, size: [3, 3, 1], ..full };
+        assert!(surface(&three, Normals::Smooth).unwrap_err().to_string().contains("3 values"));
     }
 }

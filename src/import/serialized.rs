@@ -95,10 +95,7 @@ impl Stream<'_> {
         match read {
             Ok(n) if n as u64 == count => Ok(out),
             Ok(_) => Err(ImportError::malformed("the mesh is truncated", FIX)),
-            Err(e) => Err(ImportError::malformed(
-                format!("the compressed data are damaged ({e})"),
-                FIX,
-            )),
+            Err(e) => Err(ImportError::malformed(format!("the compressed data are damaged ({e})"), FIX)),
         }
     }
 
@@ -114,31 +111,16 @@ impl Stream<'_> {
 
     fn indices(&mut self, count: u64) -> Result<Vec<u32>, ImportError> {
         let bytes = self.bytes(count.saturating_mul(4))?;
-        Ok(bytes
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| u32::from_le_bytes(*b))
-            .collect())
+        Ok(bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect())
     }
 
     fn floats(&mut self, count: u64, double: bool) -> Result<Vec<f32>, ImportError> {
         if double {
             let bytes = self.bytes(count.saturating_mul(8))?;
-            return Ok(bytes
-                .as_chunks()
-                .0
-                .iter()
-                .map(|b| f64::from_le_bytes(*b) as f32)
-                .collect());
+            return Ok(bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b) as f32).collect());
         }
         let bytes = self.bytes(count.saturating_mul(4))?;
-        Ok(bytes
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| f32::from_le_bytes(*b))
-            .collect())
+        Ok(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
     }
 
     fn text(&mut self, count: u32) -> Result<String, ImportError> {
@@ -147,12 +129,7 @@ impl Stream<'_> {
 }
 
 fn vectors(numbers: &[f32]) -> Vec<Vec3> {
-    numbers
-        .as_chunks()
-        .0
-        .iter()
-        .map(|v| Vec3::from_array(*v))
-        .collect()
+    numbers.as_chunks().0.iter().map(|v| Vec3::from_array(*v)).collect()
 }
 
 fn version_3_or_4(
@@ -173,11 +150,7 @@ fn version_3_or_4(
     let (vertices, triangles) = (stream.u64()?, stream.u64()?);
     let double = flags & DOUBLE != 0;
     let mut table = |each: u64, bit: u32| {
-        if flags & bit == bit {
-            stream.floats(vertices.saturating_mul(each), double)
-        } else {
-            Ok(vec![])
-        }
+        if flags & bit == bit { stream.floats(vertices.saturating_mul(each), double) } else { Ok(vec![]) }
     };
     let positions = table(3, 0)?;
     let normals = table(3, NORMALS)?;
@@ -189,11 +162,7 @@ fn version_3_or_4(
         positions: vectors(&positions),
         normals: vectors(&normals),
         uvs: uvs.as_chunks().0.iter().map(|v| Vec2::from_array(*v)).collect(),
-        indices: stream
-            .indices(triangles.saturating_mul(3))?
-            .as_chunks()
-            .0
-            .to_vec(),
+        indices: stream.indices(triangles.saturating_mul(3))?.as_chunks().0.to_vec(),
     };
     Ok((String::from_utf8_lossy(&name).into_owned(), mesh))
 }
@@ -209,9 +178,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     let faces = stream.indices(triangles.saturating_mul(4))?;
     let (faces, _) = faces.as_chunks::<4>();
     if faces.iter().any(|f| f[3] != 0) {
-        parts
-            .notes
-            .add("the BSDF indices of faces are not used: the mesh has a single material");
+        parts.notes.add("the BSDF indices of faces are not used: the mesh has a single material");
     }
     // Vertices that share a surface point or a normal, which matter only for editing positions.
     for list in [points, groups] {
@@ -224,15 +191,9 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
         let attribute = stream.text(length)?;
         stream.bytes(1)?;
         let size = u64::from(stream.u32()?);
-        let count = if attribute.starts_with("face_") {
-            triangles
-        } else {
-            vertices
-        };
+        let count = if attribute.starts_with("face_") { triangles } else { vertices };
         stream.floats(count.saturating_mul(size), false)?;
-        parts
-            .notes
-            .add(format!("the attribute `{attribute}` is not used"));
+        parts.notes.add(format!("the attribute `{attribute}` is not used"));
     }
     let mut mesh = Mesh {
         positions: records.iter().map(|r| Vec3::new(r[0], r[1], r[2])).collect(),
@@ -240,9 +201,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
         ..Mesh::default()
     };
     if flags & TANGENTS_5 != 0 {
-        parts
-            .notes
-            .add("normals are not used: they are stored with tangents");
+        parts.notes.add("normals are not used: they are stored with tangents");
     } else if flags & FACE_NORMALS_5 != 0 {
         parts.notes.add("the mesh has face normals: set `flat`");
     } else if flags & NORMALS != 0 {
@@ -282,9 +241,7 @@ mod tests {
             0 => b.extend((v as f32).to_le_bytes()),
             _ => b.extend(v.to_le_bytes()),
         };
-        [0., 0., height, 1., 0., height, 0., 1., height]
-            .into_iter()
-            .for_each(&mut put);
+        [0., 0., height, 1., 0., height, 0., 1., height].into_iter().for_each(&mut put);
         if flags & NORMALS != 0 {
             [0., 0., 1.].repeat(3).into_iter().for_each(&mut put);
         }
@@ -314,10 +271,7 @@ mod tests {
         for version in [3, 4] {
             for precision in [0x1000, DOUBLE] {
                 let flags = precision | NORMALS | UVS;
-                let meshes = [
-                    triangle(version, precision | COLOURS, 0.0),
-                    triangle(version, flags, 2.0),
-                ];
+                let meshes = [triangle(version, precision | COLOURS, 0.0), triangle(version, flags, 2.0)];
                 let file = with_list(&meshes, if version == 3 { 4 } else { 8 });
                 let first = parse_serialized(&file, 0).unwrap();
                 assert_eq!(first.notes, ["vertex colours are not used"]);
@@ -325,14 +279,8 @@ mod tests {
                 let second = parse_serialized(&file, 1).unwrap();
                 let part = &second.parts[0];
                 assert_eq!(part.name, if version == 4 { "tri" } else { "" });
-                assert_eq!(
-                    part.mesh.positions,
-                    [vec3(0., 0., 2.), vec3(1., 0., 2.), vec3(0., 1., 2.)]
-                );
-                assert_eq!(
-                    (part.mesh.normals[1], part.mesh.uvs[2]),
-                    (Vec3::Z, vec2(0.0, 1.0))
-                );
+                assert_eq!(part.mesh.positions, [vec3(0., 0., 2.), vec3(1., 0., 2.), vec3(0., 1., 2.)]);
+                assert_eq!((part.mesh.normals[1], part.mesh.uvs[2]), (Vec3::Z, vec2(0.0, 1.0)));
                 let message = parse_serialized(&file, 2).unwrap_err().to_string();
                 assert!(message.contains("has 2 meshes"), "{message}");
             }
@@ -348,9 +296,7 @@ mod tests {
             b.extend(count.to_le_bytes());
         }
         for [x, y] in [[0., 0.], [1., 0.], [0., 1.0_f32]] {
-            [x, y, 2.0, 0.0, 0.0, 1.0, x, y]
-                .iter()
-                .for_each(|v| b.extend(v.to_le_bytes()));
+            [x, y, 2.0, 0.0, 0.0, 1.0, x, y].iter().for_each(|v| b.extend(v.to_le_bytes()));
         }
         [0_u32, 1, 2, 0].iter().for_each(|i| b.extend(i.to_le_bytes()));
         [0_u32, 0, 0].iter().for_each(|i| b.extend(i.to_le_bytes()));

@@ -30,9 +30,7 @@ pub(super) fn lines(text: &str) -> impl Iterator<Item = &str> {
             rest = None;
             return Some(text);
         };
-        let after = text[end..]
-            .strip_prefix("\r\n")
-            .unwrap_or_else(|| &text[end + 1..]);
+        let after = text[end..].strip_prefix("\r\n").unwrap_or_else(|| &text[end + 1..]);
         rest = Some(after).filter(|t| !t.is_empty());
         Some(&text[..end])
     })

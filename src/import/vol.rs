@@ -33,15 +33,9 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     let whole = |i: usize| i32::from_le_bytes(word(i));
     let number = |i: usize| f32::from_le_bytes(word(i));
     if head[3] != 3 || whole(0) != 1 {
-        let what = format!(
-            "expected a grid of version 3 and type 1, got version {} and type {}",
-            head[3],
-            whole(0)
-        );
-        return Err(ImportError::unsupported(
-            what,
-            "write 32-bit floats (version 3, type 1)",
-        ));
+        let what =
+            format!("expected a grid of version 3 and type 1, got version {} and type {}", head[3], whole(0));
+        return Err(ImportError::unsupported(what, "write 32-bit floats (version 3, type 1)"));
     }
     let counts = [1, 2, 3, 4].map(|i| usize::try_from(whole(i)).unwrap_or(0));
     let total = counts.iter().try_fold(1_usize, |n, c| n.checked_mul(*c));
@@ -49,9 +43,7 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     let numbers = bytes[HEAD..].as_chunks::<4>().0;
     match total {
         Some(0) => {
-            return refuse(format!(
-                "the grid is empty: {x} x {y} x {z} points with {channels} channels"
-            ));
+            return refuse(format!("the grid is empty: {x} x {y} x {z} points with {channels} channels"));
         }
         Some(n) if n <= numbers.len() => {}
         _ => {
@@ -61,20 +53,12 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
             ));
         }
     }
-    let values: Vec<f32> = numbers[..total.unwrap_or(0)]
-        .iter()
-        .map(|b| f32::from_le_bytes(*b))
-        .collect();
+    let values: Vec<f32> = numbers[..total.unwrap_or(0)].iter().map(|b| f32::from_le_bytes(*b)).collect();
     let bbox = [[5, 6, 7], [8, 9, 10]].map(|corner| corner.map(number));
     if let Some(i) = values.iter().position(|v| !v.is_finite()) {
         return refuse(format!("value {i} of the grid is {}", values[i]));
     }
-    Ok(Vol {
-        size: [x, y, z],
-        channels,
-        bbox,
-        values,
-    })
+    Ok(Vol { size: [x, y, z], channels, bbox, values })
 }
 
 #[cfg(test)]

@@ -15,10 +15,8 @@ pub fn write(mesh: &Mesh) -> Vec<u8> {
     if !mesh.uvs.is_empty() {
         head += "property float u\nproperty float v\n";
     }
-    head += &format!(
-        "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
-        mesh.indices.len()
-    );
+    head +=
+        &format!("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.len());
     let mut out = head.into_bytes();
     let mut put = |values: &[f32]| values.iter().for_each(|v| out.extend(v.to_le_bytes()));
     for (i, p) in mesh.positions.iter().enumerate() {

@@ -53,10 +53,7 @@ impl AnalogLimits {
         }
         let [least, most] = self.rate_hz;
         if !(settings.rate_hz >= least && settings.rate_hz <= most) {
-            return Err(format!(
-                "{} samples per second; expected {least} to {most}",
-                settings.rate_hz
-            ));
+            return Err(format!("{} samples per second; expected {least} to {most}", settings.rate_hz));
         }
         Ok(())
     }

@@ -117,23 +117,15 @@ impl CameraLimits {
         }
         let [sx, sy] = self.step.map(|s| s.max(1));
         if r.x % sx + r.width % sx + r.y % sy + r.height % sy > 0 {
-            return Err(format!(
-                "region {r:?} must be a multiple of {sx} columns and {sy} rows"
-            ));
+            return Err(format!("region {r:?} must be a multiple of {sx} columns and {sy} rows"));
         }
         let [least, most] = self.exposure;
         if settings.exposure < least || settings.exposure > most {
-            return Err(format!(
-                "exposure {:?} is outside {least:?} to {most:?}",
-                settings.exposure
-            ));
+            return Err(format!("exposure {:?} is outside {least:?} to {most:?}", settings.exposure));
         }
         let [least, most] = self.gain_db;
         if !(settings.gain_db >= least && settings.gain_db <= most) {
-            return Err(format!(
-                "gain {} dB is outside {least} to {most} dB",
-                settings.gain_db
-            ));
+            return Err(format!("gain {} dB is outside {least} to {most} dB", settings.gain_db));
         }
         if !self.formats.contains(&settings.format) {
             let known: Vec<&str> = self.formats.iter().map(|f| f.name()).collect();

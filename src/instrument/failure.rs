@@ -21,14 +21,8 @@ pub enum Fault {
 
 impl Fault {
     /// All faults.
-    pub const ALL: [Self; 6] = [
-        Self::Timeout,
-        Self::Limit,
-        Self::Stalled,
-        Self::Disconnected,
-        Self::Saturated,
-        Self::Refused,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Timeout, Self::Limit, Self::Stalled, Self::Disconnected, Self::Saturated, Self::Refused];
 
     /// Returns the fault's name in journals and messages.
     #[must_use]
@@ -65,10 +59,6 @@ impl Failure {
     /// Creates a failure of an instrument.
     #[must_use]
     pub fn new(fault: Fault, instrument: &str, what: impl Into<String>) -> Self {
-        Self {
-            fault,
-            instrument: instrument.to_owned(),
-            what: what.into(),
-        }
+        Self { fault, instrument: instrument.to_owned(), what: what.into() }
     }
 }

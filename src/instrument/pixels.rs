@@ -57,12 +57,7 @@ mod tests {
 
     fn frame(bytes: Vec<u8>, format: PixelFormat, width: u32) -> RawFrame {
         RawFrame {
-            region: Region {
-                x: 0,
-                y: 0,
-                width,
-                height: 1,
-            },
+            region: Region { x: 0, y: 0, width, height: 1 },
             format,
             bytes,
             number: 0,
@@ -75,10 +70,7 @@ mod tests {
     #[test]
     fn packed_bytes_are_those_of_the_standard() {
         assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);
-        assert_eq!(
-            pack(&[0x3FF, 0, 0x3FF, 0], PixelFormat::Mono10p),
-            [0xFF, 0x03, 0xF0, 0x3F, 0x00]
-        );
+        assert_eq!(pack(&[0x3FF, 0, 0x3FF, 0], PixelFormat::Mono10p), [0xFF, 0x03, 0xF0, 0x3F, 0x00]);
         assert_eq!(pack(&[0x1234], PixelFormat::Mono16), [0x34, 0x12]);
         assert_eq!(pack(&[7, 300], PixelFormat::Mono8), [7, 255]);
         assert_eq!(unpack(&frame(vec![0; 2], PixelFormat::Mono12p, 2)), None);

@@ -23,11 +23,7 @@ impl StageLimits {
     #[must_use]
     pub fn move_time(&self, degrees: f64) -> Duration {
         let (d, v, a) = (degrees.abs(), self.velocity, self.acceleration);
-        let seconds = if d * a <= v * v {
-            2.0 * (d / a).sqrt()
-        } else {
-            d / v + v / a
-        };
+        let seconds = if d * a <= v * v { 2.0 * (d / a).sqrt() } else { d / v + v / a };
         Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
     }
 }

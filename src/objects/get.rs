@@ -59,10 +59,7 @@ async fn fetch(
     let mut attempts = ATTEMPTS;
     loop {
         attempts -= 1;
-        let options = || GetOptions {
-            range: range.clone(),
-            ..GetOptions::default()
-        };
+        let options = || GetOptions { range: range.clone(), ..GetOptions::default() };
         // The client itself retries, except when a reused connection was closed.
         let found = match up_to(2, || store.get_opts(key, options())).await {
             Ok(found) => found,
@@ -72,10 +69,7 @@ async fn fetch(
         let size = found.meta.size;
         if found.range.end.saturating_sub(found.range.start) > LARGEST {
             let source = format!("{key} has {size} bytes, more than any file of a store");
-            return Err(Error::Generic {
-                store: "object",
-                source: source.into(),
-            });
+            return Err(Error::Generic { store: "object", source: source.into() });
         }
         match found.bytes().await {
             Err(Error::Generic { .. }) if attempts > 0 => {}

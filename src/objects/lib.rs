@@ -36,28 +36,19 @@ const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
 /// pauses.
 const PATIENCE: Duration = Duration::from_secs(10);
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
-    Builder::new_multi_thread()
-        .worker_threads(2)
-        .thread_name("objects")
-        .enable_all()
-        .build()
+    Builder::new_multi_thread().worker_threads(2).thread_name("objects").enable_all().build()
 });
 
 /// Waits for a future on the runtime. (`block_on` must not be called from threads of another runtime.)
 fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
     let runtime = RUNTIME.as_ref().map_err(|e| {
-        Refusal::new(
-            format!("cannot create threads for requests: {e}"),
-            "close other programs",
-        )
+        Refusal::new(format!("cannot create threads for requests: {e}"), "close other programs")
     })?;
     let (tell, message) = mpsc::sync_channel(1);
     runtime.spawn(async move {
         let _ = tell.send(future.await);
     });
-    message
-        .recv()
-        .map_err(|_| Refusal::new("the request was interrupted", "try again"))
+    message.recv().map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 
 /// The objects below an address.
@@ -130,10 +121,7 @@ impl Objects {
         Ok(Self {
             scheme: scheme.to_owned(),
             below: Key::parse(path).map_err(|e| {
-                Refusal::new(
-                    format!("the path is not valid for an object: {e}"),
-                    "choose another path",
-                )
+                Refusal::new(format!("the path is not valid for an object: {e}"), "choose another path")
             })?,
             store: store.map_err(|e| refusal(scheme, &e))?,
         })
@@ -165,10 +153,8 @@ impl ObjectClient for Objects {
         let list = async move { again(|| store.list(Some(&prefix)).try_collect::<Vec<_>>()).await };
         let all = wait(list)?.map_err(|e| self.refusal(&e))?;
         let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
-        let mut names: Vec<(String, u64)> = all
-            .iter()
-            .filter_map(|meta| Some((name(&meta.location)?, meta.size)))
-            .collect();
+        let mut names: Vec<(String, u64)> =
+            all.iter().filter_map(|meta| Some((name(&meta.location)?, meta.size))).collect();
         names.sort_unstable();
         Ok(names)
     }
@@ -204,11 +190,7 @@ fn provider() {
 
 fn retry() -> RetryConfig {
     RetryConfig {
-        backoff: BackoffConfig {
-            init_backoff: PAUSE,
-            max_backoff: Duration::from_secs(5),
-            base: 2.0,
-        },
+        backoff: BackoffConfig { init_backoff: PAUSE, max_backoff: Duration::from_secs(5), base: 2.0 },
         max_retries: 8,
         retry_timeout: Duration::from_secs(60),
     }
@@ -254,21 +236,13 @@ fn chain(error: &Error) -> String {
 /// Environment variables for the credentials of a scheme, for anonymous access, and for the server's URL.
 fn variables(scheme: &str) -> [&'static str; 3] {
     match scheme {
-        "gs" => [
-            "GOOGLE_APPLICATION_CREDENTIALS",
-            "GOOGLE_SKIP_SIGNATURE=true",
-            "GOOGLE_BASE_URL",
-        ],
+        "gs" => ["GOOGLE_APPLICATION_CREDENTIALS", "GOOGLE_SKIP_SIGNATURE=true", "GOOGLE_BASE_URL"],
         "az" => [
             "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
             "AZURE_SKIP_SIGNATURE=true",
             "AZURE_ENDPOINT",
         ],
-        _ => [
-            "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
-            "AWS_SKIP_SIGNATURE=true",
-            "AWS_ENDPOINT",
-        ],
+        _ => ["AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY", "AWS_SKIP_SIGNATURE=true", "AWS_ENDPOINT"],
     }
 }
 
@@ -279,17 +253,9 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
     let [credentials, public, server] = variables(scheme);
     let web = scheme.starts_with("http");
     if says(&["NoSuchBucket", "ContainerNotFound"]) {
-        return Refusal::new(
-            "bucket not found",
-            format!("check its name, and {server} for your own server"),
-        );
+        return Refusal::new("bucket not found", format!("check its name, and {server} for your own server"));
     }
-    if says(&[
-        "169.254.169.254",
-        "metadata.google",
-        "MissingCredential",
-        "Account must be",
-    ]) {
+    if says(&["169.254.169.254", "metadata.google", "MissingCredential", "Account must be"]) {
         return Refusal::new(
             "no credentials found",
             format!("set {credentials}, or {public} for public data"),
@@ -307,18 +273,11 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
             "use an object store (s3://, gs://, az://)",
         );
     }
-    if says(&[
-        "301 Moved",
-        "PermanentRedirect",
-        "AuthorizationHeaderMalformed",
-        "bare redirect",
-    ]) {
+    if says(&["301 Moved", "PermanentRedirect", "AuthorizationHeaderMalformed", "bare redirect"]) {
         return Refusal::new("the bucket is in another region", "set AWS_REGION to its region");
     }
-    if matches!(
-        error,
-        Error::Unauthenticated { .. } | Error::PermissionDenied { .. }
-    ) || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
+    if matches!(error, Error::Unauthenticated { .. } | Error::PermissionDenied { .. })
+        || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
     {
         return Refusal::new(
             "access is denied",
@@ -333,10 +292,7 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
         );
     }
     if says(&["timed out"]) {
-        return Refusal::new(
-            "the server did not respond in time",
-            "try again, or check the network",
-        );
+        return Refusal::new("the server did not respond in time", "try again, or check the network");
     }
     if says(&["error sending request", "Connect", "dns error", "connection"]) {
         return Refusal::new(

@@ -19,10 +19,7 @@ impl Objects {
     }
 
     pub(crate) fn write(&self, all: Vec<(String, Bytes)>) -> Result<(), Refusal> {
-        let all: Vec<(Key, Bytes)> = all
-            .into_iter()
-            .map(|(key, bytes)| (self.key(&key), bytes))
-            .collect();
+        let all: Vec<(Key, Bytes)> = all.into_iter().map(|(key, bytes)| (self.key(&key), bytes)).collect();
         let store = self.store.clone();
         let put = async move {
             stream::iter(all.into_iter().map(Ok))
@@ -48,10 +45,7 @@ impl Objects {
         let options = PutOptions::from(mode);
         let put = async move { again(|| store.put_opts(&key, bytes.clone().into(), options.clone())).await };
         match wait(put)? {
-            Ok(result) => Ok(Put::Done(Version {
-                e_tag: result.e_tag,
-                version: result.version,
-            })),
+            Ok(result) => Ok(Put::Done(Version { e_tag: result.e_tag, version: result.version })),
             Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => Ok(Put::Other),
             Err(Error::NotFound { .. }) if replaces => Ok(Put::Other),
             Err(e) => Err(self.refusal(&e)),
@@ -63,10 +57,8 @@ impl Objects {
         let get = async move {
             let found = again(|| async {
                 let found = store.get(&key).await?;
-                let version = Version {
-                    e_tag: found.meta.e_tag.clone(),
-                    version: found.meta.version.clone(),
-                };
+                let version =
+                    Version { e_tag: found.meta.e_tag.clone(), version: found.meta.version.clone() };
                 Ok((found.bytes().await?, version))
             });
             match found.await {

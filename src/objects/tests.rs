@@ -18,9 +18,7 @@ pub(crate) fn memory(name: &str) -> Arc<InMemory> {
 
 pub(crate) fn put(store: &Arc<InMemory>, key: &str, bytes: Vec<u8>) {
     let (store, key) = (store.clone(), Key::from(key));
-    wait(async move { store.put(&key, bytes.into()).await })
-        .expect("runs")
-        .expect("is put");
+    wait(async move { store.put(&key, bytes.into()).await }).expect("runs").expect("is put");
 }
 
 #[test]
@@ -30,10 +28,7 @@ fn objects_are_read_and_listed_below_their_address() {
         put(&store, key, key.as_bytes().to_vec());
     }
     let objects = Objects::open("memory", Path::new("memory://listed/a/s.zarr/")).expect("an address");
-    assert_eq!(
-        objects.list().expect("lists"),
-        [("x/c.0.0".to_owned(), 16), ("zarr.json".to_owned(), 18)]
-    );
+    assert_eq!(objects.list().expect("lists"), [("x/c.0.0".to_owned(), 16), ("zarr.json".to_owned(), 18)]);
     let keys = ["x/c.0.0", "nothing", "zarr.json"].map(str::to_owned);
     let found = whole(&objects, &keys);
     let expected = [Some("a/s.zarr/x/c.0.0"), None, Some("a/s.zarr/zarr.json")];
@@ -52,56 +47,20 @@ fn another_runtime_is_not_in_the_way() {
 
 #[test]
 fn errors_say_what_is_to_be_done() {
-    let generic = |text: &str| Error::Generic {
-        store: "S3",
-        source: text.to_owned().into(),
-    };
+    let generic = |text: &str| Error::Generic { store: "S3", source: text.to_owned().into() };
     for (text, scheme, what, fix) in [
-        (
-            "404: <Code>NoSuchBucket</Code>",
-            "s3",
-            "bucket not found",
-            "AWS_ENDPOINT",
-        ),
-        (
-            "GET http://169.254.169.254/latest",
-            "s3",
-            "no credentials",
-            "AWS_SKIP_SIGNATURE",
-        ),
-        (
-            "MissingCredential",
-            "az",
-            "no credentials",
-            "AZURE_STORAGE_ACCOUNT_NAME",
-        ),
+        ("404: <Code>NoSuchBucket</Code>", "s3", "bucket not found", "AWS_ENDPOINT"),
+        ("GET http://169.254.169.254/latest", "s3", "no credentials", "AWS_SKIP_SIGNATURE"),
+        ("MissingCredential", "az", "no credentials", "AZURE_STORAGE_ACCOUNT_NAME"),
         ("operation timed out", "gs", "in time", "network"),
-        (
-            "error sending request: tcp",
-            "gs",
-            "cannot connect",
-            "GOOGLE_BASE_URL",
-        ),
-        (
-            "error sending request: tcp",
-            "https",
-            "cannot connect",
-            "the address",
-        ),
-        (
-            "403 <Code>SignatureDoesNotMatch</Code>",
-            "s3",
-            "denied",
-            "AWS_SECRET_ACCESS_KEY",
-        ),
+        ("error sending request: tcp", "gs", "cannot connect", "GOOGLE_BASE_URL"),
+        ("error sending request: tcp", "https", "cannot connect", "the address"),
+        ("403 <Code>SignatureDoesNotMatch</Code>", "s3", "denied", "AWS_SECRET_ACCESS_KEY"),
         ("301 Moved Permanently", "s3", "another region", "AWS_REGION"),
         ("what\nnobody knows", "s3", "what nobody knows", "check"),
     ] {
         let message = refusal(scheme, &generic(text));
-        assert!(
-            message.what.contains(what) && message.fix.contains(fix),
-            "{text}: {message}"
-        );
+        assert!(message.what.contains(what) && message.fix.contains(fix), "{text}: {message}");
     }
 }
 
@@ -114,9 +73,7 @@ fn addresses_that_cannot_be_are_refused() {
         ("ftp://host/a", "s3://"),
     ] {
         let scheme = store::place::scheme(Path::new(address)).expect("a scheme");
-        let message = Objects::open(scheme, Path::new(address))
-            .expect_err("refused")
-            .to_string();
+        let message = Objects::open(scheme, Path::new(address)).expect_err("refused").to_string();
         assert!(message.contains(word), "{address}: {message}");
     }
 }
@@ -143,9 +100,7 @@ fn what_fails_is_asked_again() {
         objects.put_many(all).expect("puts");
         let found = objects.list().expect("lists");
         assert_eq!(found.len(), keys.len());
-        let ends = found
-            .iter()
-            .map(|(key, size)| (key.clone(), Ask::End(4, Some(*size))));
+        let ends = found.iter().map(|(key, size)| (key.clone(), Ask::End(4, Some(*size))));
         assert_eq!(
             objects.ask(ends.clone().collect()).expect("reads"),
             vec![Some((bytes(n).slice(5..), 9)); keys.len()]
@@ -154,20 +109,12 @@ fn what_fails_is_asked_again() {
         let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(n));
         // The response may be lost: then the object exists, and equals this one.
-        let put = objects
-            .put_if("a/0", bytes(99), Condition::Is(old.clone()))
-            .expect("puts");
+        let put = objects.put_if("a/0", bytes(99), Condition::Is(old.clone())).expect("puts");
         let (found, now) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(99));
         assert!(matches!(put, Put::Other) || matches!(put, Put::Done(of) if of == now));
-        assert!(matches!(
-            objects.put_if("a/0", bytes(98), Condition::Is(old)),
-            Ok(Put::Other)
-        ));
-        assert!(matches!(
-            objects.put_if("a/0", bytes(97), Condition::Absent),
-            Ok(Put::Other)
-        ));
+        assert!(matches!(objects.put_if("a/0", bytes(98), Condition::Is(old)), Ok(Put::Other)));
+        assert!(matches!(objects.put_if("a/0", bytes(97), Condition::Absent), Ok(Put::Other)));
         assert_eq!(whole(&objects, &["a/0".to_owned()]), [Some(bytes(99))]);
         objects.delete(keys).expect("deletes");
         assert_eq!(objects.list(), Ok(vec![]));
@@ -176,12 +123,7 @@ fn what_fails_is_asked_again() {
 
 #[test]
 fn web_servers_are_read_only() {
-    let message = below("https://host/s.zarr")
-        .may_be_written()
-        .expect_err("refused");
-    assert!(
-        message.what.contains("read-only") && message.fix.contains("s3://"),
-        "{message}"
-    );
+    let message = below("https://host/s.zarr").may_be_written().expect_err("refused");
+    assert!(message.what.contains("read-only") && message.fix.contains("s3://"), "{message}");
     assert_eq!(below("s3://bucket/s.zarr").may_be_written(), Ok(()));
 }

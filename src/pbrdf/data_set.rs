@@ -49,30 +49,21 @@ pub type Analytic<'a> = (String, Vec<(&'a Materials, u32)>);
 /// [`DataError`].
 pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<DataSet, DataError> {
     let mut files = vec![];
-    let failed = |cause| DataError::Folder {
-        path: folder.to_owned(),
-        cause,
-    };
+    let failed = |cause| DataError::Folder { path: folder.to_owned(), cause };
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         // Hidden files are unfinished tables.
-        let hidden = path
-            .file_name()
-            .is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
+        let hidden = path.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
         if !hidden && path.extension().is_some_and(|e| e == "pbsdf") {
             files.push(path);
         }
     }
     if files.is_empty() {
-        return Err(DataError::NoTables {
-            path: folder.to_owned(),
-        });
+        return Err(DataError::NoTables { path: folder.to_owned() });
     }
     files.sort();
     let one = |path: &PathBuf| table(path, bands_nm, settings);
-    Ok(DataSet {
-        materials: files.iter().map(one).collect::<Result<_, _>>()?,
-    })
+    Ok(DataSet { materials: files.iter().map(one).collect::<Result<_, _>>()? })
 }
 
 /// Evaluates analytic materials at the entries of a table, without writing one.
@@ -88,18 +79,13 @@ pub fn evaluate(axes: &Axes, materials: &[Analytic], settings: &Settings) -> Res
             let sources = sources.len();
             return Err(DataError::Axes(PbsdfError::Sources { bands, sources }));
         }
-        Ok(data_set::gather(
-            name,
-            axes.phi_d.len(),
-            settings,
-            |i, gathered| {
-                let mut values = vec![0.0; len];
-                slab(axes, sources, i, &mut values);
-                for m in values.as_chunks::<16>().0 {
-                    gathered.take(Some(m));
-                }
-            },
-        )?)
+        Ok(data_set::gather(name, axes.phi_d.len(), settings, |i, gathered| {
+            let mut values = vec![0.0; len];
+            slab(axes, sources, i, &mut values);
+            for m in values.as_chunks::<16>().0 {
+                gathered.take(Some(m));
+            }
+        })?)
     };
     let mut out: Vec<Material> = materials.iter().map(one).collect::<Result<_, _>>()?;
     out.sort_by(|a, b| a.name.cmp(&b.name));
@@ -108,14 +94,9 @@ pub fn evaluate(axes: &Axes, materials: &[Analytic], settings: &Settings) -> Res
 
 /// Reads one file.
 fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material, DataError> {
-    let options = Options {
-        even_axes: true,
-        ..Options::default()
-    };
-    let table = Table::open(path, &options).map_err(|cause| DataError::Table {
-        path: path.to_owned(),
-        cause,
-    })?;
+    let options = Options { even_axes: true, ..Options::default() };
+    let table =
+        Table::open(path, &options).map_err(|cause| DataError::Table { path: path.to_owned(), cause })?;
     let mut bands = vec![];
     for nm in bands_nm {
         let Some(band) = nearest_band(table.wavelengths_nm(), *nm) else {
@@ -123,10 +104,7 @@ fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material,
         };
         let found = table.wavelengths_nm()[band];
         if f64::from(found) != *nm {
-            tracing::warn!(
-                "{}: no band at {nm} nm; using the nearest band, {found} nm",
-                path.display()
-            );
+            tracing::warn!("{}: no band at {nm} nm; using the nearest band, {found} nm", path.display());
         }
         if !bands.contains(&band) {
             bands.push(band);
@@ -193,24 +171,13 @@ mod tests {
             for k in (0..36).filter(|k| k % 3 != 1 && !(*k == 0 && i < 3)) {
                 let x = (i * 36 + k) as f32 / 180.0;
                 rows.push(std::array::from_fn(|e| {
-                    if e == 0 {
-                        1.0
-                    } else {
-                        f64::from((x * e as f32).sin() * 0.9)
-                    }
+                    if e == 0 { 1.0 } else { f64::from((x * e as f32).sin() * 0.9) }
                 }));
             }
         }
         let want = Moments::of(&rows);
-        let [a, b] = &data.materials[..] else {
-            panic!("two")
-        };
-        let tally = Tally {
-            valid: 117,
-            holes: 1,
-            dark: 1,
-            unreal: 1,
-        };
+        let [a, b] = &data.materials[..] else { panic!("two") };
+        let tally = Tally { valid: 117, holes: 1, dark: 1, unreal: 1 };
         assert_eq!((b.tally, b.samples.len()), (tally, 50));
         for i in 0..16 {
             // The scaled table is rounded to single precision a second time.
@@ -264,9 +231,7 @@ mod tests {
         let at = folder.path();
         let read = |path: &Path, bands: &[f64], c: f64| {
             let settings = Settings { c, samples: 1 };
-            read(path, bands, &settings)
-                .err()
-                .map_or(String::new(), |e| e.to_string())
+            read(path, bands, &settings).err().map_or(String::new(), |e| e.to_string())
         };
         assert!(read(&at.join("none"), &[550.0], 8.0).contains("cannot list"));
         assert!(read(at, &[550.0], 8.0).contains("sunstone pbrdf synth"));

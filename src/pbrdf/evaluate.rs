@@ -27,10 +27,7 @@ impl Direction {
     /// Returns the direction of a vector of any length.
     #[must_use]
     pub fn of([x, y, z]: [f64; 3]) -> Self {
-        Self {
-            theta_deg: x.hypot(y).atan2(z).to_degrees(),
-            phi_deg: y.atan2(x).to_degrees(),
-        }
+        Self { theta_deg: x.hypot(y).atan2(z).to_degrees(), phi_deg: y.atan2(x).to_degrees() }
     }
 
     /// Returns the unit vector of the direction.
@@ -56,10 +53,7 @@ impl Direction {
 
     /// Returns the direction of mirror reflection.
     fn mirrored(self) -> Self {
-        Self {
-            phi_deg: self.phi_deg + 180.0,
-            ..self
-        }
+        Self { phi_deg: self.phi_deg + 180.0, ..self }
     }
 
     /// Returns a vector's direction, on the other side of the normal in this plane of incidence.
@@ -117,12 +111,7 @@ impl<'a> Specimen<'a> {
         let names = &scene.names;
         let place = names.materials.iter().position(|other| other == name)?;
         let id = names.material_of.iter().position(|of| *of as usize == place)?;
-        Some(Self::of(
-            &scene.materials,
-            scene.wavelengths.count(),
-            id as u32,
-            uv,
-        ))
+        Some(Self::of(&scene.materials, scene.wavelengths.count(), id as u32, uv))
     }
 
     fn of(materials: &'a Materials, lanes: usize, id: u32, uv: [f32; 2]) -> Self {
@@ -136,12 +125,7 @@ impl<'a> Specimen<'a> {
             material: id,
             rounding: 0.0,
         };
-        Self {
-            materials,
-            lanes,
-            id,
-            at,
-        }
+        Self { materials, lanes, id, at }
     }
 
     /// Returns the BRDF for light from `incoming` to `outgoing`; zero if nothing is scattered.
@@ -161,10 +145,7 @@ impl<'a> Specimen<'a> {
         let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
         self.materials
             .eval(self.id, &self.at, wo, wi)
-            .map(|s| {
-                s.scaled(Spectral::splat(1.0 / wi.z.abs()))
-                    .between(wo, xo, wi, xi)
-            })
+            .map(|s| s.scaled(Spectral::splat(1.0 / wi.z.abs())).between(wo, xo, wi, xi))
             .unwrap_or_default()
     }
 
@@ -175,9 +156,7 @@ impl<'a> Specimen<'a> {
     /// # Errors
     /// [`NotSpecular`] if the material has no such lobe there.
     pub fn specular(&self, incoming: Direction, lobe: Lobe) -> Result<Vec<SpecularValue>, NotSpecular> {
-        (0..self.lanes)
-            .map(|lane| self.specular_lane(incoming, lobe, lane))
-            .collect()
+        (0..self.lanes).map(|lane| self.specular_lane(incoming, lobe, lane)).collect()
     }
 
     fn specular_lane(
@@ -192,31 +171,19 @@ impl<'a> Specimen<'a> {
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
         let total = back.is_none()
             && lobe == Lobe::Transmitted
-            && materials
-                .specular(self.id, &self.at, wi, Lobe::Reflected, lane)
-                .is_some();
+            && materials.specular(self.id, &self.at, wi, Lobe::Reflected, lane).is_some();
         if total && materials.beyond(self.id, &self.at, wi, Lanes::first(1)).is_some() {
-            return Ok(SpecularValue {
-                mueller: Mueller::ZERO.lane(0),
-                outgoing: None,
-            });
+            return Ok(SpecularValue { mueller: Mueller::ZERO.lane(0), outgoing: None });
         }
         let wo = back.ok_or(NotSpecular(lobe))?.wi;
-        let forth = materials
-            .specular(self.id, &self.at, wo, lobe, lane)
-            .ok_or(NotSpecular(lobe))?;
+        let forth = materials.specular(self.id, &self.at, wo, lobe, lane).ok_or(NotSpecular(lobe))?;
         let outgoing = match lobe {
             Lobe::Reflected => incoming.mirrored(),
             Lobe::Transmitted => incoming.across(wo),
         };
-        let power = forth
-            .scatter
-            .scaled(Spectral::splat(self.index_ratio2(wo, wi, lane)));
+        let power = forth.scatter.scaled(Spectral::splat(self.index_ratio2(wo, wi, lane)));
         let m = power.between(wo, outgoing.single().1, wi, xi);
-        Ok(SpecularValue {
-            mueller: m.lane(lane),
-            outgoing: Some(outgoing),
-        })
+        Ok(SpecularValue { mueller: m.lane(lane), outgoing: Some(outgoing) })
     }
 
     /// Returns (n_in / n_out)², which converts radiance to power for transmitted light.
@@ -256,15 +223,11 @@ mod tests {
             let sum = r.mueller[0][0] + t.mueller[0][0];
             assert!((sum - 1.0).abs() < 1e-5, "{theta}: {sum}");
         }
-        let t = glass
-            .specular(at(50.0, 20.0), Lobe::Transmitted)
-            .expect("is specular")[0];
+        let t = glass.specular(at(50.0, 20.0), Lobe::Transmitted).expect("is specular")[0];
         let out = t.outgoing.expect("leaves");
         let sine = f64::sin(out.theta_deg.to_radians()) * 1.5;
         assert!((sine - f64::sin(50_f64.to_radians())).abs() < 1e-6 && out.phi_deg == 200.0);
-        let total = glass
-            .specular(at(120.0, 0.0), Lobe::Transmitted)
-            .expect("is specular")[0];
+        let total = glass.specular(at(120.0, 0.0), Lobe::Transmitted).expect("is specular")[0];
         assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
     }
 
@@ -274,10 +237,7 @@ mod tests {
         for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {
             let want = at(theta, phi);
             let got = Direction::of(want.vector().map(|c| 3.0 * c));
-            assert!(
-                (got.theta_deg - theta).abs() < 1e-12 && (got.phi_deg - phi).abs() < 1e-12,
-                "{got:?}"
-            );
+            assert!((got.theta_deg - theta).abs() < 1e-12 && (got.phi_deg - phi).abs() < 1e-12, "{got:?}");
         }
     }
 
@@ -286,19 +246,13 @@ mod tests {
     fn rough_surfaces_have_a_brdf() {
         let rough = set("r.rough_dielectric = { ior = 1.5, alpha = 0.3 }");
         let frosted = Specimen::new(&rough, "r", [0.5, 0.5]).expect("is there");
-        assert_eq!(
-            frosted.specular(at(40.0, 0.0), Lobe::Transmitted),
-            Err(NotSpecular(Lobe::Transmitted))
-        );
+        assert_eq!(frosted.specular(at(40.0, 0.0), Lobe::Transmitted), Err(NotSpecular(Lobe::Transmitted)));
         let set = set("d.diffuse = { albedo = 0.5 }");
         assert!(Specimen::new(&set, "none", [0.0; 2]).is_none());
         let diffuse = Specimen::new(&set, "d", [0.5, 0.5]).expect("is there");
         let value = diffuse.brdf(at(40.0, 0.0), at(20.0, 120.0));
         let want = 0.5 * std::f32::consts::FRAC_1_PI;
         assert!((value.mueller[0][0][0] - want).abs() < 1e-6 && value.pdf > 0.0);
-        assert_eq!(
-            diffuse.specular(at(40.0, 0.0), Lobe::Reflected),
-            Err(NotSpecular(Lobe::Reflected))
-        );
+        assert_eq!(diffuse.specular(at(40.0, 0.0), Lobe::Reflected), Err(NotSpecular(Lobe::Reflected)));
     }
 }

@@ -58,22 +58,12 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     let Some(&id) = set.names.get(name) else {
         return out;
     };
-    for (lane, (nm, bulk)) in set
-        .wavelengths
-        .nm()
-        .iter()
-        .zip(&set.bulk[id as usize])
-        .enumerate()
-    {
+    for (lane, (nm, bulk)) in set.wavelengths.nm().iter().zip(&set.bulk[id as usize]).enumerate() {
         let at = |deg: &f64| {
             // Light travels along +z and leaves in the z-x plane, whose perpendicular is y.
             let (sin, cos) = deg.to_radians().sin_cos();
             let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
-            let m = set
-                .media
-                .eval(id, wo, wi)
-                .between(wo, Vec3A::Y, wi, Vec3A::Y)
-                .lane(lane);
+            let m = set.media.eval(id, wo, wi).between(wo, Vec3A::Y, wi, Vec3A::Y).lane(lane);
             [m[0][0], m[0][1], m[1][1], m[2][2], m[2][3], m[3][3]]
         };
         out.push(PhaseTable {

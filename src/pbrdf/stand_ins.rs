@@ -40,10 +40,7 @@ impl BandedMaterials {
     /// [`BandedError`].
     pub fn load(file: Option<&Path>, bands: &[u16]) -> Result<Self, BandedError> {
         let (path, text) = match file {
-            Some(path) => (
-                path.to_owned(),
-                base::input::read_text(path).map_err(BandedError::Read)?,
-            ),
+            Some(path) => (path.to_owned(), base::input::read_text(path).map_err(BandedError::Read)?),
             None => (PathBuf::from("stand_ins.toml"), STAND_INS.to_owned()),
         };
         let mut sets = vec![];
@@ -123,10 +120,7 @@ mod tests {
 
     #[test]
     fn what_is_no_set_is_refused() {
-        assert!(matches!(
-            BandedMaterials::load(None, &[]),
-            Err(BandedError::NoBands)
-        ));
+        assert!(matches!(BandedMaterials::load(None, &[]), Err(BandedError::NoBands)));
         assert!(matches!(
             BandedMaterials::load(Some(Path::new("no/such.toml")), &[550]),
             Err(BandedError::Read(_))

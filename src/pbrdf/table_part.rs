@@ -9,9 +9,7 @@ const LOOKED_AT: usize = 200_000;
 #[must_use]
 pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     let distance = |i: &usize| (nodes[*i] - degrees.to_radians()).abs();
-    (0..nodes.len())
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or(0)
+    (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
 
 /// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are none.
@@ -114,9 +112,7 @@ impl TablePart {
                 *place = list[i % list.len()];
                 i /= list.len();
             }
-            let m = table
-                .entry([at[0], at[1], at[2]], at[3])
-                .unwrap_or([f32::NAN; 16]);
+            let m = table.entry([at[0], at[1], at[2]], at[3]).unwrap_or([f32::NAN; 16]);
             (at, m)
         })
     }
@@ -165,9 +161,7 @@ mod tests {
     fn bands_tell_what_they_hold() {
         let (_folder, table) = made();
         assert_eq!(statistics_step(&table), 1);
-        let [a, b] = band_statistics(&table)[..] else {
-            panic!("two bands")
-        };
+        let [a, b] = band_statistics(&table)[..] else { panic!("two bands") };
         assert!((a.known - 59.0 / 60.0).abs() < 1e-12 && b.known == 1.0);
         assert_eq!((a.nm, a.low, b.low, b.high), (450, 3.0, 2.0, 120.0));
         assert_eq!((a.kept, b.kept), (0.0, 0.0));

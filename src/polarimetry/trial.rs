@@ -131,11 +131,7 @@ pub struct Errors {
 /// [`TrialError::Dark`] if it is not positive.
 pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
     let mean = image.mean();
-    if mean > 0.0 && mean.is_finite() {
-        Ok(mean)
-    } else {
-        Err(TrialError::Dark)
-    }
+    if mean > 0.0 && mean.is_finite() { Ok(mean) } else { Err(TrialError::Dark) }
 }
 
 impl Trial<'_> {
@@ -185,9 +181,7 @@ impl Trial<'_> {
             rank,
             condition: designs.iter().map(DesignMatrix::condition).fold(0.0, f64::max),
             estimate,
-            predicted: seen
-                .first()
-                .and_then(|errors| predicted(&designs, self.noise, errors.mean)),
+            predicted: seen.first().and_then(|errors| predicted(&designs, self.noise, errors.mean)),
             rmse,
             rmse_error: (scatter / (n - 1.0) / n).sqrt(),
             normalized: mean(|e| e.normalized),
@@ -207,11 +201,7 @@ impl Trial<'_> {
         if prior.is_some() && typical.is_none() && !matches!(self.noise, Noise::None) {
             return Err(TrialError::NoiseUnknown);
         }
-        let options = Options {
-            noise: typical,
-            prior: prior.copied(),
-            ..Options::default()
-        };
+        let options = Options { noise: typical, prior: prior.copied(), ..Options::default() };
         let mut out = vec![0.0; captured.layout.pixels() * 16];
         let layout = captured.layout;
         let places = Places {
@@ -237,10 +227,7 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
     let Noise::Gaussian { sigma } = noise else {
         return None;
     };
-    let variance = designs
-        .iter()
-        .map(|d| d.error_variance().ok())
-        .sum::<Option<f64>>()?;
+    let variance = designs.iter().map(|d| d.error_variance().ok()).sum::<Option<f64>>()?;
     Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
 }
 
@@ -301,14 +288,9 @@ pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
 #[must_use]
 pub fn error_image(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> ErrorImage {
     let inner = layout.times * layout.lanes;
-    let places = truth
-        .chunks_exact((16 * inner).max(1))
-        .zip(found.chunks_exact((16 * inner).max(1)));
+    let places = truth.chunks_exact((16 * inner).max(1)).zip(found.chunks_exact((16 * inner).max(1)));
     let values = places.map(|(t, m)| ((squared(t, m) / inner as f64).sqrt() / mean) as f32);
-    ErrorImage {
-        width: layout.width,
-        values: values.collect(),
-    }
+    ErrorImage { width: layout.width, values: values.collect() }
 }
 
 #[cfg(test)]
@@ -330,13 +312,7 @@ mod tests {
     fn errors_are_as_predicted() {
         let image = image(400);
         let scheme = Scheme::drr(36, false).expect("a scheme");
-        let mut trial = Trial {
-            image: &image,
-            noise: &Noise::None,
-            prior: None,
-            repeat: 2,
-            seed: 1,
-        };
+        let mut trial = Trial { image: &image, noise: &Noise::None, prior: None, repeat: 2, seed: 1 };
         let clean = trial.run(&scheme).expect("a trial");
         assert!(clean.rmse < 1e-5 && clean.lost == 0.0 && clean.predicted.is_none());
         trial.noise = &Noise::Gaussian { sigma: 0.01 };
@@ -364,12 +340,7 @@ mod tests {
         assert_eq!((errors.mean, errors.lost), (2.0, 0.5));
         assert!((errors.rmse - 0.1 / 4.0 / 2.0).abs() < 1e-8);
         assert!((errors.normalized - 0.1 / 2.0 / 15.0).abs() < 1e-8);
-        let layout = Layout {
-            height: 1,
-            width: 3,
-            times: 1,
-            lanes: 1,
-        };
+        let layout = Layout { height: 1, width: 3, times: 1, lanes: 1 };
         let map = error_image(&truth, &found, layout, errors.mean);
         assert!((map.values[0] - 0.05).abs() < 1e-7 && map.values[1].is_nan());
     }
@@ -379,13 +350,7 @@ mod tests {
         let scheme = Scheme::drr(36, false).expect("a scheme");
         let dark = MuellerImage::of_array(vec![0.0; 16], vec![], &[]).expect("an image");
         let lit = image(1);
-        let of = |image, repeat| Trial {
-            image,
-            noise: &Noise::None,
-            prior: None,
-            repeat,
-            seed: 0,
-        };
+        let of = |image, repeat| Trial { image, noise: &Noise::None, prior: None, repeat, seed: 0 };
         assert!(matches!(of(&dark, 1).run(&scheme), Err(TrialError::Dark)));
         assert!(matches!(of(&lit, 0).run(&scheme), Err(TrialError::NoTries)));
     }

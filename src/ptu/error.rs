@@ -30,10 +30,7 @@ impl PtuError {
 
     /// Creates an error of a request that concerns the whole file.
     pub(super) fn of_request(file: &Path, what: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self {
-            offset: None,
-            ..Self::new(file, 0, what, fix)
-        }
+        Self { offset: None, ..Self::new(file, 0, what, fix) }
     }
 
     /// Creates an error of a failed read.

@@ -39,9 +39,7 @@ impl<R: Read> Bytes<'_, R> {
         if self.length - self.at < out.len() as u64 {
             return Err(self.error(format!("the file ends within {what}"), DAMAGED));
         }
-        self.source
-            .read_exact(out)
-            .map_err(|e| PtuError::io(self.file, self.at, &e))?;
+        self.source.read_exact(out).map_err(|e| PtuError::io(self.file, self.at, &e))?;
         self.at += out.len() as u64;
         Ok(())
     }
@@ -54,32 +52,22 @@ impl<R: Read> Bytes<'_, R> {
 /// # Errors
 /// [`PtuError`] with the offset of the invalid tag.
 pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Header, u64), PtuError> {
-    let mut bytes = Bytes {
-        source,
-        file,
-        at: 0,
-        length,
-    };
+    let mut bytes = Bytes { source, file, at: 0, length };
     let (mut magic, mut version) = ([0; 8], [0; 8]);
     if length < 16 {
-        return Err(bytes.error(
-            "the file is too short for a .ptu file",
-            "pass a .ptu file from PicoQuant software",
-        ));
+        return Err(
+            bytes.error("the file is too short for a .ptu file", "pass a .ptu file from PicoQuant software")
+        );
     }
     bytes.fill(&mut magic, "the magic")?;
     if magic != MAGIC {
         bytes.at = 0;
-        return Err(bytes.error(
-            "the file does not begin with PQTTTR",
-            "pass a .ptu file from PicoQuant software",
-        ));
+        return Err(
+            bytes.error("the file does not begin with PQTTTR", "pass a .ptu file from PicoQuant software")
+        );
     }
     bytes.fill(&mut version, "the version")?;
-    let mut header = Header {
-        version: ascii(&version),
-        tags: vec![],
-    };
+    let mut header = Header { version: ascii(&version), tags: vec![] };
     loop {
         let begin = bytes.at;
         if begin > MOST {
@@ -194,10 +182,7 @@ impl Header {
         match self.int("TTResultFormat_BitsPerRecord") {
             None | Some(0 | 32) => {}
             Some(bits) => {
-                return Err(wrong(
-                    format!("records have {bits} bits"),
-                    "only 32-bit records are supported",
-                ));
+                return Err(wrong(format!("records have {bits} bits"), "only 32-bit records are supported"));
             }
         }
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);
@@ -231,10 +216,7 @@ impl Header {
         let mut version = [0; 8];
         let text = self.version.as_bytes();
         if text.len() > 8 || !text.is_ascii() {
-            return Err(format!(
-                "version {:?}: expected at most 8 ASCII characters",
-                self.version
-            ));
+            return Err(format!("version {:?}: expected at most 8 ASCII characters", self.version));
         }
         version[..text.len()].copy_from_slice(text);
         out.extend_from_slice(&version);

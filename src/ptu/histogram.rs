@@ -37,14 +37,9 @@ impl Plan {
         let all = f64::from(record.dtimes());
         let period = match record.mode() {
             Mode::T3 => header.global_resolution_s(),
-            Mode::T2 => header
-                .number("TTResult_SyncRate")
-                .filter(|n| *n > 0.0)
-                .map(|n| 1.0 / n),
+            Mode::T2 => header.number("TTResult_SyncRate").filter(|n| *n > 0.0).map(|n| 1.0 / n),
         };
-        let counts = period
-            .zip(header.resolution_s(record.mode()))
-            .map(|(p, r)| (p / r - 1e-6).ceil());
+        let counts = period.zip(header.resolution_s(record.mode())).map(|(p, r)| (p / r - 1e-6).ceil());
         let counts = counts.filter(|n| (1.0..=all).contains(n)).unwrap_or(all);
         (counts / f64::from(bin.max(1))).ceil() as usize
     }
@@ -56,9 +51,7 @@ impl Plan {
     /// Returns why the plan is invalid and how to fix it.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
-        let elements = elements
-            .zip(self.pixels())
-            .and_then(|(row, pixels)| row.checked_mul(pixels));
+        let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
         let channels = record.channels();
         if self.bin == 0 || elements == Some(0) {
             return Some((
@@ -114,10 +107,7 @@ impl LeftOut {
             (self.channels, "in other channels".to_owned()),
             (self.pixels, "outside the pixels of the scan".to_owned()),
             (self.before_sync, "before the first sync pulse".to_owned()),
-            (
-                self.later,
-                format!("after the last bin (up to {latest} after the pulse)"),
-            ),
+            (self.later, format!("after the last bin (up to {latest} after the pulse)")),
             (self.torn_frame, "in an incomplete first frame".to_owned()),
         ];
         let kinds = kinds.iter().filter(|(n, _)| *n > 0);
@@ -178,14 +168,7 @@ struct State {
 }
 
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
-    let State {
-        first,
-        bin_of,
-        counts,
-        left,
-        latest,
-        ..
-    } = state;
+    let State { first, bin_of, counts, left, latest, .. } = state;
     // A fixed length that matches the index mask removes the bounds check.
     let Some(bin_of) = bin_of.first_chunk::<{ 1 << 15 }>() else {
         return;
@@ -364,11 +347,7 @@ pub fn possibly_empty_histogram<R: Read>(
         photons: state.photons,
         left_out,
         beyond: state.beam.beyond,
-        missing: if state.beam.begins > 0 {
-            state.beam.missing
-        } else {
-            0
-        },
+        missing: if state.beam.begins > 0 { state.beam.missing } else { 0 },
         unknown: state.unknown,
     };
     Ok((found, empty))
@@ -383,14 +362,8 @@ fn nothing(
     resolution_s: Option<f64>,
 ) -> (String, String) {
     if state.photons == 0 {
-        let what = format!(
-            "the file contains no photons ({} records of unknown type)",
-            state.unknown
-        );
-        return (
-            what,
-            "check that the measurement ran and the file is complete".into(),
-        );
+        let what = format!("the file contains no photons ({} records of unknown type)", state.unknown);
+        return (what, "check that the measurement ran and the file is complete".into());
     }
     if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
         let what = format!(
@@ -408,11 +381,7 @@ fn nothing(
         );
     }
     (
-        format!(
-            "none of the {} photons is in a bin: {}",
-            state.photons,
-            left_out.describe(resolution_s)
-        ),
+        format!("none of the {} photons is in a bin: {}", state.photons, left_out.describe(resolution_s)),
         "use other channels, bins or pixels".into(),
     )
 }

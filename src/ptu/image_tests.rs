@@ -11,23 +11,14 @@ use super::tests::{bytes_of, counted, even, open};
 /// Photons of a scan belong to the pixel of its markers, and between pixels to none.
 #[test]
 fn markers_make_pixels() {
-    let photon = |time, dtime| Event::Photon {
-        time,
-        dtime,
-        channel: 0,
-    };
+    let photon = |time, dtime| Event::Photon { time, dtime, channel: 0 };
     let marker = |time, bits| Event::Marker { time, bits };
     let record = RecordType::TimeHarp260PT3;
     let plan = |clock, width, height| Plan {
         bin: 1,
         bins: 8,
         channels: vec![0],
-        scan: Some(Scan {
-            width,
-            height,
-            bidirectional: false,
-            clock,
-        }),
+        scan: Some(Scan { width, height, bidirectional: false, clock }),
     };
     // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
     // excess one.
@@ -49,11 +40,7 @@ fn markers_make_pixels() {
         marker(6005, 1),
         photon(6006, 6),
     ];
-    let clock = Clock::Pixels {
-        begin: 1,
-        end: 2,
-        frame: 4,
-    };
+    let clock = Clock::Pixels { begin: 1, end: 2, frame: 4 };
     let got = counted(&bytes_of(record, &events), &plan(clock, 2, 2));
     let mut want = vec![0; 32];
     [1, 8 + 3, 4, 24 + 5].iter().for_each(|i| want[*i] = 1);
@@ -81,28 +68,17 @@ fn markers_make_pixels() {
         marker(7000, 1),
         photon(7001, 6),
     ];
-    let clock = Clock::Lines {
-        begin: 1,
-        end: 2,
-        frame: 4,
-        sweep: even(100),
-    };
+    let clock = Clock::Lines { begin: 1, end: 2, frame: 4, sweep: even(100) };
     let got = counted(&bytes_of(record, &events), &plan(clock, 2, 2));
     let mut want = vec![0; 32];
-    [(1, 2), (8 + 2, 2), (24 + 4, 1), (5, 1)]
-        .iter()
-        .for_each(|(i, n)| want[*i] = *n);
+    [(1, 2), (8 + 2, 2), (24 + 4, 1), (5, 1)].iter().for_each(|(i, n)| want[*i] = *n);
     assert_eq!(got.counts, want);
 }
 
 const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
 fn photon(time: u64, dtime: u16) -> Event {
-    Event::Photon {
-        time,
-        dtime,
-        channel: 0,
-    }
+    Event::Photon { time, dtime, channel: 0 }
 }
 
 fn marker(time: u64, bits: u8) -> Event {
@@ -124,20 +100,12 @@ fn image_header(other: &[(&str, Value)]) -> Header {
     let own = own.into_iter().filter(|(n, _)| other.iter().all(|(o, _)| o != n));
     Header {
         version: "1.0.00".into(),
-        tags: own
-            .chain(other.iter().cloned())
-            .map(|(n, v)| Tag::new(n, v))
-            .collect(),
+        tags: own.chain(other.iter().cloned()).map(|(n, v)| Tag::new(n, v)).collect(),
     }
 }
 
 fn plan(bins: usize, scan: Option<Scan>) -> Plan {
-    Plan {
-        bin: 1,
-        bins,
-        channels: vec![0],
-        scan,
-    }
+    Plan { bin: 1, bins, channels: vec![0], scan }
 }
 
 /// Backward rows are reversed, by line markers and by pixel markers. The tag may be a boolean or number.
@@ -167,25 +135,12 @@ fn rows_that_run_backwards_are_turned_around() {
                 }
             }
         }
-        let want = if back {
-            [0, 0, 1, 2, 0, 0, 0, 0, 3, 4, 0, 0]
-        } else {
-            [0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4]
-        };
-        assert_eq!(
-            counted(&bytes_of(RECORD, &lines), &plan(1, Some(scan))).counts,
-            want
-        );
-        let clock = Clock::Pixels {
-            begin: 1,
-            end: 0,
-            frame: 0,
-        };
+        let want =
+            if back { [0, 0, 1, 2, 0, 0, 0, 0, 3, 4, 0, 0] } else { [0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4] };
+        assert_eq!(counted(&bytes_of(RECORD, &lines), &plan(1, Some(scan))).counts, want);
+        let clock = Clock::Pixels { begin: 1, end: 0, frame: 0 };
         let scan = Scan { clock, ..scan };
-        assert_eq!(
-            counted(&bytes_of(RECORD, &pixels), &plan(1, Some(scan))).counts,
-            want
-        );
+        assert_eq!(counted(&bytes_of(RECORD, &pixels), &plan(1, Some(scan))).counts, want);
     }
 }
 
@@ -218,11 +173,7 @@ fn headers_without_a_meaning_are_refused() {
 /// Every photon is either in the histogram or counted by the reason for leaving it out.
 #[test]
 fn photons_in_no_bin_are_counted_by_reason() {
-    let other = Event::Photon {
-        time: 5000,
-        dtime: 0,
-        channel: 3,
-    };
+    let other = Event::Photon { time: 5000, dtime: 0, channel: 3 };
     let events = [
         photon(10, 0),
         marker(1000, 1),
@@ -236,32 +187,16 @@ fn photons_in_no_bin_are_counted_by_reason() {
     ];
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
     let got = counted(&bytes_of(RECORD, &events), &plan(2, Some(scan)));
-    let want = LeftOut {
-        channels: 1,
-        pixels: 3,
-        later: 2,
-        latest: 9,
-        ..LeftOut::default()
-    };
+    let want = LeftOut { channels: 1, pixels: 3, later: 2, latest: 9, ..LeftOut::default() };
     assert_eq!((got.left_out, got.photons, got.counted()), (want, 7, 1));
     assert_eq!((got.beyond, got.missing), (0, 3));
     assert_eq!(
         got.left_out.describe(Some(1e-9)),
         "1 in other channels, 3 outside the pixels of the scan, 2 after the last bin (up to 9.000 ns after the pulse)"
     );
-    let t2 = [
-        photon(5, 0),
-        Event::Sync { time: 10 },
-        photon(11, 0),
-        photon(99, 0),
-    ];
+    let t2 = [photon(5, 0), Event::Sync { time: 10 }, photon(11, 0), photon(99, 0)];
     let got = counted(&bytes_of(RecordType::GenericT2, &t2), &plan(8, None));
-    let want = LeftOut {
-        before_sync: 1,
-        later: 1,
-        latest: 89,
-        ..LeftOut::default()
-    };
+    let want = LeftOut { before_sync: 1, later: 1, latest: 89, ..LeftOut::default() };
     assert_eq!((got.left_out, got.photons, got.counted()), (want, 3, 1));
 }
 
@@ -269,15 +204,8 @@ fn photons_in_no_bin_are_counted_by_reason() {
 #[test]
 fn histograms_of_nothing_are_refused() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
-    let pixels = Clock::Pixels {
-        begin: 8,
-        end: 0,
-        frame: 0,
-    };
-    let by_pixels = Scan {
-        clock: pixels,
-        ..scan
-    };
+    let pixels = Clock::Pixels { begin: 8, end: 0, frame: 0 };
+    let by_pixels = Scan { clock: pixels, ..scan };
     let (t3, t2) = (RECORD, RecordType::GenericT2);
     for (record, events, plan, why) in [
         (t3, vec![], plan(4, None), "contains no photons"),
@@ -294,33 +222,10 @@ fn histograms_of_nothing_are_refused() {
             plan(4, Some(by_pixels)),
             "marker 4, which begins each pixel,",
         ),
-        (
-            t2,
-            vec![photon(9, 0), photon(12, 0)],
-            plan(4, None),
-            "there are no sync pulses",
-        ),
-        (
-            t2,
-            vec![photon(9, 0), Event::Sync { time: 12 }],
-            plan(4, None),
-            "1 before the first sync",
-        ),
-        (
-            t3,
-            vec![photon(9, 4)],
-            plan(4, None),
-            "none of the 1 photons is in a bin: 1 after the last",
-        ),
-        (
-            t3,
-            vec![photon(9, 0)],
-            Plan {
-                channels: vec![1],
-                ..plan(4, None)
-            },
-            "1 in other channels",
-        ),
+        (t2, vec![photon(9, 0), photon(12, 0)], plan(4, None), "there are no sync pulses"),
+        (t2, vec![photon(9, 0), Event::Sync { time: 12 }], plan(4, None), "1 before the first sync"),
+        (t3, vec![photon(9, 4)], plan(4, None), "none of the 1 photons is in a bin: 1 after the last"),
+        (t3, vec![photon(9, 0)], Plan { channels: vec![1], ..plan(4, None) }, "1 in other channels"),
     ] {
         let bytes = bytes_of(record, &events);
         let said = histogram(&mut open(&bytes).expect("opens"), &plan).expect_err(why);
@@ -338,16 +243,8 @@ fn torn_frames_are_left_out_at_the_beginning_alone() {
         events.push(marker(9000, 4));
         events.extend((10..12).flat_map(|y| line(1000 * y)));
         let got = counted(&bytes_of(RECORD, &events), &plan(1, Some(scan)));
-        assert_eq!(
-            (got.left_out.torn_frame, got.missing),
-            (torn, 2),
-            "{before} lines before"
-        );
-        assert_eq!(
-            got.counted(),
-            2 + before - torn,
-            "{before} lines before the first frame marker"
-        );
+        assert_eq!((got.left_out.torn_frame, got.missing), (torn, 2), "{before} lines before");
+        assert_eq!(got.counted(), 2 + before - torn, "{before} lines before the first frame marker");
     }
 }
 
@@ -362,12 +259,9 @@ fn the_last_partial_bin_of_a_period_is_counted() {
             Tag::new("MeasDesc_Resolution", Value::Float(resolution)),
         ],
     };
-    for (period, resolution, bin, bins) in [
-        (1e-7, 97e-12, 1, 1031),
-        (1e-7, 25e-12, 1, 4000),
-        (1e-7, 25e-12, 3, 1334),
-        (50e-9, 0.1, 1, 32768),
-    ] {
+    for (period, resolution, bin, bins) in
+        [(1e-7, 97e-12, 1, 1031), (1e-7, 25e-12, 1, 4000), (1e-7, 25e-12, 3, 1334), (50e-9, 0.1, 1, 32768)]
+    {
         let bytes = tags(period, resolution).write().expect("writes");
         assert_eq!(Plan::period_bins(&open(&bytes).expect("opens"), bin), bins);
     }
@@ -379,10 +273,7 @@ fn tags_that_are_not_used_are_noted() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
     let noted =
         |other: &[(&str, Value)]| meaning::notes(&image_header(other), Mode::T3, Some(&scan)).join("\n");
-    assert_eq!(
-        noted(&[("HW_Type", Value::text("x")), ("File_GUID", Value::text("y"))]),
-        ""
-    );
+    assert_eq!(noted(&[("HW_Type", Value::text("x")), ("File_GUID", Value::text("y"))]), "");
     for i in 0..100 {
         let name = format!("Img{i}_Shift");
         let said = noted(&[(&name, Value::Int(i))]);
@@ -399,8 +290,6 @@ fn tags_that_are_not_used_are_noted() {
         ("TTResultFormat_TTTRRecType", Value::Int(0x0001_0305)),
         ("Measurement_Mode", Value::Int(2)),
     ]);
-    let said = open(&mixed.write().expect("writes"))
-        .expect_err("refused")
-        .to_string();
+    let said = open(&mixed.write().expect("writes")).expect_err("refused").to_string();
     assert!(said.contains("Measurement_Mode is T2"), "{said}");
 }

@@ -98,21 +98,10 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
         }
     }
     if !unknown.is_empty() {
-        let names: Vec<String> = unknown
-            .iter()
-            .take(10)
-            .map(|n| n.escape_default().to_string())
-            .collect();
+        let names: Vec<String> = unknown.iter().take(10).map(|n| n.escape_default().to_string()).collect();
         let more = unknown.len() - names.len();
-        let more = if more > 0 {
-            format!(" and {more} more")
-        } else {
-            String::new()
-        };
-        notes.push(format!(
-            "unknown header tags, ignored: {}{more}",
-            names.join(", ")
-        ));
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        notes.push(format!("unknown header tags, ignored: {}{more}", names.join(", ")));
     }
     notes
 }

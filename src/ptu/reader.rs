@@ -22,10 +22,7 @@ pub struct Mismatch {
 impl std::fmt::Display for Mismatch {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { stated, found, torn } = self;
-        write!(
-            f,
-            "the header states {stated} records, but the file contains {found}"
-        )?;
+        write!(f, "the header states {stated} records, but the file contains {found}")?;
         if *torn > 0 {
             write!(f, " and {torn} bytes of an incomplete one")?;
         }
@@ -74,10 +71,8 @@ impl<R: Read> Reader<R> {
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
         // An interrupted measurement states zero records: read all that the file contains.
-        let stated = header
-            .number("TTResult_NumberOfRecords")
-            .filter(|n| *n > 0.0)
-            .map_or(found, |n| n as u64);
+        let stated =
+            header.number("TTResult_NumberOfRecords").filter(|n| *n > 0.0).map_or(found, |n| n as u64);
         Ok(Self {
             source,
             file: file.to_owned(),
@@ -125,9 +120,7 @@ impl<R: Read> Reader<R> {
     pub fn block(&mut self) -> Result<&[[u8; 4]], PtuError> {
         let count = (self.records - self.read).min(BLOCK as u64);
         self.block.resize(count as usize * 4, 0);
-        self.source
-            .read_exact(&mut self.block)
-            .map_err(|e| PtuError::io(&self.file, self.at, &e))?;
+        self.source.read_exact(&mut self.block).map_err(|e| PtuError::io(&self.file, self.at, &e))?;
         self.read += count;
         self.at += count * 4;
         Ok(self.block.as_chunks().0)

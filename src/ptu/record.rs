@@ -127,11 +127,7 @@ impl RecordType {
     /// Returns the number of `dtime` values in T3.
     #[must_use]
     pub fn dtimes(self) -> u32 {
-        if self.family() == Family::PicoT3 {
-            1 << 12
-        } else {
-            1 << 15
-        }
+        if self.family() == Family::PicoT3 { 1 << 12 } else { 1 << 15 }
     }
 
     pub(super) fn family(self) -> Family {
@@ -195,16 +191,9 @@ impl Layout for PicoT2 {
         let (time, channel) = (record & 0x0fff_ffff, record >> 28);
         match channel {
             0 => Parts::Sync { time },
-            1..=4 => Parts::Photon {
-                time,
-                dtime: 0,
-                channel,
-            },
+            1..=4 => Parts::Photon { time, dtime: 0, channel },
             15 if time.is_multiple_of(16) => Parts::Overflow(Self::PERIOD),
-            15 => Parts::Marker {
-                time,
-                bits: (time & 15) as u8,
-            },
+            15 => Parts::Marker { time, bits: (time & 15) as u8 },
             _ => Parts::Unknown,
         }
     }
@@ -217,16 +206,9 @@ impl Layout for PicoT3 {
     fn split(record: u32) -> Parts {
         let (time, dtime, channel) = (record & 0xffff, record >> 16 & 0xfff, record >> 28);
         match channel {
-            1..=4 => Parts::Photon {
-                time,
-                dtime,
-                channel: channel - 1,
-            },
+            1..=4 => Parts::Photon { time, dtime, channel: channel - 1 },
             15 if dtime == 0 => Parts::Overflow(Self::PERIOD),
-            15 if dtime < 16 => Parts::Marker {
-                time,
-                bits: dtime as u8,
-            },
+            15 if dtime < 16 => Parts::Marker { time, bits: dtime as u8 },
             _ => Parts::Unknown,
         }
     }
@@ -238,10 +220,7 @@ fn special(time: u32, channel: u32, period: u64, old: bool) -> Parts {
     match channel {
         63 if old => Parts::Overflow(period),
         63 => Parts::Overflow(period * u64::from(time.max(1))),
-        1..=15 => Parts::Marker {
-            time,
-            bits: channel as u8,
-        },
+        1..=15 => Parts::Marker { time, bits: channel as u8 },
         _ => Parts::Unknown,
     }
 }
@@ -253,11 +232,7 @@ impl<const OLD: bool> Layout for HydraT2<OLD> {
     fn split(record: u32) -> Parts {
         let (time, channel) = (record & 0x01ff_ffff, record >> 25 & 63);
         if record >> 31 == 0 {
-            Parts::Photon {
-                time,
-                dtime: 0,
-                channel,
-            }
+            Parts::Photon { time, dtime: 0, channel }
         } else if channel == 0 {
             Parts::Sync { time }
         } else {
@@ -273,11 +248,7 @@ impl<const OLD: bool> Layout for HydraT3<OLD> {
     fn split(record: u32) -> Parts {
         let (time, channel) = (record & 0x3ff, record >> 25 & 63);
         if record >> 31 == 0 {
-            Parts::Photon {
-                time,
-                dtime: record >> 10 & 0x7fff,
-                channel,
-            }
+            Parts::Photon { time, dtime: record >> 10 & 0x7fff, channel }
         } else {
             special(time, channel, Self::PERIOD, OLD)
         }
@@ -349,11 +320,9 @@ impl Decoder {
     pub fn decode(&mut self, record: u32) -> Event {
         let at = |time: u32| self.overflow.saturating_add(u64::from(time));
         match with_layout!(self.record, split[](record)) {
-            Parts::Photon { time, dtime, channel } => Event::Photon {
-                time: at(time),
-                dtime: dtime as u16,
-                channel: channel as u8,
-            },
+            Parts::Photon { time, dtime, channel } => {
+                Event::Photon { time: at(time), dtime: dtime as u16, channel: channel as u8 }
+            }
             Parts::Sync { time } => Event::Sync { time: at(time) },
             Parts::Marker { time, bits } => Event::Marker { time: at(time), bits },
             Parts::Overflow(more) => {

@@ -114,9 +114,7 @@ impl Scan {
         };
         let dimensions = header.number("ImgHdr_Dimensions").unwrap_or(3.0);
         if ![2.0, 3.0].contains(&dimensions) {
-            return Err(format!(
-                "the header does not describe a scan: ImgHdr_Dimensions is {dimensions}"
-            ));
+            return Err(format!("the header does not describe a scan: ImgHdr_Dimensions is {dimensions}"));
         }
         let [begin, end, frame] =
             ["ImgHdr_LineStart", "ImgHdr_LineStop", "ImgHdr_Frame"].map(|name| (name, marker(name)));
@@ -132,9 +130,7 @@ impl Scan {
         }
         let per_pixel = header.number("ImgHdr_TimePerPixel").filter(|t| *t > 0.0);
         let per_pixel = 1e-3 * per_pixel.ok_or_else(|| missing("ImgHdr_TimePerPixel"))?;
-        let tick = header
-            .global_resolution_s()
-            .ok_or_else(|| missing("MeasDesc_GlobalResolution"))?;
+        let tick = header.global_resolution_s().ok_or_else(|| missing("MeasDesc_GlobalResolution"))?;
         let ticks = (per_pixel / tick).round();
         if !(1.0..1e15).contains(&ticks) {
             return Err(format!(
@@ -161,10 +157,7 @@ impl Scan {
                 end: markers[1],
                 // Every line of a line scan restarts at the first row.
                 frame: if image { markers[2] } else { markers[0] },
-                sweep: Sweep {
-                    pixel_time: ticks as u64,
-                    sine,
-                },
+                sweep: Sweep { pixel_time: ticks as u64, sine },
             },
         })
     }
@@ -177,12 +170,7 @@ impl Scan {
     /// Returns the pixel at step `n` of a frame, by pixel markers.
     fn pixel(&self, n: usize) -> usize {
         let (x, y) = (n % self.width, n / self.width);
-        y * self.width
-            + if self.is_backwards(y) {
-                self.width - 1 - x
-            } else {
-                x
-            }
+        y * self.width + if self.is_backwards(y) { self.width - 1 - x } else { x }
     }
 
     /// Returns the marker that begins a pixel or a line.
@@ -251,10 +239,7 @@ impl Beam {
     /// Handles a marker. For simultaneous markers the order is end, frame, begin.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
-        let (Clock::Pixels { begin, end, frame }
-        | Clock::Lines {
-            begin, end, frame, ..
-        }) = scan.clock;
+        let (Clock::Pixels { begin, end, frame } | Clock::Lines { begin, end, frame, .. }) = scan.clock;
         if bits & (end | frame) != 0 {
             (self.pixel, self.line, self.during) = (None, None, NEVER);
         }
@@ -302,11 +287,7 @@ impl Beam {
         let along = if back { duration - 1 - since } else { since };
         if let Some((x, [from, to])) = sweep.column(along, width) {
             self.pixel = Some(line * scan.width + x as usize);
-            let [from, to] = if back {
-                [duration - to, duration - from]
-            } else {
-                [from, to]
-            };
+            let [from, to] = if back { [duration - to, duration - from] } else { [from, to] };
             self.during = [begin + from, begin.saturating_add(to)];
         }
     }
@@ -321,10 +302,7 @@ mod tests {
     #[test]
     fn columns_of_a_sine_are_its_arcsines() {
         for (percent, width, pixel_time) in [(80.0, 8, 100), (100.0, 5, 37), (1.0, 16, 3), (50.0, 2, 1000)] {
-            let sweep = Sweep {
-                pixel_time,
-                sine: Some(0.01 * percent),
-            };
+            let sweep = Sweep { pixel_time, sine: Some(0.01 * percent) };
             let line = width * pixel_time;
             for since in 0..line {
                 let amplitude = 0.01 * percent;
@@ -333,10 +311,7 @@ mod tests {
                 let (x, [from, to]) = sweep.column(since, width).expect("a column");
                 assert!((from..to).contains(&since));
                 // Rounding may put a position on an edge on either side.
-                assert!(
-                    (x as f64 - 1e-5..=x as f64 + 1.0 + 1e-5).contains(&place),
-                    "{since}: {x} {place}"
-                );
+                assert!((x as f64 - 1e-5..=x as f64 + 1.0 + 1e-5).contains(&place), "{since}: {x} {place}");
             }
             assert_eq!(sweep.column(line, width), None);
         }

@@ -53,11 +53,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
         syncs.sort_unstable();
         syncs
     };
-    let mut stamps: Vec<Stamp> = syncs
-        .into_iter()
-        .zip(bins)
-        .map(|(sync, bin)| Stamp { sync, bin })
-        .collect();
+    let mut stamps: Vec<Stamp> = syncs.into_iter().zip(bins).map(|(sync, bin)| Stamp { sync, bin }).collect();
     stamps.sort_unstable();
     stamps
 }
@@ -92,10 +88,5 @@ fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
 pub fn dwell(spad: &Spad, rates: &[f64], seed: u64, pixel: u32) -> Result<Vec<Stamp>, DetectorError> {
     let mut stream = Stream::new(mix(seed), pixel, 0);
     let counts = spad.count(rates, &mut stream)?;
-    Ok(deal(
-        &counts,
-        spad.pulses,
-        spad.mode == Mode::Synchronous,
-        &mut stream,
-    ))
+    Ok(deal(&counts, spad.pulses, spad.mode == Mode::Synchronous, &mut stream))
 }

@@ -165,20 +165,14 @@ impl Tag {
     /// Creates a tag outside any list.
     #[must_use]
     pub fn new(name: &str, value: Value) -> Self {
-        Self {
-            name: name.to_owned(),
-            index: -1,
-            value,
-        }
+        Self { name: name.to_owned(), index: -1, value }
     }
 
     /// Appends the encoded tag, or returns a message if it cannot be encoded.
     pub(super) fn write(&self, out: &mut Vec<u8>) -> Result<(), String> {
         let Self { name, index, value } = self;
         if name.is_empty() || name.len() > LONGEST_NAME || !name.bytes().all(|b| b.is_ascii_graphic()) {
-            return Err(format!(
-                "tag {name:?}: expected a name of 1 to 32 visible ASCII characters"
-            ));
+            return Err(format!("tag {name:?}: expected a name of 1 to 32 visible ASCII characters"));
         }
         let (kind, word, long) = value.write().map_err(|e| format!("tag {name}: {e}"))?;
         let mut padded = [0; LONGEST_NAME];

@@ -45,10 +45,7 @@ pub(super) fn bytes_of(record: RecordType, events: &[Event]) -> Vec<u8> {
 
 /// Returns a sweep with pixels of equal duration.
 pub(super) fn even(pixel_time: u64) -> Sweep {
-    Sweep {
-        pixel_time,
-        sine: None,
-    }
+    Sweep { pixel_time, sine: None }
 }
 
 pub(super) fn open(bytes: &[u8]) -> Result<Reader<&[u8]>, PtuError> {
@@ -77,10 +74,7 @@ fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
                     // Markers overwrite the last bits of the time.
                     let at = time.next_multiple_of(16);
                     time = at + 15;
-                    return Event::Marker {
-                        time: at + u64::from(bits),
-                        bits,
-                    };
+                    return Event::Marker { time: at + u64::from(bits), bits };
                 }
                 Event::Marker { time, bits }
             }
@@ -106,6 +100,7 @@ fn gap() -> impl Strategy<Value = u64> {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 200, ..ProptestConfig::default() })]
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn what_is_written_is_read(
         kind in 0..12usize,
         draws in prop::collection::vec((gap(), any::<u16>(), 0..64u8, 0..6u8), 0..200),
@@ -147,19 +142,8 @@ fn records_mean_what_is_published() {
         events
     };
     let photon = |time, dtime, channel| Event::Photon { time, dtime, channel };
-    let (marker, over) = (
-        |time, bits| Event::Marker { time, bits },
-        |time| Event::Overflow { time },
-    );
-    let words = [
-        0x0400_1c05,
-        0xfe00_0003,
-        0x0400_1c05,
-        0x8600_0009,
-        0xfe00_0000,
-        0x0000_0000,
-        0x8000_0009,
-    ];
+    let (marker, over) = (|time, bits| Event::Marker { time, bits }, |time| Event::Overflow { time });
+    let words = [0x0400_1c05, 0xfe00_0003, 0x0400_1c05, 0x8600_0009, 0xfe00_0000, 0x0000_0000, 0x8000_0009];
     let want = |three: u64, one: u64| {
         let unknown = Event::Unknown { record: 0x8000_0009 };
         vec![
@@ -172,32 +156,16 @@ fn records_mean_what_is_published() {
             unknown,
         ]
     };
-    for record in [
-        RecordType::TimeHarp260NT3,
-        RecordType::GenericT3,
-        RecordType::HydraHarp2T3,
-    ] {
+    for record in [RecordType::TimeHarp260NT3, RecordType::GenericT3, RecordType::HydraHarp2T3] {
         assert_eq!(decode(record, &words), want(3072, 1024));
     }
     assert_eq!(decode(RecordType::HydraHarpT3, &words), want(1024, 1024));
     let words = [0x0400_0005, 0xfe00_0002, 0x8000_0007, 0x9e00_0001];
-    let want = |n| {
-        vec![
-            photon(5, 0, 2),
-            over(n),
-            Event::Sync { time: n + 7 },
-            marker(n + 1, 15),
-        ]
-    };
+    let want = |n| vec![photon(5, 0, 2), over(n), Event::Sync { time: n + 7 }, marker(n + 1, 15)];
     assert_eq!(decode(RecordType::TimeHarp260PT2, &words), want(67_108_864));
     assert_eq!(decode(RecordType::HydraHarpT2, &words), want(33_552_000));
     let words = [0x2007_0005, 0xf000_0000, 0x1000_ffff, 0xf003_0005];
-    let want = vec![
-        photon(5, 7, 1),
-        over(65_536),
-        photon(131_071, 0, 0),
-        marker(65_541, 3),
-    ];
+    let want = vec![photon(5, 7, 1), over(65_536), photon(131_071, 0, 0), marker(65_541, 3)];
     assert_eq!(decode(RecordType::PicoHarpT3, &words), want);
     let words = [0x2000_0005, 0xf000_0000, 0x0000_0009, 0xf000_0123];
     let (over_t2, sync) = (over(210_698_240), Event::Sync { time: 210_698_249 });
@@ -229,11 +197,7 @@ fn histograms_are_those_of_a_plain_loop() {
             .collect();
         let events = events_for(record, &draws);
         let bytes = bytes_of(record, &events);
-        for (bin, bins, channels) in [
-            (1, 5000, vec![1, 3]),
-            (7, 300, vec![2]),
-            (16, 2048, vec![3, 2, 1]),
-        ] {
+        for (bin, bins, channels) in [(1, 5000, vec![1, 3]), (7, 300, vec![2]), (16, 2048, vec![3, 2, 1])] {
             let mut want = vec![0; channels.len() * bins];
             let (mut sync, mut photons) = (None, 0);
             for event in &events {
@@ -256,25 +220,14 @@ fn histograms_are_those_of_a_plain_loop() {
                     want[i * bins + b] += 1;
                 }
             }
-            let got = counted(
-                &bytes,
-                &Plan {
-                    bin,
-                    bins,
-                    channels: channels.clone(),
-                    scan: None,
-                },
-            );
+            let got = counted(&bytes, &Plan { bin, bins, channels: channels.clone(), scan: None });
             assert!(want.iter().sum::<u32>() > 100, "{}", record.name());
             assert_eq!((got.counts, got.photons), (want, photons), "{}", record.name());
         }
         let found = survey(&mut open(&bytes).expect("opens")).expect("surveys");
         assert_eq!(
             found.all_photons(),
-            events
-                .iter()
-                .filter(|e| matches!(e, Event::Photon { .. }))
-                .count() as u64
+            events.iter().filter(|e| matches!(e, Event::Photon { .. })).count() as u64
         );
         assert_eq!(found.unknown, 0);
     }
@@ -283,13 +236,7 @@ fn histograms_are_those_of_a_plain_loop() {
 #[test]
 fn damage_is_told_in_words() {
     let record = RecordType::GenericT3;
-    let events: Vec<Event> = (0..10)
-        .map(|i| Event::Photon {
-            time: i,
-            dtime: 3,
-            channel: 1,
-        })
-        .collect();
+    let events: Vec<Event> = (0..10).map(|i| Event::Photon { time: i, dtime: 3, channel: 1 }).collect();
     let whole = bytes_of(record, &events);
     let said = |bytes: &[u8]| open(bytes).expect_err("refused").to_string();
     assert!(said(b"").contains("too short"));
@@ -307,16 +254,10 @@ fn damage_is_told_in_words() {
     let mut wrong = whole.clone();
     wrong[16 + 47] = 16;
     assert!(said(&wrong).contains("exceeds the file"), "{}", said(&wrong));
-    let header = Header {
-        version: "1.0.00".into(),
-        tags: vec![],
-    };
+    let header = Header { version: "1.0.00".into(), tags: vec![] };
     assert!(said(&header.write().expect("writes")).contains("TTResultFormat_TTTRRecType"));
     let int = |v| vec![Tag::new("TTResultFormat_TTTRRecType", Value::Int(v))];
-    let header = Header {
-        version: String::new(),
-        tags: int(0x0001_0399),
-    };
+    let header = Header { version: String::new(), tags: int(0x0001_0399) };
     assert!(said(&header.write().expect("writes")).contains("0x10399; supported types: PicoHarp 300 T2"));
     // Truncated within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
@@ -326,41 +267,17 @@ fn damage_is_told_in_words() {
         message,
         "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete one"
     );
-    let plan = Plan {
-        bin: 1,
-        bins: 1 << 15,
-        channels: vec![0],
-        scan: None,
-    };
+    let plan = Plan { bin: 1, bins: 1 << 15, channels: vec![0], scan: None };
     let large = Scan {
         width: 1 << 40,
         height: 1 << 40,
         bidirectional: false,
-        clock: Clock::Pixels {
-            begin: 1,
-            end: 0,
-            frame: 0,
-        },
+        clock: Clock::Pixels { begin: 1, end: 0, frame: 0 },
     };
-    let refused = |plan: Plan| {
-        histogram(&mut open(&whole).expect("opens"), &plan)
-            .expect_err("refused")
-            .to_string()
-    };
-    assert!(
-        refused(Plan {
-            scan: Some(large),
-            ..plan.clone()
-        })
-        .contains("more than 536870912")
-    );
-    assert!(
-        refused(Plan {
-            channels: vec![64],
-            ..plan.clone()
-        })
-        .contains("no channel 64")
-    );
+    let refused =
+        |plan: Plan| histogram(&mut open(&whole).expect("opens"), &plan).expect_err("refused").to_string();
+    assert!(refused(Plan { scan: Some(large), ..plan.clone() }).contains("more than 536870912"));
+    assert!(refused(Plan { channels: vec![64], ..plan.clone() }).contains("no channel 64"));
     assert!(refused(Plan { bin: 0, ..plan }).contains("would be empty"));
 }
 
@@ -378,14 +295,10 @@ fn writers_refuse_what_records_cannot_hold() {
     assert!(said(writer.photon(u64::MAX, 0, 0)).contains("gap of"));
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("f.ptu");
-    let failed = writer::write(&path, &description(RecordType::PicoHarpT3), |w| {
-        w.photon(0, 5000, 0)
-    });
+    let failed = writer::write(&path, &description(RecordType::PicoHarpT3), |w| w.photon(0, 5000, 0));
     assert!(failed.is_err() && !path.exists());
-    let n = writer::write(&path, &description(RecordType::PicoHarpT3), |w| {
-        w.photon(70_000, 50, 0)
-    })
-    .expect("writes");
+    let n = writer::write(&path, &description(RecordType::PicoHarpT3), |w| w.photon(70_000, 50, 0))
+        .expect("writes");
     assert_eq!((n, Reader::open(&path).expect("opens").records()), (2, 2));
 }
 
@@ -394,11 +307,9 @@ fn writers_refuse_what_records_cannot_hold() {
 #[ignore = "a measurement"]
 fn speed() {
     let dir = tempfile::tempdir().expect("a folder");
-    for (record, gap) in [
-        (RecordType::TimeHarp260PT3, 3),
-        (RecordType::TimeHarp260PT3, 3000),
-        (RecordType::PicoHarpT3, 3),
-    ] {
+    for (record, gap) in
+        [(RecordType::TimeHarp260PT3, 3), (RecordType::TimeHarp260PT3, 3000), (RecordType::PicoHarpT3, 3)]
+    {
         let path = dir.path().join("speed.ptu");
         let mut state = 1;
         let n = writer::write(&path, &description(record), |w| {
@@ -414,36 +325,15 @@ fn speed() {
             Ok(())
         })
         .expect("writes");
-        let pixels = Clock::Pixels {
-            begin: 1,
-            end: 0,
-            frame: 0,
-        };
-        let lines = Clock::Lines {
-            begin: 1,
-            end: 0,
-            frame: 0,
-            sweep: even(300),
-        };
-        let scan = |clock| {
-            Some(Scan {
-                width: 128,
-                height: 128,
-                bidirectional: false,
-                clock,
-            })
-        };
+        let pixels = Clock::Pixels { begin: 1, end: 0, frame: 0 };
+        let lines = Clock::Lines { begin: 1, end: 0, frame: 0, sweep: even(300) };
+        let scan = |clock| Some(Scan { width: 128, height: 128, bidirectional: false, clock });
         for (name, bin, bins, scan) in [
             ("one histogram", 1, 4000, None),
             ("128 x 128 pixels by markers", 16, 250, scan(pixels)),
             ("128 x 128 pixels by lines", 16, 250, scan(lines)),
         ] {
-            let plan = Plan {
-                bin,
-                bins,
-                channels: vec![0, 1],
-                scan,
-            };
+            let plan = Plan { bin, bins, channels: vec![0, 1], scan };
             let mut rates: Vec<f64> = (0..7)
                 .map(|_| {
                     let start = std::time::Instant::now();
@@ -477,14 +367,7 @@ fn damaged_files_end_in_words_or_numbers() {
     let seeds: Vec<Vec<u8>> = RecordType::ALL
         .map(|record| {
             let draws: Vec<_> = (0..300)
-                .map(|_| {
-                    (
-                        draw(5000) as u64,
-                        draw(65536) as u16,
-                        draw(64) as u8,
-                        draw(6) as u8,
-                    )
-                })
+                .map(|_| (draw(5000) as u64, draw(65536) as u16, draw(64) as u8, draw(6) as u8))
                 .collect();
             bytes_of(record, &events_for(record, &draws))
         })
@@ -509,24 +392,10 @@ fn damaged_files_end_in_words_or_numbers() {
             }
         }
         let result = open(&bytes).and_then(|mut reader| {
-            let pixels = Clock::Pixels {
-                begin: 1,
-                end: draw(3) as u8,
-                frame: 4,
-            };
-            let lines = Clock::Lines {
-                begin: 1,
-                end: 2,
-                frame: 4,
-                sweep: even(draw(3000) as u64),
-            };
+            let pixels = Clock::Pixels { begin: 1, end: draw(3) as u8, frame: 4 };
+            let lines = Clock::Lines { begin: 1, end: 2, frame: 4, sweep: even(draw(3000) as u64) };
             let clock = if i % 2 == 0 { pixels } else { lines };
-            let scan = Scan {
-                width: 1 + draw(5),
-                height: 1 + draw(5),
-                bidirectional: false,
-                clock,
-            };
+            let scan = Scan { width: 1 + draw(5), height: 1 + draw(5), bidirectional: false, clock };
             let scan = Scan::of_header(reader.header()).unwrap_or(scan);
             let plan = Plan {
                 bin: 1 + draw(900) as u32,
@@ -564,16 +433,8 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
 /// Histograms of a simulated diode match the theory of first detections. No pulse has two detections.
 #[test]
 fn stamps_are_those_of_a_diode() {
-    let spad = Spad {
-        bins: 100,
-        bin_ps: 25.0,
-        period_ps: 2500.0,
-        pulses: 200_000,
-        ..Spad::default()
-    };
-    let light: Vec<f64> = (0..100)
-        .map(|i| 0.03 * (-0.05 * f64::from((i - 30i32).abs())).exp())
-        .collect();
+    let spad = Spad { bins: 100, bin_ps: 25.0, period_ps: 2500.0, pulses: 200_000, ..Spad::default() };
+    let light: Vec<f64> = (0..100).map(|i| 0.03 * (-0.05 * f64::from((i - 30i32).abs())).exp()).collect();
     let rates = spad.rates(&light, 550.0).expect("rates");
     let mut survives = 1.0;
     let share = |rate: &f64| {
@@ -605,32 +466,12 @@ fn stamps_are_those_of_a_diode() {
         width: 5,
         height: 4,
         bidirectional: false,
-        clock: Clock::Pixels {
-            begin: 1,
-            end: 0,
-            frame: 0,
-        },
+        clock: Clock::Pixels { begin: 1, end: 0, frame: 0 },
     };
-    let got = counted(
-        &out.into_inner(),
-        &Plan {
-            bin: 1,
-            bins: 100,
-            channels: vec![0],
-            scan: Some(scan),
-        },
-    );
+    let got = counted(&out.into_inner(), &Plan { bin: 1, bins: 100, channels: vec![0], scan: Some(scan) });
     assert_eq!(got.counted(), stamps as u64);
-    let total: Vec<f64> = (0..100)
-        .map(|b| {
-            got.counts
-                .iter()
-                .skip(b)
-                .step_by(100)
-                .map(|n| f64::from(*n))
-                .sum()
-        })
-        .collect();
+    let total: Vec<f64> =
+        (0..100).map(|b| got.counts.iter().skip(b).step_by(100).map(|n| f64::from(*n)).sum()).collect();
     let expected = |pulses: f64| shares.iter().map(|p| p * pulses).collect::<Vec<f64>>();
     let z = chi_squared(&total, &expected(4e6));
     assert!(z.abs() < 5.0, "{z}");

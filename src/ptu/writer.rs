@@ -59,10 +59,7 @@ impl Description {
         let own: Vec<Tag> = own.map(|(name, value)| Tag::new(name, value)).collect();
         let more = self.tags.iter().filter(|t| own.iter().all(|o| o.name != t.name));
         let more: Vec<Tag> = more.cloned().collect();
-        Header {
-            version: "1.0.00".into(),
-            tags: own.into_iter().chain(more).collect(),
-        }
+        Header { version: "1.0.00".into(), tags: own.into_iter().chain(more).collect() }
     }
 }
 
@@ -91,9 +88,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Errors of the system; of kind `InvalidInput` for tags that cannot be encoded.
     pub fn begin(mut out: W, description: &Description) -> io::Result<Self> {
         let header = description.header().write().map_err(refused)?;
-        let name = header
-            .windows(RECORDS.len())
-            .position(|w| w == RECORDS.as_bytes());
+        let name = header.windows(RECORDS.len()).position(|w| w == RECORDS.as_bytes());
         let begin = out.stream_position()?;
         out.write_all(&header)?;
         let number_at = begin + name.unwrap_or(0) as u64 + 40;
@@ -126,10 +121,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the overflow records before a time and returns the remaining count.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
-            return Err(refused(format!(
-                "time {time} follows {}; sort the events by time",
-                self.last
-            )));
+            return Err(refused(format!("time {time} follows {}; sort the events by time", self.last)));
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
@@ -211,9 +203,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Like [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
-            return Err(refused(format!(
-                "markers {bits:#b}: expected at least one of the four markers"
-            )));
+            return Err(refused(format!("markers {bits:#b}: expected at least one of the four markers")));
         }
         let (time, bits) = (self.at(time)?, u32::from(bits));
         self.put(match self.record.family() {
@@ -256,12 +246,7 @@ impl Records {
     #[must_use]
     pub fn words(self) -> Vec<u32> {
         let bytes = self.0.out.into_inner();
-        bytes
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| u32::from_le_bytes(*b))
-            .collect()
+        bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect()
     }
 }
 

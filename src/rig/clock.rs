@@ -52,9 +52,7 @@ impl Clock {
     #[must_use]
     pub fn wall_s(&self) -> f64 {
         match self {
-            Self::Real(_) => SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .map_or(0.0, |d| d.as_secs_f64()),
+            Self::Real(_) => SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64()),
             Self::Simulated(state) => {
                 let state = locked(state);
                 state.wall_offset_s + state.now.as_secs_f64()

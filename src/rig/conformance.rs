@@ -26,10 +26,7 @@ pub struct Report(pub Vec<Check>);
 
 impl Report {
     fn check(&mut self, name: &'static str, found: Result<(), String>) {
-        self.0.push(Check {
-            name,
-            fault: found.err(),
-        });
+        self.0.push(Check { name, fault: found.err() });
     }
 
     /// Returns the failed checks.
@@ -60,16 +57,11 @@ fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), String> {
 }
 
 fn common(i: &mut dyn Instrument, report: &mut Report) {
-    report.check(
-        "has a name",
-        want(!i.name().trim().is_empty(), || "the name is empty".into()),
-    );
+    report.check("has a name", want(!i.name().trim().is_empty(), || "the name is empty".into()));
     report.check(
         "reports its identity",
         good(i.identify(SHORT)).and_then(|id| {
-            let empty = [&id.maker, &id.model, &id.serial]
-                .iter()
-                .any(|t| t.trim().is_empty());
+            let empty = [&id.maker, &id.model, &id.serial].iter().any(|t| t.trim().is_empty());
             want(!empty, || format!("{id:?}"))
         }),
     );
@@ -79,10 +71,9 @@ fn common(i: &mut dyn Instrument, report: &mut Report) {
     );
     report.check(
         "reports a plausible temperature or none",
-        want(
-            i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)),
-            || "the temperature is not plausible".into(),
-        ),
+        want(i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)), || {
+            "the temperature is not plausible".into()
+        }),
     );
 }
 
@@ -98,23 +89,16 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     report.check("finds its zero position", good(stage.home(LONG)));
     report.check(
         "reports homed, stopped and near zero after homing",
-        good(stage.read(SHORT)).and_then(|r| {
-            want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || {
-                format!("{r:?}")
-            })
-        }),
+        good(stage.read(SHORT))
+            .and_then(|r| want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || format!("{r:?}"))),
     );
     let near = |angle: f64, found: f64| (angle - found).abs() <= 2.0 * limits.resolution_deg;
     for angle in [10.0, 33.3, 7.5] {
         report.check(
             "moves to the requested angle and reports it",
-            good(stage.begin_move(angle))
-                .and_then(|()| good(stage.finish_move(LONG)))
-                .and_then(|r| {
-                    want(near(angle, r.angle_deg) && !r.moving, || {
-                        format!("expected {angle}, got {r:?}")
-                    })
-                }),
+            good(stage.begin_move(angle)).and_then(|()| good(stage.finish_move(LONG))).and_then(|r| {
+                want(near(angle, r.angle_deg) && !r.moving, || format!("expected {angle}, got {r:?}"))
+            }),
         );
     }
     report.check(
@@ -128,10 +112,7 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
         report.check(name, fails(stage.begin_move(angle), Fault::Limit));
     }
     if most.is_finite() {
-        report.check(
-            "refuses angles outside its range",
-            fails(stage.begin_move(most + 10.0), Fault::Limit),
-        );
+        report.check("refuses angles outside its range", fails(stage.begin_move(most + 10.0), Fault::Limit));
     }
     report.check(
         "does not move after a refused move",
@@ -173,36 +154,22 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
         height,
         pixels: vec![value; width as usize * height as usize],
     };
-    report.check(
-        "refuses to show a pattern that is not loaded",
-        fails(projector.show(0, SHORT), Fault::Limit),
-    );
-    report.check(
-        "loads patterns",
-        good(projector.load(&[flat(255, width), flat(0, width)], LONG)),
-    );
+    report
+        .check("refuses to show a pattern that is not loaded", fails(projector.show(0, SHORT), Fault::Limit));
+    report.check("loads patterns", good(projector.load(&[flat(255, width), flat(0, width)], LONG)));
     for n in [0, 1, 0] {
         report.check("shows patterns in any order", good(projector.show(n, SHORT)));
     }
-    report.check(
-        "refuses pattern 2 of two loaded patterns",
-        fails(projector.show(2, SHORT), Fault::Limit),
-    );
+    report.check("refuses pattern 2 of two loaded patterns", fails(projector.show(2, SHORT), Fault::Limit));
     report.check(
         "refuses a pattern of a different size",
         fails(projector.load(&[flat(255, width + 1)], LONG), Fault::Limit),
     );
     let mut torn = flat(255, width);
     torn.pixels.pop();
-    report.check(
-        "refuses an incomplete pattern",
-        fails(projector.load(&[torn], LONG), Fault::Limit),
-    );
+    report.check("refuses an incomplete pattern", fails(projector.load(&[torn], LONG), Fault::Limit));
     if limits.bits == 1 {
-        report.check(
-            "refuses grey pixels",
-            fails(projector.load(&[flat(100, width)], LONG), Fault::Limit),
-        );
+        report.check("refuses grey pixels", fails(projector.load(&[flat(100, width)], LONG), Fault::Limit));
     }
     report.check("turns dark", good(projector.dark(SHORT)));
     report
@@ -217,28 +184,14 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let sane =
         width > 0 && height > 0 && !limits.formats.is_empty() && limits.exposure[0] <= limits.exposure[1];
     report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
-    report.check(
-        "refuses to expose before it is configured",
-        fails(camera.expose(), Fault::Refused),
-    );
-    let whole = Region {
-        x: 0,
-        y: 0,
-        width,
-        height,
-    };
+    report.check("refuses to expose before it is configured", fails(camera.expose(), Fault::Refused));
+    let whole = Region { x: 0, y: 0, width, height };
     let [sx, sy] = limits.step.map(|s| s.max(1));
-    let part = Region {
-        x: 0,
-        y: height / 2 / sy * sy,
-        width: (width / 2 / sx).max(1) * sx,
-        height: sy.min(height),
-    };
+    let part =
+        Region { x: 0, y: height / 2 / sy * sy, width: (width / 2 / sx).max(1) * sx, height: sy.min(height) };
     let set = |region: Region, format| CameraSettings {
         region,
-        exposure: limits.exposure[0]
-            .max(Duration::from_millis(1))
-            .min(limits.exposure[1]),
+        exposure: limits.exposure[0].max(Duration::from_millis(1)).min(limits.exposure[1]),
         gain_db: limits.gain_db[0],
         format,
         trigger: Trigger::Software,
@@ -287,32 +240,22 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
         fails(camera.configure(&set(beyond, format), SHORT), Fault::Limit),
     );
     let empty = Region { height: 0, ..whole };
-    report.check(
-        "refuses an empty region",
-        fails(camera.configure(&set(empty, format), SHORT), Fault::Limit),
-    );
+    report
+        .check("refuses an empty region", fails(camera.configure(&set(empty, format), SHORT), Fault::Limit));
     let mut long = set(whole, format);
     long.exposure = limits.exposure[1] + Duration::from_secs(1);
-    report.check(
-        "refuses an exposure above the limit",
-        fails(camera.configure(&long, SHORT), Fault::Limit),
-    );
+    report.check("refuses an exposure above the limit", fails(camera.configure(&long, SHORT), Fault::Limit));
     let mut loud = set(whole, format);
     loud.gain_db = f64::NAN;
-    report.check(
-        "refuses a gain of NaN",
-        fails(camera.configure(&loud, SHORT), Fault::Limit),
-    );
+    report.check("refuses a gain of NaN", fails(camera.configure(&loud, SHORT), Fault::Limit));
     let mut slow = set(whole, format);
     slow.exposure = Duration::from_millis(300).min(limits.exposure[1]);
     report.check(
         "reports a timeout at a short deadline and delivers the frame later",
-        good(camera.configure(&slow, SHORT))
-            .and_then(|()| good(camera.expose()))
-            .and_then(|()| {
-                fails(camera.frame(Duration::from_millis(1)), Fault::Timeout)?;
-                good(camera.frame(SHORT)).map(drop)
-            }),
+        good(camera.configure(&slow, SHORT)).and_then(|()| good(camera.expose())).and_then(|()| {
+            fails(camera.frame(Duration::from_millis(1)), Fault::Timeout)?;
+            good(camera.frame(SHORT)).map(drop)
+        }),
     );
     report
 }
@@ -325,30 +268,19 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     let [x, y] = limits.range_deg;
     report.check(
         "reports plausible limits",
-        want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || {
-            format!("{limits:?}")
-        }),
+        want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || format!("{limits:?}")),
     );
     for goal in [[0.0, 0.0], [x, -y], [-x / 3.0, y / 7.0]] {
         report.check(
             "points to the requested angles",
             good(galvo.point(goal, SHORT)).and_then(|at| {
-                let off = at
-                    .iter()
-                    .zip(goal)
-                    .map(|(a, b)| (a - b).abs())
-                    .fold(0.0, f64::max);
-                want(off <= 2.0 * limits.resolution_deg, || {
-                    format!("expected {goal:?}, got {at:?}")
-                })
+                let off = at.iter().zip(goal).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                want(off <= 2.0 * limits.resolution_deg, || format!("expected {goal:?}, got {at:?}"))
             }),
         );
     }
     for goal in [[x * 1.01 + 0.1, 0.0], [0.0, -y * 1.01 - 0.1], [f64::NAN, 0.0]] {
-        report.check(
-            "refuses angles outside its range",
-            fails(galvo.point(goal, SHORT), Fault::Limit),
-        );
+        report.check("refuses angles outside its range", fails(galvo.point(goal, SHORT), Fault::Limit));
     }
     report
 }
@@ -361,27 +293,18 @@ pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     let [least, most] = limits.rate_hz;
     report.check(
         "reports plausible limits",
-        want(limits.nm > 0.0 && least > 0.0 && most >= least, || {
-            format!("{limits:?}")
-        }),
+        want(limits.nm > 0.0 && least > 0.0 && most >= least, || format!("{limits:?}")),
     );
     for rate in [least, most] {
         report.check(
             "emits at its lowest and highest rates",
-            good(laser.emit(true, rate, SHORT))
-                .and_then(|()| good(laser.state(SHORT)))
-                .and_then(|s| {
-                    want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, || {
-                        format!("{s:?}")
-                    })
-                }),
+            good(laser.emit(true, rate, SHORT)).and_then(|()| good(laser.state(SHORT))).and_then(|s| {
+                want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, || format!("{s:?}"))
+            }),
         );
     }
     for rate in [most * 2.0, f64::NAN] {
-        report.check(
-            "refuses rates outside its limits",
-            fails(laser.emit(true, rate, SHORT), Fault::Limit),
-        );
+        report.check("refuses rates outside its limits", fails(laser.emit(true, rate, SHORT), Fault::Limit));
     }
     report.check(
         "turns off",

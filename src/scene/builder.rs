@@ -75,13 +75,7 @@ impl Default for SceneBuilder {
 impl From<SceneFile> for SceneBuilder {
     /// Starts from the contents of a scene file.
     fn from(file: SceneFile) -> Self {
-        Self {
-            file,
-            has_camera: true,
-            memory: BTreeMap::new(),
-            folder: PathBuf::new(),
-            fault: None,
-        }
+        Self { file, has_camera: true, memory: BTreeMap::new(), folder: PathBuf::new(), fault: None }
     }
 }
 
@@ -89,10 +83,7 @@ impl SceneBuilder {
     /// Creates an empty scene, which needs at least a camera and a light.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            has_camera: false,
-            ..Self::from(SceneFile::new(PinholeFile::look_at([0.0; 3], [0.0; 3])))
-        }
+        Self { has_camera: false, ..Self::from(SceneFile::new(PinholeFile::look_at([0.0; 3], [0.0; 3]))) }
     }
 
     /// Sets the short name, used in titles.
@@ -133,12 +124,7 @@ impl SceneBuilder {
     #[must_use]
     pub fn material(mut self, name: impl Into<String>, material: MaterialFile) -> Self {
         let name = name.into();
-        if self
-            .file
-            .materials
-            .insert(name.clone(), material.into())
-            .is_some()
-        {
+        if self.file.materials.insert(name.clone(), material.into()).is_some() {
             self.twice(format!("materials.{name}"));
         }
         self
@@ -290,11 +276,7 @@ impl SceneBuilder {
             ));
         }
         let text = self.file.to_toml().map_err(|e| {
-            fault(
-                "render",
-                format!("cannot serialize the scene: {e}"),
-                "keep seeds below 2^63",
-            )
+            fault("render", format!("cannot serialize the scene: {e}"), "keep seeds below 2^63")
         })?;
         // Serialize and parse the value, so that all its parts have locations that errors can name.
         let path = Path::new(IN_CODE);

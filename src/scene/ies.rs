@@ -35,9 +35,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let mut numbers = Numbers {
         words: lines
             .flat_map(|(i, line)| {
-                line.split([' ', '\t', ',', '\r'])
-                    .filter(|w| !w.is_empty())
-                    .map(move |w| (i + 1, w))
+                line.split([' ', '\t', ',', '\r']).filter(|w| !w.is_empty()).map(move |w| (i + 1, w))
             })
             .collect::<Vec<_>>()
             .into_iter(),
@@ -61,26 +59,14 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         numbers.next(what)?;
     }
     let multiplier = numbers.next("the multiplier")?;
-    let (vertical, horizontal) = (
-        numbers.count("vertical angles")?,
-        numbers.count("horizontal angles")?,
-    );
+    let (vertical, horizontal) = (numbers.count("vertical angles")?, numbers.count("horizontal angles")?);
     let kind = numbers.next("the photometric type")?;
     if kind != 1.0 {
-        return Err(format!(
-            "line {}: expected photometric type 1 (C), got {kind}",
-            numbers.last
-        ));
+        return Err(format!("line {}: expected photometric type 1 (C), got {kind}", numbers.last));
     }
-    for what in [
-        "units",
-        "width",
-        "length",
-        "height",
-        "the ballast factor",
-        "a reserved number",
-        "the input watts",
-    ] {
+    for what in
+        ["units", "width", "length", "height", "the ballast factor", "a reserved number", "the input watts"]
+    {
         numbers.next(what)?;
     }
     let vertical = numbers.angles(vertical, "a vertical angle", 180.0)?;
@@ -99,11 +85,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     for v in &mut values {
         *v /= most;
     }
-    whole(Ies {
-        vertical,
-        horizontal,
-        values,
-    })
+    whole(Ies { vertical, horizontal, values })
 }
 
 /// Converts horizontal angles of 90..270 to 0..360; other ranges start at 0 already.
@@ -127,11 +109,8 @@ fn whole(ies: Ies) -> Result<Ies, String> {
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     rows.dedup_by(|a, b| a.0 == b.0);
     let (low, high) = (rows[0].clone(), rows[rows.len() - 1].1.clone());
-    let joint: Vec<f32> = if low.0 == 0.0 {
-        low.1
-    } else {
-        low.1.iter().zip(&high).map(|(a, b)| 0.5 * (a + b)).collect()
-    };
+    let joint: Vec<f32> =
+        if low.0 == 0.0 { low.1 } else { low.1.iter().zip(&high).map(|(a, b)| 0.5 * (a + b)).collect() };
     if low.0 > 0.0 {
         rows.insert(0, (0.0, joint.clone()));
     }
@@ -181,10 +160,7 @@ impl Numbers<'_> {
         if rising && list[0] >= 0.0 && list[count - 1] <= most {
             return Ok(list);
         }
-        Err(format!(
-            "line {}: {what} is out of order; angles must increase within 0..{most}",
-            self.last
-        ))
+        Err(format!("line {}: {what} is out of order; angles must increase within 0..{most}", self.last))
     }
 }
 
@@ -215,16 +191,8 @@ mod tests {
             ("", "", "TILT"),
             ("TILT=NONE", "TILT=lamp.tlt", "line 3: TILT=lamp.tlt"),
             ("1 1000", "1 x", "line 4: expected the lumens per lamp, got `x`"),
-            (
-                "3 3 1 2",
-                "3 3 2 2",
-                "line 4: expected photometric type 1 (C), got 2",
-            ),
-            (
-                "3 3 1 2",
-                "3 0 1 2",
-                "line 4: invalid number of horizontal angles: 0",
-            ),
+            ("3 3 1 2", "3 3 2 2", "line 4: expected photometric type 1 (C), got 2"),
+            ("3 3 1 2", "3 0 1 2", "line 4: invalid number of horizontal angles: 0"),
             ("0 45 90", "0 95 90", "line 6: a vertical angle is out of order"),
             ("90 180 270", "90 180 280", "cover 90 to 280"),
             ("10 2 0\n", "10 2", "the file ends after line 10"),
@@ -232,11 +200,7 @@ mod tests {
             ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "emits no light"),
         ];
         for (a, b, says) in cases {
-            let text = if a.is_empty() {
-                String::new()
-            } else {
-                FILE.replace(a, b)
-            };
+            let text = if a.is_empty() { String::new() } else { FILE.replace(a, b) };
             let error = parse(text.as_bytes()).expect_err(says);
             assert!(error.contains(says), "{error}, not {says}");
         }

@@ -45,6 +45,7 @@ fn tables(s: &Scene) -> String {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn shipped_scenes_come_back() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut paths = vec![];
@@ -100,9 +101,7 @@ impl Choices<'_> {
             2 => -0.5,
             3 => self.below(1000) as f64,
             4 => 1.0 / (1 + self.below(1000)) as f64,
-            _ => Some(f64::from_bits(self.word()))
-                .filter(|v| v.is_finite())
-                .unwrap_or(1e300),
+            _ => Some(f64::from_bits(self.word())).filter(|v| v.is_finite()).unwrap_or(1e300),
         }
     }
 
@@ -123,18 +122,7 @@ impl Choices<'_> {
     }
 
     fn text(&mut self) -> String {
-        const WORDS: [&str; 10] = [
-            "a",
-            "gold",
-            "",
-            "two words",
-            "a.b",
-            "\"",
-            "\n\\",
-            "ü €",
-            "[x]",
-            "true",
-        ];
+        const WORDS: [&str; 10] = ["a", "gold", "", "two words", "a.b", "\"", "\n\\", "ü €", "[x]", "true"];
         WORDS[self.below(10) as usize].to_owned() + &self.below(3).to_string()
     }
 
@@ -179,10 +167,7 @@ impl Choices<'_> {
     }
 
     fn checkerboard(&mut self) -> CheckerboardFile {
-        CheckerboardFile {
-            checkerboard: [self.spectrum(), self.spectrum()],
-            uv: self.uv(),
-        }
+        CheckerboardFile { checkerboard: [self.spectrum(), self.spectrum()], uv: self.uv() }
     }
 
     fn albedo(&mut self) -> Located<AlbedoFile> {
@@ -230,11 +215,9 @@ impl Choices<'_> {
 
     fn pose(&mut self) -> Located<PoseFile> {
         let pose = match self.below(3) {
-            0 => PoseFile::LookAt(LookAtFile {
-                origin: self.three(),
-                target: self.three(),
-                up: self.three(),
-            }),
+            0 => {
+                PoseFile::LookAt(LookAtFile { origin: self.three(), target: self.three(), up: self.three() })
+            }
             1 => PoseFile::Matrix(self.rows()),
             _ => PoseFile::Extrinsics(ExtrinsicsFile {
                 rotation: self.some(Self::square),
@@ -405,9 +388,7 @@ impl Choices<'_> {
     fn material(&mut self) -> Located<MaterialFile> {
         let material = match self.below(18) {
             0 => MaterialFile::Null(NullFile {}),
-            1 => MaterialFile::Diffuse(DiffuseFile {
-                albedo: self.albedo(),
-            }),
+            1 => MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo() }),
             2 => MaterialFile::Conductor(ConductorFile {
                 metal: self.some_text(),
                 n: self.some_spectrum(),
@@ -426,11 +407,7 @@ impl Choices<'_> {
             i @ 4..6 => {
                 let (ior, exterior_ior) = (self.index(), self.index());
                 let file = DielectricFile { ior, exterior_ior };
-                if i == 4 {
-                    MaterialFile::Dielectric(file)
-                } else {
-                    MaterialFile::ThinDielectric(file)
-                }
+                if i == 4 { MaterialFile::Dielectric(file) } else { MaterialFile::ThinDielectric(file) }
             }
             6 => MaterialFile::RoughDielectric(RoughDielectricFile {
                 ior: self.index(),
@@ -444,10 +421,7 @@ impl Choices<'_> {
                 ior: self.index(),
                 exterior_ior: self.index(),
                 specular: self.spectrum().into(),
-                single_scatter: self.some(|c| SingleScatterFile {
-                    albedo: c.albedo(),
-                    alpha: c.scalar(),
-                }),
+                single_scatter: self.some(|c| SingleScatterFile { albedo: c.albedo(), alpha: c.scalar() }),
                 interreflection: [
                     InterreflectionFile::Lost,
                     InterreflectionFile::Coloured,
@@ -459,10 +433,7 @@ impl Choices<'_> {
                 distribution: self.distribution(),
                 masking: self.masking(),
             })),
-            8 => MaterialFile::TwoSided(TwoSidedFile {
-                front: self.text().into(),
-                back: self.some_text(),
-            }),
+            8 => MaterialFile::TwoSided(TwoSidedFile { front: self.text().into(), back: self.some_text() }),
             9 => MaterialFile::Blend(BlendFile {
                 a: self.text().into(),
                 b: self.text().into(),
@@ -526,10 +497,7 @@ impl Choices<'_> {
                 split: self.yes().into(),
                 roughness: self.some(Self::scalar),
             }),
-            _ => MaterialFile::Measured(MeasuredFile {
-                file: self.text().into(),
-                even_axes: self.yes(),
-            }),
+            _ => MaterialFile::Measured(MeasuredFile { file: self.text().into(), even_axes: self.yes() }),
         };
         material.into()
     }
@@ -548,13 +516,8 @@ impl Choices<'_> {
 
     fn sizes(&mut self) -> SizesFile {
         match self.below(4) {
-            0 => SizesFile::Single(SingleFile {
-                radius_nm: self.number(),
-            }),
-            1 => SizesFile::LogNormal(LogNormalFile {
-                median_nm: self.number(),
-                sigma: self.number(),
-            }),
+            0 => SizesFile::Single(SingleFile { radius_nm: self.number() }),
+            1 => SizesFile::LogNormal(LogNormalFile { median_nm: self.number(), sigma: self.number() }),
             2 => SizesFile::Gamma(GammaFile {
                 effective_radius_nm: self.number(),
                 effective_variance: self.number(),
@@ -570,10 +533,7 @@ impl Choices<'_> {
         let amount = match self.below(3) {
             0 => AmountFile::VolumeFraction(self.number()),
             1 => AmountFile::PerM3(self.number()),
-            _ => AmountFile::Mass(MassFile {
-                grams_per_litre: self.number(),
-                density: self.number(),
-            }),
+            _ => AmountFile::Mass(MassFile { grams_per_litre: self.number(), density: self.number() }),
         };
         amount.into()
     }
@@ -581,9 +541,7 @@ impl Choices<'_> {
     fn phase(&mut self) -> PhaseFile {
         match self.below(4) {
             0 => PhaseFile::Isotropic,
-            1 => PhaseFile::Rayleigh(RayleighFile {
-                depolarization: self.number().into(),
-            }),
+            1 => PhaseFile::Rayleigh(RayleighFile { depolarization: self.number().into() }),
             2 => PhaseFile::HenyeyGreenstein(HenyeyGreensteinFile {
                 g: self.spectrum().into(),
                 linear: self.number().into(),
@@ -635,12 +593,8 @@ impl Choices<'_> {
                 spread: self.number().into(),
                 amount: self.amount(),
             }),
-            4 => MediumFile::Marble(MarbleFile {
-                g: self.number().into(),
-            }),
-            _ => MediumFile::Skin(SkinFile {
-                g: self.number().into(),
-            }),
+            4 => MediumFile::Marble(MarbleFile { g: self.number().into() }),
+            _ => MediumFile::Skin(SkinFile { g: self.number().into() }),
         };
         medium.into()
     }
@@ -654,28 +608,20 @@ impl Choices<'_> {
             materials: c.yes(),
         };
         let shape = match self.below(8) {
-            0 => ShapeFile::Sphere(SphereFile {
-                center: self.three(),
-                radius: self.number(),
-            }),
+            0 => ShapeFile::Sphere(SphereFile { center: self.three(), radius: self.number() }),
             1 => ShapeFile::Obj(mesh(self)),
             2 => ShapeFile::Gltf(mesh(self)),
             3 if self.yes() => ShapeFile::Serialized(mesh(self)),
             3 => ShapeFile::Ply(mesh(self)),
-            4 => ShapeFile::Rectangle(RectangleFile {
-                corner: self.three(),
-                u: self.three(),
-                v: self.three(),
-            }),
+            4 => {
+                ShapeFile::Rectangle(RectangleFile { corner: self.three(), u: self.three(), v: self.three() })
+            }
             5 => ShapeFile::Disk(DiskFile {
                 center: self.three(),
                 normal: self.three(),
                 radius: self.number(),
             }),
-            6 => ShapeFile::Cube(CubeFile {
-                min: self.three(),
-                max: self.three(),
-            }),
+            6 => ShapeFile::Cube(CubeFile { min: self.three(), max: self.three() }),
             _ => ShapeFile::Cylinder(CylinderFile {
                 p0: self.three(),
                 p1: self.three(),
@@ -730,9 +676,7 @@ impl Choices<'_> {
             3 => CameraSelectFile::Block(self.block()),
             _ => CameraSelectFile::Binned(self.bins()),
         };
-        let half_width = HalfWidth {
-            half_width_px: self.number(),
-        };
+        let half_width = HalfWidth { half_width_px: self.number() };
         let projector = match self.below(12) {
             0 => ProjectorSelectFile::Sum,
             1 => ProjectorSelectFile::All,
@@ -776,13 +720,7 @@ impl Choices<'_> {
         let parameter = ParameterFile {
             path: PathsFile(self.list(Self::text)).into(),
             values: self.some(|c| c.list(any).into()),
-            range: self.some(|c| {
-                RangeFile {
-                    min: any(c),
-                    max: any(c),
-                }
-                .into()
-            }),
+            range: self.some(|c| RangeFile { min: any(c), max: any(c) }.into()),
             every: u64::from(self.whole()).into(),
         };
         parameter.into()
@@ -828,6 +766,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..Default::default() })]
 
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn any_scene_comes_back(words in prop::collection::vec(any::<u64>(), 0..600)) {
         let scene = Choices(words.iter()).scene();
         let text = scene.to_toml().expect("a text");

@@ -45,9 +45,7 @@ const MEMORY: usize = 1 << 27;
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .unwrap()
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
 
 /// Creates a store with all kinds of axes and with sample counts.
@@ -69,45 +67,25 @@ fn make(path: &Path, seed: u64) {
         split_first_bounce: split,
         labels: false,
     };
-    let bins = TimeSelect::Bins {
-        start_ps: 100.0,
-        bin_ps: 12.5,
-        bins: 4,
-    };
+    let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 4 };
     use CameraSelect as C;
     use Polarization::{Intensity, Mueller};
     use ProjectorSelect as P;
     let slices: Vec<_> = [
         (slice("image", C::All, P::Sum, TimeSelect::Sum, Mueller, false), 1),
-        (
-            slice(
-                "timed",
-                C::Binned { nx: 2, ny: 2 },
-                P::Binned { nx: 4, ny: 2 },
-                bins,
-                Intensity,
-                true,
-            ),
-            4,
-        ),
+        (slice("timed", C::Binned { nx: 2, ny: 2 }, P::Binned { nx: 4, ny: 2 }, bins, Intensity, true), 4),
     ]
     .into_iter()
     .map(|(slice, pixels)| {
         let bin = if pixels == 1 { [1, 1] } else { [4, 2] };
         let attributes =
             json!({"pixels_per_element": pixels, "projector_size": [6, 4], "projector_bin": bin});
-        (
-            SliceLayout::new(&slice, &extents),
-            attributes.as_object().unwrap().clone(),
-        )
+        (SliceLayout::new(&slice, &extents), attributes.as_object().unwrap().clone())
     })
     .collect();
     let attributes = json!({"scene_sha256": "abc", "seeds": [seed], "samples_per_pixel": 4, "wall_time_s": 0.5,
         "discarded_samples": 1, "status": "complete"});
-    let grid = SampleGrid {
-        camera: [6, 5],
-        tile: 2,
-    };
+    let grid = SampleGrid { camera: [6, 5], tile: 2 };
     let attributes = attributes.as_object().unwrap();
     let store = TensorStore::create(path, &slices, attributes, Some(grid), false).unwrap();
     for (layout, _) in &slices {
@@ -231,14 +209,10 @@ fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
         pointers(v, &path, out);
     };
     match value {
-        Value::Object(map) => map
-            .iter()
-            .filter(|(k, _)| *k != "consolidated_metadata")
-            .for_each(|(k, v)| child(k, v)),
-        Value::Array(list) => list
-            .iter()
-            .enumerate()
-            .for_each(|(i, v)| child(&i.to_string(), v)),
+        Value::Object(map) => {
+            map.iter().filter(|(k, _)| *k != "consolidated_metadata").for_each(|(k, v)| child(k, v))
+        }
+        Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| child(&i.to_string(), v)),
         _ => {}
     }
 }
@@ -281,17 +255,13 @@ impl Damage {
             Self::Value(file, place, value) => edit(*file, *place, Some(&values()[*value])),
             Self::Drop(file, place) => edit(*file, *place, None),
             Self::Coordinates(axis, list) => {
-                let axes = ["image", "timed"]
-                    .map(|slice| AxisKind::ALL.map(|k| (slice, k)))
-                    .concat();
+                let axes = ["image", "timed"].map(|slice| AxisKind::ALL.map(|k| (slice, k))).concat();
                 let (slice, kind) = pick(&axes, *axis);
                 // In random order, with some random replacements.
                 let mut order: Vec<(f64, usize)> = list.iter().enumerate().map(|(i, l)| (l.1, i)).collect();
                 order.sort_by(|a, b| a.0.total_cmp(&b.0));
-                let bytes: Vec<u8> = order
-                    .iter()
-                    .flat_map(|&(_, i)| coordinate(list[i].0, i as f64).to_le_bytes())
-                    .collect();
+                let bytes: Vec<u8> =
+                    order.iter().flat_map(|&(_, i)| coordinate(list[i].0, i as f64).to_le_bytes()).collect();
                 let mut frame = zstd::bulk::compress(&bytes, 1).unwrap();
                 frame.extend(crc32c::crc32c(&frame).to_le_bytes());
                 let folder = store.join(slice).join(kind.name());
@@ -334,16 +304,9 @@ fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let out = folder.join("out.zarr");
     for pair in [[damaged, sound], [sound, damaged]] {
         note(
-            merge(
-                &pair.map(Path::to_owned),
-                &out,
-                crate::merge::Options {
-                    replace: true,
-                    partial: true,
-                },
-            )
-            .err()
-            .map(|e| e.to_string()),
+            merge(&pair.map(Path::to_owned), &out, crate::merge::Options { replace: true, partial: true })
+                .err()
+                .map(|e| e.to_string()),
         );
     }
     let store = match TensorStore::open(damaged) {
@@ -353,14 +316,8 @@ fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
             return counts;
         }
     };
-    let select = |text: &str| Probe {
-        select: vec![text.parse().unwrap()],
-        ..Probe::default()
-    };
-    let driven = Probe {
-        pattern: Some(Pattern::uniform(6, 4, 0.5)),
-        ..Probe::default()
-    };
+    let select = |text: &str| Probe { select: vec![text.parse().unwrap()], ..Probe::default() };
+    let driven = Probe { pattern: Some(Pattern::uniform(6, 4, 0.5)), ..Probe::default() };
     let pulsed = Probe {
         pulse: Some(Pulse::Gaussian { fwhm_ps: 30.0 }),
         sum: vec![AxisKind::U, AxisKind::Y],
@@ -393,16 +350,8 @@ fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
             note(result.err().map(|e| e.to_string()));
         }
         for expand in [vec![], vec![AxisKind::T, AxisKind::Component]] {
-            let options = ExrOptions {
-                expand,
-                mueller: name == "image",
-                ..ExrOptions::default()
-            };
-            note(
-                export(&slice, &options, &folder.join("out.exr"))
-                    .err()
-                    .map(|e| e.to_string()),
-            );
+            let options = ExrOptions { expand, mueller: name == "image", ..ExrOptions::default() };
+            note(export(&slice, &options, &folder.join("out.exr")).err().map(|e| e.to_string()));
         }
     }
     counts
@@ -419,20 +368,11 @@ fn damaged_stores_answer_or_say_why() {
     let [answers, errors] = read_all(whole.path(), &a, &b);
     // The image has no axes t, v, u, and no overflow.
     assert!(answers > 25 && errors < 8, "{answers} answers, {errors} errors");
-    let config = Config {
-        cases: 120,
-        failure_persistence: None,
-        max_shrink_iters: 100,
-        ..Config::default()
-    };
+    let config = Config { cases: 120, failure_persistence: None, max_shrink_iters: 100, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[5; 32]));
     let (sound, broken) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let sharded = whole.path().join("sharded");
-    let limits = Limits {
-        piece: 500,
-        enough: 10 << 10,
-        ..Limits::default()
-    };
+    let limits = Limits { piece: 500, enough: 10 << 10, ..Limits::default() };
     shard_to(&a, &sharded, false, limits).unwrap();
     let damages = (any::<bool>(), prop::collection::vec(damage(), 1..4));
     let tested = runner.run(&damages, |(in_shards, list)| {

@@ -33,10 +33,6 @@ pub fn refuse(store: &TensorStore) -> Result<(), Denoised> {
     let names: Vec<&str> = sources.filter_map(|source| source["path"].as_str()).collect();
     Err(Denoised {
         path: store.path().to_owned(),
-        of: if names.is_empty() {
-            String::new()
-        } else {
-            format!(" ({})", names.join(", "))
-        },
+        of: if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) },
     })
 }

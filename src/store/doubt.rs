@@ -52,10 +52,8 @@ pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<
     let read = [0, 1].map(|i| start[i] as usize..(start[i] + shape[i]) as usize);
     let all = layout.shape();
     let [rows, columns] = pixels.unwrap_or([0..all[0] as usize, 0..all[1] as usize]);
-    let part = |i: usize| Axis {
-        coords: layout.axes[i].coords[read[i].clone()].to_vec(),
-        ..layout.axes[i].clone()
-    };
+    let part =
+        |i: usize| Axis { coords: layout.axes[i].coords[read[i].clone()].to_vec(), ..layout.axes[i].clone() };
     let errors = Tensor {
         name: layout.name.clone(),
         axes: vec![part(0), part(1)],
@@ -64,10 +62,7 @@ pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<
     let width = read[1].len();
     let within = |of: &Range<usize>, read: &Range<usize>| of.start - read.start..of.end - read.start;
     let (rows, columns) = (within(&rows, &read[0]), within(&columns, &read[1]));
-    let single = slice
-        .attributes()
-        .get("pixels_per_element")
-        .and_then(Value::as_u64);
+    let single = slice.attributes().get("pixels_per_element").and_then(Value::as_u64);
     let marks = doubtful(&errors, single == Some(1));
     let mut all = Doubt::default();
     for row in rows {

@@ -51,15 +51,8 @@ pub struct ExrOptions {
 /// If the selection does not fit the slice, the result has no image axes, or reading or writing fails.
 pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<(), ExrError> {
     use AxisKind::{Bounces, Component, T, U, V};
-    let sum = [V, U, T, Bounces, Component]
-        .into_iter()
-        .filter(|k| !options.expand.contains(k))
-        .collect();
-    let probe = Probe {
-        select: options.select.clone(),
-        sum,
-        ..Probe::default()
-    };
+    let sum = [V, U, T, Bounces, Component].into_iter().filter(|k| !options.expand.contains(k)).collect();
+    let probe = Probe { select: options.select.clone(), sum, ..Probe::default() };
     write_exr(&probe.run(slice)?.mean, options.mueller, path)
 }
 
@@ -69,10 +62,7 @@ pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<
 /// # Errors
 /// If the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot be written.
 pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrError> {
-    let fault = |reason: &str| ExrError::NoImage {
-        name: tensor.name.clone(),
-        reason: reason.into(),
-    };
+    let fault = |reason: &str| ExrError::NoImage { name: tensor.name.clone(), reason: reason.into() };
     let (Some(_), Some(_)) = (tensor.find(AxisKind::Y), tensor.find(AxisKind::X)) else {
         return Err(fault("has no image axes y and x: keep both"));
     };
@@ -83,9 +73,7 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
         ));
     }
     if mueller && !has(AxisKind::StokesIn) {
-        return Err(fault(
-            "has no Mueller matrix to write: keep stokes_out and stokes_in",
-        ));
+        return Err(fault("has no Mueller matrix to write: keep stokes_out and stokes_in"));
     }
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = channels(tensor, mueller)
         .into_iter()
@@ -93,26 +81,15 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
         .collect();
     let size = (tensor.extent(AxisKind::X), tensor.extent(AxisKind::Y));
     let image = Image::from_channels(size, AnyChannels::sort(channels));
-    whole_file::write_with(path, |file| {
-        image.write().to_buffered(file).map_err(io::Error::other)
-    })
-    .map_err(|e| ExrError::Write {
-        path: path.to_owned(),
-        cause: e.to_string(),
-    })
+    whole_file::write_with(path, |file| image.write().to_buffered(file).map_err(io::Error::other))
+        .map_err(|e| ExrError::Write { path: path.to_owned(), cause: e.to_string() })
 }
 
 type Indices = Vec<(AxisKind, usize)>;
 
 /// Returns the names of all channels with the tensor indices of their planes.
 fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
-    let known = [
-        AxisKind::Y,
-        AxisKind::X,
-        AxisKind::StokesOut,
-        AxisKind::StokesIn,
-        AxisKind::Wavelength,
-    ];
+    let known = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn, AxisKind::Wavelength];
     let extra: Vec<_> = tensor.axes.iter().filter(|a| !known.contains(&a.kind)).collect();
     let lengths: Vec<u64> = extra.iter().map(|a| a.len()).collect();
     let outputs = tensor.extent(AxisKind::StokesOut);
@@ -127,18 +104,10 @@ fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
         }
         for (w, colour) in colours(tensor).into_iter().enumerate() {
             let at = |out, inn| {
-                let own = [
-                    (AxisKind::Wavelength, w),
-                    (AxisKind::StokesOut, out),
-                    (AxisKind::StokesIn, inn),
-                ];
+                let own = [(AxisKind::Wavelength, w), (AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)];
                 [&base[..], &own].concat()
             };
-            let dotted = if colour.is_empty() {
-                String::new()
-            } else {
-                format!(".{colour}")
-            };
+            let dotted = if colour.is_empty() { String::new() } else { format!(".{colour}") };
             if ["R", "G", "B"].contains(&colour.as_str()) {
                 all.push((format!("{prefix}{colour}"), at(0, 0)));
             }
@@ -163,10 +132,7 @@ fn colours(tensor: &Tensor) -> Vec<String> {
         return coords.iter().map(|c| format!("{c}nm")).collect();
     }
     let rank = |c: f64| coords.iter().filter(|o| **o > c).count().min(2);
-    coords
-        .iter()
-        .map(|&c| ["R", "G", "B"][rank(c)].to_owned())
-        .collect()
+    coords.iter().map(|&c| ["R", "G", "B"][rank(c)].to_owned()).collect()
 }
 
 /// Returns the image at the given indices of all other axes, row-major.
@@ -190,18 +156,10 @@ mod tests {
     fn tensor(axes: &[(AxisKind, &[f64])]) -> Tensor {
         let axes = axes
             .iter()
-            .map(|(kind, coords)| Axis {
-                kind: *kind,
-                coords: coords.to_vec(),
-                chunk: 1,
-            })
+            .map(|(kind, coords)| Axis { kind: *kind, coords: coords.to_vec(), chunk: 1 })
             .collect();
         let mut tensor = Tensor::zeros("image", axes);
-        tensor
-            .data
-            .iter_mut()
-            .enumerate()
-            .for_each(|(i, v)| *v = i as f32 * 0.5 - 3.0);
+        tensor.data.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32 * 0.5 - 3.0);
         tensor
     }
 
@@ -276,14 +234,8 @@ mod tests {
         assert!(write_exr(&t, true, &path).is_err());
         assert!(write_exr(&t.select(Y, 0), false, &path).is_err());
         let bad = tensor(&[image[0], image[1], (AxisKind::StokesIn, STOKES)]);
-        assert!(matches!(
-            write_exr(&bad, false, &path),
-            Err(ExrError::NoImage { .. })
-        ));
-        assert!(matches!(
-            write_exr(&t, false, &path.join("x")),
-            Err(ExrError::Write { .. })
-        ));
+        assert!(matches!(write_exr(&bad, false, &path), Err(ExrError::NoImage { .. })));
+        assert!(matches!(write_exr(&t, false, &path.join("x")), Err(ExrError::Write { .. })));
     }
 
     #[test]
@@ -294,22 +246,12 @@ mod tests {
         use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
         let dir = tempfile::tempdir().unwrap();
         let wavelengths_nm = vec![450.0, 550.0, 660.0];
-        let extents = Extents {
-            camera: [3, 2],
-            projector: None,
-            wavelengths_nm,
-            max_depth: 2,
-            tile: 2,
-        };
+        let extents = Extents { camera: [3, 2], projector: None, wavelengths_nm, max_depth: 2, tile: 2 };
         let slice = Slice {
             name: "s".into(),
             camera: CameraSelect::All,
             projector: ProjectorSelect::Sum,
-            time: TimeSelect::Bins {
-                start_ps: 0.0,
-                bin_ps: 1.0,
-                bins: 4,
-            },
+            time: TimeSelect::Bins { start_ps: 0.0, bin_ps: 1.0, bins: 4 },
             polarization: Polarization::Mueller,
             bounces: false,
             split_first_bounce: true,
@@ -320,12 +262,8 @@ mod tests {
         let slice = TensorStore::create(&dir.path().join("s"), &slices, &none, None, false);
         let slice = slice.unwrap().slice("s").unwrap();
         let shape = slice.layout().shape();
-        let data: Vec<f32> = (0..shape.iter().product::<u64>())
-            .map(|i| (i % 97) as f32)
-            .collect();
-        slice
-            .write(Field::Mean, &vec![0; shape.len()], &shape, &data)
-            .unwrap();
+        let data: Vec<f32> = (0..shape.iter().product::<u64>()).map(|i| (i % 97) as f32).collect();
+        slice.write(Field::Mean, &vec![0; shape.len()], &shape, &data).unwrap();
         let path = dir.path().join("s.exr");
         let options = ExrOptions {
             select: vec!["t=1:".parse().unwrap()],
@@ -345,10 +283,7 @@ mod tests {
                 (AxisKind::StokesIn, 3),
                 (AxisKind::Wavelength, 2),
             ];
-            plane(&one, &at)
-                .iter()
-                .zip(&mut expected)
-                .for_each(|(v, e)| *e += v);
+            plane(&one, &at).iter().zip(&mut expected).for_each(|(v, e)| *e += v);
         }
         assert_eq!(channels["component1.mueller.M23.R"], expected);
     }

@@ -20,9 +20,7 @@ impl MatchingStores {
         if let [only] = paths {
             let store = TensorStore::open(only)?;
             denoised::refuse(&store)?;
-            return Ok(Self {
-                inputs: vec![Input::of(store)],
-            });
+            return Ok(Self { inputs: vec![Input::of(store)] });
         }
         let inputs = merge::open_inputs(paths, false)?;
         for name in inputs[0].store.slice_names() {

@@ -117,10 +117,7 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     }
     let inputs = open_inputs(inputs, options.partial)?;
     let names = inputs[0].store.slice_names();
-    let slices: Vec<Parts> = names
-        .iter()
-        .map(|name| parts(&inputs, name))
-        .collect::<Result<_, _>>()?;
+    let slices: Vec<Parts> = names.iter().map(|name| parts(&inputs, name)).collect::<Result<_, _>>()?;
     let pooled = Pooled {
         inputs: &inputs,
         slices: &slices,
@@ -215,9 +212,7 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
         let mut sum = inputs[0].store.read_samples(start, size)?;
         for input in &inputs[1..] {
             let counts = input.store.read_samples(start, size)?;
-            sum.iter_mut()
-                .zip(counts)
-                .for_each(|(s, c)| *s = s.saturating_add(c));
+            sum.iter_mut().zip(counts).for_each(|(s, c)| *s = s.saturating_add(c));
         }
         merged.write_samples(start, size, &sum)
     })
@@ -252,10 +247,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
     let attribute = slice.attributes().get("pixels_per_element");
     attribute
         .and_then(Value::as_u64)
-        .ok_or_else(|| MergeError::Attribute {
-            path: slice.path().to_owned(),
-            key: "pixels_per_element",
-        })
+        .ok_or_else(|| MergeError::Attribute { path: slice.path().to_owned(), key: "pixels_per_element" })
 }
 
 /// Returns [`Part::pixels`].
@@ -265,10 +257,9 @@ fn pixels(input: &Input, slice: &StoredSlice, equal: bool) -> Result<Option<[Ran
     let (Some((shape, _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
         return match input.samples_per_pixel {
             Some(_) => Ok(None),
-            None => Err(MergeError::Attribute {
-                path: input.store.path().to_owned(),
-                key: "samples_per_pixel",
-            }),
+            None => {
+                Err(MergeError::Attribute { path: input.store.path().to_owned(), key: "samples_per_pixel" })
+            }
         };
     };
     let along = |axis: usize| {
@@ -307,28 +298,18 @@ pub(crate) fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>
     let mut inputs: Vec<Input> = Vec::new();
     let mut seen = BTreeSet::new();
     for path in paths {
-        let store = if partial {
-            TensorStore::open_partial(path)?
-        } else {
-            TensorStore::open(path)?
-        };
+        let store = if partial { TensorStore::open_partial(path)? } else { TensorStore::open(path)? };
         denoised::refuse(&store)?;
         let input = Input::of(store);
         let (store, attributes) = (&input.store, &input.attributes);
-        let missing = |key| MergeError::Attribute {
-            path: path.clone(),
-            key,
-        };
+        let missing = |key| MergeError::Attribute { path: path.clone(), key };
         if attributes.get("scene_sha256").is_none_or(|v| !v.is_string()) {
             return Err(missing("scene_sha256"));
         }
         if let Some(first) = inputs.first()
             && first.attributes["scene_sha256"] != attributes["scene_sha256"]
         {
-            return Err(MergeError::Scenes {
-                first: first.store.path().to_owned(),
-                second: path.clone(),
-            });
+            return Err(MergeError::Scenes { first: first.store.path().to_owned(), second: path.clone() });
         }
         if let Some(first) = inputs.first()
             && first.attributes.get("integrator") != attributes.get("integrator")
@@ -338,10 +319,7 @@ pub(crate) fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>
                 second: path.clone(),
             });
         }
-        let seeds = attributes
-            .get("seeds")
-            .and_then(Value::as_array)
-            .ok_or_else(|| missing("seeds"))?;
+        let seeds = attributes.get("seeds").and_then(Value::as_array).ok_or_else(|| missing("seeds"))?;
         for seed in seeds {
             let seed = seed
                 .as_u64()
@@ -349,10 +327,7 @@ pub(crate) fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>
                 .or(seed.as_i64().map(i128::from))
                 .ok_or_else(|| missing("seeds"))?;
             if !seen.insert(seed) {
-                return Err(MergeError::Seed {
-                    path: path.clone(),
-                    seed,
-                });
+                return Err(MergeError::Seed { path: path.clone(), seed });
             }
         }
         if input.samples_per_pixel.is_none() && store.samples_shape().is_none() {
@@ -365,35 +340,21 @@ pub(crate) fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>
 
 pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     let mut attributes = inputs[0].attributes.clone();
-    let seeds: Vec<Value> = inputs
-        .iter()
-        .filter_map(|i| i.attributes.get("seeds")?.as_array())
-        .flatten()
-        .cloned()
-        .collect();
+    let seeds: Vec<Value> =
+        inputs.iter().filter_map(|i| i.attributes.get("seeds")?.as_array()).flatten().cloned().collect();
     attributes.insert("seeds".into(), json!(seeds));
-    for key in [
-        "samples_per_pixel",
-        "replicates_per_pixel",
-        "discarded_samples",
-        "wall_time_s",
-    ] {
+    for key in ["samples_per_pixel", "replicates_per_pixel", "discarded_samples", "wall_time_s"] {
         let values: Vec<&Value> = inputs.iter().filter_map(|i| i.attributes.get(key)).collect();
         if values.is_empty() {
             continue;
         }
         let mut whole = values.iter().map(|v| v.as_u64());
         let whole = whole.try_fold(0_u64, |sum, n| sum.checked_add(n?));
-        let sum = whole.map_or_else(
-            || json!(values.iter().filter_map(|v| v.as_f64()).sum::<f64>()),
-            |n| json!(n),
-        );
+        let sum =
+            whole.map_or_else(|| json!(values.iter().filter_map(|v| v.as_f64()).sum::<f64>()), |n| json!(n));
         attributes.insert(key.into(), sum);
     }
-    let from: Vec<String> = inputs
-        .iter()
-        .map(|i| i.store.path().display().to_string())
-        .collect();
+    let from: Vec<String> = inputs.iter().map(|i| i.store.path().display().to_string()).collect();
     attributes.insert("merged_from".into(), json!(from));
     // The target of one render does not apply to several.
     attributes.remove(ATTRIBUTE);
@@ -402,41 +363,36 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
 
 fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let equal = parts.equal;
-    for (mean, error) in [
-        (Field::Mean, Field::StdError),
-        (Field::Overflow, Field::OverflowStdError),
-    ] {
+    for (mean, error) in [(Field::Mean, Field::StdError), (Field::Overflow, Field::OverflowStdError)] {
         if !merged.has(mean) {
             continue;
         }
         let chunks: Vec<_> = merged.chunks(mean)?.collect();
-        chunks
-            .par_iter()
-            .try_for_each(|(start, shape)| -> Result<(), MergeError> {
-                // A chunk with both files is complete, because errors are written last: an interrupted merge
-                // resumes here.
-                if merged.is_stored(mean, start)? && merged.is_stored(error, start)? {
-                    return Ok(());
+        chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), MergeError> {
+            // A chunk with both files is complete, because errors are written last: an interrupted merge
+            // resumes here.
+            if merged.is_stored(mean, start)? && merged.is_stored(error, start)? {
+                return Ok(());
+            }
+            let n = region::volume(shape).unwrap_or(0);
+            let mut pools = vec![Pool::default(); n];
+            for part in &parts.parts {
+                let m = part.slice.read(mean, start, shape)?;
+                let e = part.slice.read(error, start, shape)?;
+                let counts = element_counts(part, start, shape)?;
+                let inner = n / counts.len().max(1);
+                let group = part.input.group;
+                for (i, pool) in pools.iter_mut().enumerate() {
+                    pool.add(counts[i / inner] / group, f64::from(m[i]), f64::from(e[i]), equal);
                 }
-                let n = region::volume(shape).unwrap_or(0);
-                let mut pools = vec![Pool::default(); n];
-                for part in &parts.parts {
-                    let m = part.slice.read(mean, start, shape)?;
-                    let e = part.slice.read(error, start, shape)?;
-                    let counts = element_counts(part, start, shape)?;
-                    let inner = n / counts.len().max(1);
-                    let group = part.input.group;
-                    for (i, pool) in pools.iter_mut().enumerate() {
-                        pool.add(counts[i / inner] / group, f64::from(m[i]), f64::from(e[i]), equal);
-                    }
-                }
-                let nothing = |p: &Pool| partial && p.n == 0.0;
-                let value = |p: &Pool, value: f64| if nothing(p) { f32::NAN } else { value as f32 };
-                let m: Vec<f32> = pools.iter().map(|p| value(p, p.mean)).collect();
-                let e: Vec<f32> = pools.iter().map(|p| value(p, p.std_error(equal))).collect();
-                merged.write(mean, start, shape, &m)?;
-                Ok(merged.write(error, start, shape, &e)?)
-            })?;
+            }
+            let nothing = |p: &Pool| partial && p.n == 0.0;
+            let value = |p: &Pool, value: f64| if nothing(p) { f32::NAN } else { value as f32 };
+            let m: Vec<f32> = pools.iter().map(|p| value(p, p.mean)).collect();
+            let e: Vec<f32> = pools.iter().map(|p| value(p, p.std_error(equal))).collect();
+            merged.write(mean, start, shape, &m)?;
+            Ok(merged.write(error, start, shape, &e)?)
+        })?;
     }
     Ok(())
 }

@@ -14,10 +14,8 @@ use zip::{CompressionMethod, ZipWriter};
 /// Writes texts in `.npy` format, version 1.0: little-endian UCS-4 of one width (numpy.lib.format).
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
-    let mut header = format!(
-        "{{'descr': '<U{width}', 'fortran_order': False, 'shape': ({},), }}",
-        texts.len()
-    );
+    let mut header =
+        format!("{{'descr': '<U{width}', 'fortran_order': False, 'shape': ({},), }}", texts.len());
     // The data begins at a multiple of 64 bytes; ten bytes precede the header.
     while (10 + header.len() + 1) % 64 != 0 {
         header.push(' ');
@@ -42,9 +40,8 @@ fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
 pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Deflated)
-            .large_file(true);
+        let options =
+            SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
         for layer in &set.layers {
             let shape: Vec<usize> = set.shape(layer).iter().map(|n| *n as usize).collect();
             zip.start_file(format!("{}.npy", layer.name), options)?;

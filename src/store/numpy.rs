@@ -91,10 +91,7 @@ impl NumpyReader {
     /// # Errors
     /// If it is not such a file, or is truncated.
     pub fn open(path: &Path) -> Result<Self, NumpyError> {
-        let failed = |cause| NumpyError::Read {
-            path: path.to_owned(),
-            cause,
-        };
+        let failed = |cause| NumpyError::Read { path: path.to_owned(), cause };
         let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         // Elements are read in pieces at arbitrary positions, for which a buffer would read too much.
@@ -103,10 +100,7 @@ impl NumpyReader {
         let start = buffered.stream_position().map_err(failed)?;
         let mut file = buffered.into_inner();
         let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
-        let elements = |found: String| NumpyError::Elements {
-            path: path.to_owned(),
-            found,
-        };
+        let elements = |found: String| NumpyError::Elements { path: path.to_owned(), found };
         let DType::Plain(plain) = header.dtype() else {
             return Err(elements("records".to_owned()));
         };
@@ -122,28 +116,17 @@ impl NumpyReader {
         let length = count
             .and_then(|n| n.checked_mul(element.size() as u64))
             .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
-            .ok_or_else(|| NumpyError::Short {
-                path: path.to_owned(),
-                shape: shape.clone(),
-            })?;
+            .ok_or_else(|| NumpyError::Short { path: path.to_owned(), shape: shape.clone() })?;
         let column_major = header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1;
         let (bytes, start) = if column_major && length > 0 {
-            let order = || NumpyError::Order {
-                path: path.to_owned(),
-            };
+            let order = || NumpyError::Order { path: path.to_owned() };
             let mut all = vec![];
             let room = usize::try_from(length).map_err(|_| order())?;
             all.try_reserve_exact(room).map_err(|_| order())?;
             file.seek(SeekFrom::Start(start)).map_err(failed)?;
-            Read::by_ref(&mut file)
-                .take(length)
-                .read_to_end(&mut all)
-                .map_err(failed)?;
+            Read::by_ref(&mut file).take(length).read_to_end(&mut all).map_err(failed)?;
             if all.len() < room {
-                return Err(NumpyError::Short {
-                    path: path.to_owned(),
-                    shape,
-                });
+                return Err(NumpyError::Short { path: path.to_owned(), shape });
             }
             let ordered = row_major(&all, &shape, element.size()).ok_or_else(order)?;
             (Bytes::Memory(ordered), 0)
@@ -173,10 +156,7 @@ impl NumpyReader {
     /// Returns whether the elements need `f64`.
     #[must_use]
     pub fn is_double(&self) -> bool {
-        matches!(
-            self.element,
-            Element::Float8 | Element::Unsigned(4) | Element::Signed(4)
-        )
+        matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }
 
     /// Reads `out.len()` elements from element `first`. Safe for concurrent use.
@@ -186,15 +166,9 @@ impl NumpyReader {
     pub fn read<T: Number>(&self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
         self.try_read(first, out).map_err(|cause| {
             if cause.kind() == io::ErrorKind::UnexpectedEof {
-                NumpyError::Short {
-                    path: self.path.clone(),
-                    shape: self.shape.clone(),
-                }
+                NumpyError::Short { path: self.path.clone(), shape: self.shape.clone() }
             } else {
-                NumpyError::Read {
-                    path: self.path.clone(),
-                    cause,
-                }
+                NumpyError::Read { path: self.path.clone(), cause }
             }
         })
     }
@@ -255,10 +229,7 @@ impl NumpyArray {
             reader.read(0, &mut out)?;
             Values::Single(out)
         };
-        Ok(Self {
-            shape: reader.shape,
-            values,
-        })
+        Ok(Self { shape: reader.shape, values })
     }
 
     fn write(&self, writer: &mut impl Write) -> io::Result<()> {
@@ -340,9 +311,8 @@ pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
 pub fn write_npz(path: &Path, arrays: &[(String, NumpyArray)]) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .large_file(true);
+        let options =
+            SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
         for (name, array) in arrays {
             zip.start_file(format!("{name}.npy"), options)?;
             array.write(&mut zip)?;

@@ -12,10 +12,7 @@ pub struct Refusal {
 
 impl Refusal {
     pub fn new(what: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self {
-            what: what.into(),
-            fix: fix.into(),
-        }
+        Self { what: what.into(), fix: fix.into() }
     }
 
     /// Returns the refusal that an I/O error contains, if any.

@@ -98,17 +98,12 @@ impl ZarrSink {
     }
 
     fn opened(&self) -> Result<&Open, SinkError> {
-        self.open.as_ref().ok_or_else(|| SinkError::NotBegun {
-            path: self.target.path.clone(),
-        })
+        self.open.as_ref().ok_or_else(|| SinkError::NotBegun { path: self.target.path.clone() })
     }
 
     fn journal_error(&self) -> impl Fn(std::io::Error) -> SinkError + use<> {
         let path = self.target.path.clone();
-        move |cause| SinkError::Journal {
-            path: path.clone(),
-            cause,
-        }
+        move |cause| SinkError::Journal { path: path.clone(), cause }
     }
 
     /// Opens the store to resume, if it is the same render.
@@ -121,23 +116,12 @@ impl ZarrSink {
 
     /// Creates the store, or resumes an existing one after checking that it is the same render.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
-        let Target {
-            path,
-            resume,
-            replace,
-        } = &self.target;
+        let Target { path, resume, replace } = &self.target;
         if *resume && TensorStore::is_there(path)? {
             return self.go_on(job);
         }
-        let slices: Vec<_> = job
-            .slices
-            .iter()
-            .map(|s| (s.layout.clone(), s.attributes.clone()))
-            .collect();
-        let grid = SampleGrid {
-            camera: job.camera,
-            tile: job.tile,
-        };
+        let slices: Vec<_> = job.slices.iter().map(|s| (s.layout.clone(), s.attributes.clone())).collect();
+        let grid = SampleGrid { camera: job.camera, tile: job.tile };
         let mut attributes = job.attributes.clone();
         attributes.insert("status".into(), json!("incomplete"));
         match TensorStore::create(path, &slices, &attributes, Some(grid), *replace) {
@@ -150,14 +134,8 @@ impl ZarrSink {
 
 fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
     let theirs = store.attributes();
-    let mismatch = |what, theirs, ours| {
-        Err(SinkError::Mismatch {
-            path: store.path().to_owned(),
-            what,
-            theirs,
-            ours,
-        })
-    };
+    let mismatch =
+        |what, theirs, ours| Err(SinkError::Mismatch { path: store.path().to_owned(), what, theirs, ours });
     for what in [
         part::ATTRIBUTE,
         target::ROUND,
@@ -218,11 +196,7 @@ impl Sink for ZarrSink {
             let (journal, done) = Progress::open(&store).map_err(self.journal_error())?;
             (Some(journal), done)
         };
-        self.open = Some(Open {
-            store,
-            slices,
-            journal,
-        });
+        self.open = Some(Open { store, slices, journal });
         Ok(done)
     }
 
@@ -257,18 +231,11 @@ impl Sink for ZarrSink {
             return Ok(());
         };
         let mut attributes = open.store.attributes();
-        let earlier = attributes
-            .get("wall_time_s")
-            .and_then(Value::as_f64)
-            .unwrap_or(0.0);
+        let earlier = attributes.get("wall_time_s").and_then(Value::as_f64).unwrap_or(0.0);
         attributes.insert("wall_time_s".into(), json!(earlier + summary.wall_s));
         attributes.insert("discarded_samples".into(), json!(summary.discarded));
         attributes.insert("rays".into(), json!(summary.rays_before + summary.rays));
-        let status = if summary.complete {
-            finished_status(open.store.part())
-        } else {
-            "incomplete"
-        };
+        let status = if summary.complete { finished_status(open.store.part()) } else { "incomplete" };
         attributes.insert("status".into(), json!(status));
         open.store.set_attributes(attributes)?;
         if summary.complete {
@@ -308,11 +275,7 @@ mod tests {
     use tensor::field::Field;
 
     fn job(seed: u64, columns: u32) -> Job {
-        let axis = |kind, n: u32| Axis {
-            kind,
-            coords: (0..n).map(f64::from).collect(),
-            chunk: 2,
-        };
+        let axis = |kind, n: u32| Axis { kind, coords: (0..n).map(f64::from).collect(), chunk: 2 };
         let attributes = json!({"scene_sha256": "a", "seeds": [seed], "samples_per_pixel": 4});
         Job {
             slices: vec![JobSlice {
@@ -331,39 +294,22 @@ mod tests {
     }
 
     fn sink(path: &Path, resume: bool, replace: bool) -> ZarrSink {
-        ZarrSink::new(Target {
-            path: path.to_owned(),
-            resume,
-            replace,
-        })
+        ZarrSink::new(Target { path: path.to_owned(), resume, replace })
     }
 
     fn piece(slice: usize, data: &[f32]) -> Piece<'_> {
-        Piece {
-            slice,
-            field: Field::Mean,
-            start: &[0, 0],
-            shape: &[2, 2],
-            data,
-            touched: &[1],
-        }
+        Piece { slice, field: Field::Mean, start: &[0, 0], shape: &[2, 2], data, touched: &[1] }
     }
 
     fn done(complete: bool) -> Summary {
-        Summary {
-            complete,
-            ..Summary::default()
-        }
+        Summary { complete, ..Summary::default() }
     }
 
     #[test]
     fn renders_begin_go_on_and_end() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
-        let record = |tile| TileRecord {
-            tile,
-            ..TileRecord::default()
-        };
+        let record = |tile| TileRecord { tile, ..TileRecord::default() };
         let mut first = sink(&path, false, false);
         assert_eq!(first.begin(&job(1, 4)).unwrap(), []);
         first.put(&piece(0, &[1.0, 2.0, 3.0, 4.0])).unwrap();
@@ -391,11 +337,7 @@ mod tests {
         let path = dir.path().join("s");
         let mut sound = sink(&path, false, false);
         let message = |r: Result<(), SinkError>| r.unwrap_err().to_string();
-        let counts = SampleCounts {
-            start: [0, 0],
-            shape: [1, 1],
-            counts: &[1],
-        };
+        let counts = SampleCounts { start: [0, 0], shape: [1, 1], counts: &[1] };
         for text in [
             message(sound.put(&piece(0, &[0.0; 4]))),
             message(sound.put_samples(&counts)),
@@ -412,10 +354,7 @@ mod tests {
         let short = message(sound.put(&piece(0, &[0.0; 3])));
         assert!(short.contains("one value per element"), "{short}");
         // A list of touched elements that is too short to be valid is ignored.
-        let unsure = Piece {
-            touched: &[],
-            ..piece(0, &[1.0, 0.0, 0.0, 0.0])
-        };
+        let unsure = Piece { touched: &[], ..piece(0, &[1.0, 0.0, 0.0, 0.0]) };
         sound.put(&unsure).unwrap();
         drop(sound);
         for (job, what) in [(job(2, 4), "seeds"), (job(1, 3), "layout of a slice")] {

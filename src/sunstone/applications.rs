@@ -140,12 +140,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// [`ApplicationError`].
     pub fn inputs(&mut self) -> Result<String, ApplicationError> {
-        let Self {
-            application,
-            settings,
-            observer,
-            ..
-        } = self;
+        let Self { application, settings, observer, .. } = self;
         let Size { pixels, spp } = observer.size;
         let (name, seeds) = (application.name(), settings.seeds);
         let mut out = format!("{name}, {pixels} pixels, {spp} samples, seeds 1 to {seeds}\n");
@@ -181,12 +176,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// [`ApplicationError`].
     pub fn report(self) -> Result<Report, ApplicationError> {
-        let Self {
-            application,
-            settings,
-            watch,
-            mut observer,
-        } = self;
+        let Self { application, settings, watch, mut observer } = self;
         let (train, test) = (observer.plan.train.clone(), observer.plan.test.clone());
         let (mut scores, mut first) = (vec![], None);
         let mut through = vec![];
@@ -282,10 +272,7 @@ impl Observer<'_> {
         }
         let mut scene = self.studio.scene(variant, self.size.pixels, &[])?;
         scene.keep_texture_coordinates();
-        let mut known = Known {
-            rig: truth::rig(&scene),
-            ..Known::default()
-        };
+        let mut known = Known { rig: truth::rig(&scene), ..Known::default() };
         // Layers of the first surfaces, and of the surfaces behind glass.
         let mut sets: [Option<LayerSet>; 2] = [None, None];
         for truth in self.plan.truth.clone() {
@@ -298,17 +285,11 @@ impl Observer<'_> {
                     continue;
                 }
                 Truth::Layer { name, layer, through } => {
-                    let options = layers::Options {
-                        through,
-                        ..layers::Options::default()
-                    };
+                    let options = layers::Options { through, ..layers::Options::default() };
                     let set =
                         sets[usize::from(through)].get_or_insert_with(|| layers::layers(&scene, options));
                     let map = truth::layer(set, layer);
-                    (
-                        name,
-                        map.ok_or_else(|| self.lacks(format!("unknown layer `{layer}`")))?,
-                    )
+                    (name, map.ok_or_else(|| self.lacks(format!("unknown layer `{layer}`")))?)
                 }
                 Truth::Material { name, of } => {
                     if let Some(unknown) = of.iter().find(|m| !variant.file.materials.contains_key(**m)) {
@@ -327,27 +308,16 @@ impl Observer<'_> {
 
     /// The render that methods see of a variant.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
-        Wanted {
-            variant,
-            seed,
-            spp: self.size.spp,
-            slices: self.plan.slices.clone(),
-        }
+        Wanted { variant, seed, spp: self.size.spp, slices: self.plan.slices.clone() }
     }
 
     /// The renders of a variant's ground truth.
     fn of_truth(&self, variant: u64) -> impl Iterator<Item = Wanted> {
-        self.plan
-            .truth
-            .iter()
-            .filter_map(move |t| self.of_slice(variant, t))
+        self.plan.truth.iter().filter_map(move |t| self.of_slice(variant, t))
     }
 
     fn of_slice(&self, variant: u64, truth: &Truth) -> Option<Wanted> {
-        let Truth::Slice {
-            slice, of, samples, ..
-        } = truth
-        else {
+        let Truth::Slice { slice, of, samples, .. } = truth else {
             return None;
         };
         Some(Wanted {
@@ -363,12 +333,7 @@ impl Observer<'_> {
         if let Some(store) = self.stores.remove(wanted) {
             return Ok(store);
         }
-        let Wanted {
-            variant: number,
-            seed,
-            spp,
-            ref slices,
-        } = *wanted;
+        let Wanted { variant: number, seed, spp, ref slices } = *wanted;
         let variant = self.studio.variant(Some(number))?;
         let size = Size { spp, ..self.size };
         Ok(self.studio.render(Some(number), &variant, seed, size, slices)?)
@@ -383,16 +348,11 @@ impl Observer<'_> {
 /// Reads a slice of a finished store.
 fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
     let stored = store.slice(name)?;
-    Ok(Slice {
-        mean: stored.read_all(Field::Mean)?,
-        error: stored.read_all(Field::StdError)?,
-    })
+    Ok(Slice { mean: stored.read_all(Field::Mean)?, error: stored.read_all(Field::StdError)? })
 }
 
 /// Finds the folder `scenes` with the file `scene`, in `from` or the nearest parent folder that has one.
 #[must_use]
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
-    from.ancestors()
-        .map(|folder| folder.join("scenes"))
-        .find(|s| s.join(scene).is_file())
+    from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
 }

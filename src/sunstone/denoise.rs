@@ -101,20 +101,14 @@ pub fn denoise_in_bands(
     }
     let mut slices = vec![];
     for name in stores[0].slice_names() {
-        let all = stores
-            .iter()
-            .map(|s| s.slice(name))
-            .collect::<Result<Vec<_>, _>>()?;
+        let all = stores.iter().map(|s| s.slice(name)).collect::<Result<Vec<_>, _>>()?;
         slices.push(all);
     }
     let layouts: Vec<_> = slices
         .iter()
         .map(|all| {
             // Denoising mixes pixels, so the totals are unknown.
-            let layout = SliceLayout {
-                totals: false,
-                ..all[0].layout().clone()
-            };
+            let layout = SliceLayout { totals: false, ..all[0].layout().clone() };
             (layout, all[0].attributes().clone())
         })
         .collect();
@@ -143,11 +137,7 @@ pub fn denoise_in_bands(
 /// Returns the attribute that records the inputs and the method.
 fn mark(stores: &[&TensorStore], slices: &[Vec<StoredSlice>]) -> Value {
     let of = |s: &&TensorStore| json!({"path": s.path().display().to_string(), "manifest": s.fingerprint()});
-    let copied: Vec<&str> = slices
-        .iter()
-        .filter(|s| !is_image(&s[0]))
-        .map(|s| s[0].name())
-        .collect();
+    let copied: Vec<&str> = slices.iter().filter(|s| !is_image(&s[0])).map(|s| s[0].name()).collect();
     json!({
         "by": format!("sunstone {}", env!("CARGO_PKG_VERSION")),
         "method": "non-local means, one weight for all numbers of a pair of pixels",
@@ -202,11 +192,7 @@ fn image(
     band: usize,
 ) -> Result<Option<f64>, DenoiseError> {
     let layout = target.layout();
-    let single = target
-        .attributes()
-        .get("pixels_per_element")
-        .and_then(Value::as_u64)
-        == Some(1);
+    let single = target.attributes().get("pixels_per_element").and_then(Value::as_u64) == Some(1);
     let rest = &layout.axes[2..];
     let chunk: u64 = rest.iter().map(|a| a.chunk).product();
     let mut squares = Squares::default();
@@ -252,16 +238,11 @@ impl Part {
         target: &StoredSlice,
         squares: &mut Squares,
     ) -> Result<(), DenoiseError> {
-        let fields = [
-            (Field::Mean, Field::StdError),
-            (Field::Overflow, Field::OverflowStdError),
-        ];
+        let fields = [(Field::Mean, Field::StdError), (Field::Overflow, Field::OverflowStdError)];
         let weights = Weights::new(&self.guide(renders, shares)?);
         for (mean, error) in fields.into_iter().filter(|(mean, _)| target.has(*mean)) {
             for (start, shape) in rest_chunks(target, mean)? {
-                let parts = renders
-                    .iter()
-                    .map(|slice| self.read(slice, [mean, error], &start, &shape));
+                let parts = renders.iter().map(|slice| self.read(slice, [mean, error], &start, &shape));
                 let parts = parts.collect::<Result<Vec<_>, _>>()?;
                 let made = average(&weights, &parts);
                 let [at, size] = self.over(&self.rows, &start, &shape);

@@ -76,19 +76,13 @@ pub fn prepare<'a>(
                 return Err(source.error(view, message, help).into());
             }
         }
-        let size = size(if settings.preview {
-            &entry.preview
-        } else {
-            &entry.full
-        });
+        let size = size(if settings.preview { &entry.preview } else { &entry.full });
         let slices: Vec<String> = slices.into_iter().map(str::to_owned).collect();
         let names: Vec<&str> = slices.iter().map(String::as_str).collect();
         let scene = studio.scene(&variant, size.pixels, &names)?;
         for panel in panels {
             view::check(panel, &scene).map_err(|e| match &panel.view {
-                Some(at) => source
-                    .error(at, e, "correct the view, or change what its slice keeps")
-                    .into(),
+                Some(at) => source.error(at, e, "correct the view, or change what its slice keeps").into(),
                 None => FigureFileError::Figure(FigureError::Encode(e)),
             })?;
         }
@@ -108,18 +102,11 @@ pub fn prepare<'a>(
         caption::check(&panel.caption).map_err(|e| source.error(&panel.caption, e.message, e.help))?;
     }
     let applications = Applications::prepare(source, settings, watch)?;
-    Ok(Prepared {
-        source,
-        stages,
-        applications,
-    })
+    Ok(Prepared { source, stages, applications })
 }
 
 fn size(of: &SizeFile) -> Size {
-    Size {
-        pixels: *of.pixels,
-        spp: *of.spp,
-    }
+    Size { pixels: *of.pixels, spp: *of.spp }
 }
 
 impl Prepared<'_> {
@@ -134,9 +121,7 @@ impl Prepared<'_> {
             // Layers need no render.
             if !names.is_empty() {
                 let store =
-                    stage
-                        .studio
-                        .render(stage.number, &stage.variant, stage.seed, stage.size, &names)?;
+                    stage.studio.render(stage.number, &stage.variant, stage.seed, stage.size, &names)?;
                 stage.store = Some(store);
             }
         }
@@ -152,10 +137,7 @@ impl Prepared<'_> {
             parts: parts?,
         };
         let rendered = self.stages.values().map(|s| s.studio.rendered()).sum::<usize>();
-        Ok(Made {
-            drawing: composite::draw(&figure)?,
-            rendered: rendered + self.applications.rendered(),
-        })
+        Ok(Made { drawing: composite::draw(&figure)?, rendered: rendered + self.applications.rendered() })
     }
 
     fn part(&self, panel: &Located<PanelFile>) -> Result<Option<Part>, FigureFileError> {

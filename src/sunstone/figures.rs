@@ -35,10 +35,7 @@ pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, Figu
     let mut figures: Vec<Figure> = serde_json::from_value(listed).unwrap_or_default();
     if let Some(unknown) = names.iter().find(|n| !figures.iter().any(|f| f.name == **n)) {
         let known: Vec<&str> = figures.iter().map(|f| f.name.as_str()).collect();
-        return Err(FiguresError::Unknown {
-            name: unknown.clone(),
-            known: known.join(", "),
-        });
+        return Err(FiguresError::Unknown { name: unknown.clone(), known: known.join(", ") });
     }
     figures.retain(|f| names.is_empty() || names.contains(&f.name));
     Ok(figures)
@@ -50,9 +47,7 @@ pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, Figu
 /// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read, [`FiguresError::Figure`] if
 /// it cannot be drawn with this view.
 pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresError> {
-    with_panel(store, figure, |title, panel| {
-        figure::draw(&figure.view, title, panel)
-    })
+    with_panel(store, figure, |title, panel| figure::draw(&figure.view, title, panel))
 }
 
 /// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or `.pdf`, for
@@ -87,11 +82,7 @@ fn with_panel<T>(
     };
     let mean = slice.read_all(Field::Mean)?;
     let (std_error, overflow) = (read(Field::StdError)?, read(Field::Overflow)?);
-    let panel = Panel {
-        mean: &mean,
-        std_error: std_error.as_ref(),
-        overflow: overflow.as_ref(),
-    };
+    let panel = Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() };
     let mut title = figure.name.replace('_', " ");
     if is_denoised(store) {
         title += " (denoised)";

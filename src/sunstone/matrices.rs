@@ -65,12 +65,7 @@ impl Matrices {
             return Err(MatricesError::Shape { path, shape });
         }
         shape.truncate(shape.len() - 2);
-        Ok(Self {
-            shape,
-            values,
-            errors: None,
-            facts: None,
-        })
+        Ok(Self { shape, values, errors: None, facts: None })
     }
 
     /// Reads the matrices of a part of a stored slice, row-major over its axes without the Stokes axes.
@@ -78,22 +73,14 @@ impl Matrices {
     /// # Errors
     /// [`MatricesError::Probe`], [`MatricesError::NotMueller`].
     pub fn of_slice(slice: &StoredSlice, select: &[Selection]) -> Result<Self, MatricesError> {
-        let probe = Probe {
-            select: select.to_vec(),
-            ..Probe::default()
-        };
+        let probe = Probe { select: select.to_vec(), ..Probe::default() };
         let result = probe.run(slice)?;
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
         if stokes.iter().any(|k| result.mean.extent(*k) != 4) {
             return Err(MatricesError::NotMueller);
         }
-        let axes: Vec<Axis> = result
-            .mean
-            .axes
-            .iter()
-            .filter(|a| !stokes.contains(&a.kind))
-            .cloned()
-            .collect();
+        let axes: Vec<Axis> =
+            result.mean.axes.iter().filter(|a| !stokes.contains(&a.kind)).cloned().collect();
         let left = axes.iter().find(|a| a.kind == AxisKind::Wavelength);
         let nm = match left {
             Some(axis) => axis.coords.clone(),
@@ -103,11 +90,7 @@ impl Matrices {
             shape: axes.iter().map(|axis| axis.coords.len()).collect(),
             values: Values::Single(stokes_last(&result.mean)),
             errors: Some(Values::Single(stokes_last(&result.std_error))),
-            facts: Some(SliceFacts {
-                axes,
-                nm,
-                bin_ps: result.time.map(|(_, bin)| bin),
-            }),
+            facts: Some(SliceFacts { axes, nm, bin_ps: result.time.map(|(_, bin)| bin) }),
         })
     }
 

@@ -54,10 +54,7 @@ impl<'a> Render<'a> {
         Self {
             scene,
             watch: &Unwatched,
-            attributes: vec![
-                ("source", json!(format!("sunstone {version}"))),
-                ("version", json!(version)),
-            ],
+            attributes: vec![("source", json!(format!("sunstone {version}"))), ("version", json!(version))],
             share: Share::default(),
             threads: None,
         }
@@ -142,10 +139,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// [`RenderError`]; finished tiles stay on disk and the render can be resumed ([`Self::to_target`]).
     pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
-        self.to_target(&Target {
-            path: path.to_owned(),
-            ..Target::default()
-        })
+        self.to_target(&Target { path: path.to_owned(), ..Target::default() })
     }
 
     /// Renders into a Zarr store that is created, replaced or resumed.

@@ -52,9 +52,7 @@ pub fn scene_of(rig: &RigPlan, plan: &Plan, bench: &BenchPlan) -> Result<Option<
         }
         Work::Scan(work) => {
             file.camera = located(&file.camera, |c| c.resolution = work.points.into());
-            slice
-                .projector(ProjectorSelectFile::Coaxial)
-                .time(work.offset_ps, work.bin_ps, work.bins)
+            slice.projector(ProjectorSelectFile::Coaxial).time(work.offset_ps, work.bin_ps, work.bins)
         }
     };
     file.slices = vec![slice.into()];
@@ -94,9 +92,7 @@ pub fn tensor_of(
     let Some(file) = scene_of(rig, plan, bench)? else {
         return Ok(None);
     };
-    let built = SceneBuilder::from(file)
-        .folder(path.parent().unwrap_or(Path::new("")))
-        .build()?;
+    let built = SceneBuilder::from(file).folder(path.parent().unwrap_or(Path::new(""))).build()?;
     let hash = &built.sha256[..12.min(built.sha256.len())];
     let target = folder.join(format!("{}-{hash}-{}.zarr", built.name, built.settings.spp));
     if is_finished(&target) {
@@ -104,14 +100,6 @@ pub fn tensor_of(
     }
     let resume = target.exists();
     let render = crate::render::Render::new(&built).watch(watch);
-    let summary = render.to_target(&Target {
-        path: target.clone(),
-        resume,
-        ..Target::default()
-    })?;
-    if summary.complete {
-        Ok(Some(target))
-    } else {
-        Err(BenchError::Interrupted)
-    }
+    let summary = render.to_target(&Target { path: target.clone(), resume, ..Target::default() })?;
+    if summary.complete { Ok(Some(target)) } else { Err(BenchError::Interrupted) }
 }

@@ -157,10 +157,7 @@ impl ToError<'_> {
         if target.resume && is_finished(&target.path) {
             self.check_result(scene, &target.path)?;
             remove(&folder)?;
-            return Ok(Summary {
-                complete: true,
-                ..Summary::default()
-            });
+            return Ok(Summary { complete: true, ..Summary::default() });
         }
         if target.replace {
             remove(&folder)?;
@@ -179,11 +176,8 @@ impl ToError<'_> {
                 done.complete = true;
                 return Ok(done);
             };
-            let of_round = Target {
-                path: round_store(&folder, standing.round),
-                resume: true,
-                replace: false,
-            };
+            let of_round =
+                Target { path: round_store(&folder, standing.round), resume: true, replace: false };
             let summary = self.round(scene, standing.round, counts, None, &of_round)?;
             let before = done;
             done = Summary {
@@ -334,14 +328,11 @@ impl ToError<'_> {
 
     /// Refuses a finished store of another render.
     fn check_result(&self, scene: &Scene, path: &Path) -> Result<(), RoundsError> {
-        let target = TensorStore::open(path)
-            .ok()
-            .and_then(|store| store.attributes().remove(ATTRIBUTE));
+        let target = TensorStore::open(path).ok().and_then(|store| store.attributes().remove(ATTRIBUTE));
         let ours = self.goal.to_json();
         // The attribute contains the goal and also the result.
         let same = |theirs: &Value| {
-            ours.as_object()
-                .is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
+            ours.as_object().is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
         };
         if !target.as_ref().is_some_and(same) {
             return Err(mismatch(path, ATTRIBUTE, target.as_ref(), Some(&ours)));
@@ -396,19 +387,11 @@ fn is_of_rounds(name: &str) -> bool {
 
 /// Returns whether a store exists at a path.
 fn is_there(path: &Path) -> bool {
-    if is_address(path) {
-        TensorStore::open(path).is_ok()
-    } else {
-        path.exists()
-    }
+    if is_address(path) { TensorStore::open(path).is_ok() } else { path.exists() }
 }
 
 fn has_rounds(folder: &Path) -> bool {
-    if is_address(folder) {
-        is_there(&round_store(folder, 0))
-    } else {
-        folder.exists()
-    }
+    if is_address(folder) { is_there(&round_store(folder, 0)) } else { folder.exists() }
 }
 
 /// Removes the folder of rounds, if it exists and contains nothing else.
@@ -428,17 +411,13 @@ fn remove(folder: &Path) -> Result<(), RoundsError> {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         if !is_of_rounds(&name) {
-            return Err(RoundsError::Other {
-                path: folder.to_owned(),
-                found: name,
-            });
+            return Err(RoundsError::Other { path: folder.to_owned(), found: name });
         }
     }
     match std::fs::remove_dir_all(folder) {
-        Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => Err(RoundsError::Remove {
-            path: folder.to_owned(),
-            cause,
-        }),
+        Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+            Err(RoundsError::Remove { path: folder.to_owned(), cause })
+        }
         _ => Ok(()),
     }
 }

@@ -45,11 +45,7 @@ pub enum StudioError {
     Scene(#[from] InputError),
     /// The scene file lacks a requested slice or other item.
     #[error("{file}: {what}; {fix}")]
-    Lacks {
-        file: PathBuf,
-        what: String,
-        fix: String,
-    },
+    Lacks { file: PathBuf, what: String, fix: String },
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
     /// The user stopped the render; finished tiles are kept.
@@ -81,13 +77,7 @@ impl<'a> Studio<'a> {
     /// # Errors
     /// [`StudioError::Scene`] if it cannot be read.
     pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
-        Ok(Self {
-            text: scene::read(path)?,
-            path: path.to_owned(),
-            renders,
-            watch,
-            rendered: 0,
-        })
+        Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
     }
 
     /// Returns the number of new renders, without those taken from the folder.
@@ -103,10 +93,7 @@ impl<'a> Studio<'a> {
     pub fn variant(&self, number: Option<u64>) -> Result<Variant, StudioError> {
         Ok(match number {
             Some(number) => variant::read(&self.path, &self.text, number)?,
-            None => Variant {
-                file: SceneFile::read(&self.path, &self.text)?,
-                values: BTreeMap::new(),
-            },
+            None => Variant { file: SceneFile::read(&self.path, &self.text)?, values: BTreeMap::new() },
         })
     }
 
@@ -133,10 +120,8 @@ impl<'a> Studio<'a> {
         size: Size,
         slices: &[&str],
     ) -> Result<TensorStore, StudioError> {
-        let sized = Variant {
-            file: self.sized(&variant.file, size.pixels, slices)?,
-            values: variant.values.clone(),
-        };
+        let sized =
+            Variant { file: self.sized(&variant.file, size.pixels, slices)?, values: variant.values.clone() };
         let mut scene = match number {
             Some(number) => scene::from_variant(&self.path, &self.text, &sized, number)?,
             None => scene::from_file(&self.path, &self.text, &sized.file)?,
@@ -148,11 +133,7 @@ impl<'a> Studio<'a> {
         let begun = Instant::now();
         let mut message = false;
         let summary = loop {
-            let target = Target {
-                resume: path.exists(),
-                path: path.clone(),
-                replace: false,
-            };
+            let target = Target { resume: path.exists(), path: path.clone(), replace: false };
             match Render::new(&scene).watch(self.watch).to_target(&target) {
                 // The holder of the lock renders the same data, and releases the lock whenever its process
                 // ends.
@@ -215,11 +196,7 @@ impl<'a> Studio<'a> {
     /// Returns the error for a scene that lacks an item.
     #[must_use]
     pub fn lacks(&self, what: String, fix: String) -> StudioError {
-        StudioError::Lacks {
-            file: self.path.clone(),
-            what,
-            fix,
-        }
+        StudioError::Lacks { file: self.path.clone(), what, fix }
     }
 }
 
@@ -272,10 +249,7 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
             )
             | SinkError::Mismatch { .. }
             | SinkError::Denoised(_),
-        ) => StudioError::Kept {
-            path: path.to_owned(),
-            cause: Box::new(e),
-        },
+        ) => StudioError::Kept { path: path.to_owned(), cause: Box::new(e) },
         e => e.into(),
     }
 }
@@ -292,17 +266,10 @@ fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
 fn file_name(scene: &Scene, number: Option<u64>, seed: u64) -> String {
     let [w, h] = scene.camera.resolution;
     let hash: String = scene.sha256.chars().take(16).collect();
-    let seed = if seed == TRUTH_SEED {
-        "truth".to_owned()
-    } else {
-        format!("seed{seed}")
-    };
+    let seed = if seed == TRUTH_SEED { "truth".to_owned() } else { format!("seed{seed}") };
     let variant = number.map_or(String::new(), |n| format!("_variant{n}"));
     let drawn = scene.settings.seed >> 32;
-    format!(
-        "{}{variant}_{seed}_{w}x{h}_{}spp_{hash}_{drawn:08x}.zarr",
-        scene.name, scene.settings.spp
-    )
+    format!("{}{variant}_{seed}_{w}x{h}_{}spp_{hash}_{drawn:08x}.zarr", scene.name, scene.settings.spp)
 }
 
 #[cfg(test)]

@@ -73,10 +73,7 @@ pub struct ApertureFile {
 #[serde(deny_unknown_fields)]
 pub struct ProjectorFile {
     /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1. Default: 1.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
+    #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub irradiance: Located<SpectrumFile>,
     /// The projector illuminates through the camera's pinhole: it takes pose, pixels and lens from the
     /// camera, and the coaxial slice has s' = s. Default: false.
@@ -268,21 +265,13 @@ impl PoseFile {
     /// Returns the pose of a device at `origin` that looks at `target` (metres), with +y up.
     #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
-        Self::LookAt(LookAtFile {
-            origin,
-            target,
-            up: defaults::y_axis(),
-        })
+        Self::LookAt(LookAtFile { origin, target, up: defaults::y_axis() })
     }
 
     /// Returns the pose for x_device = R x_world + t; `t` in metres.
     #[must_use]
     pub fn extrinsics(rotation: [[f64; 3]; 3], t: [f64; 3]) -> Self {
-        Self::Extrinsics(ExtrinsicsFile {
-            rotation: Some(rotation),
-            t: Some(t),
-            ..ExtrinsicsFile::default()
-        })
+        Self::Extrinsics(ExtrinsicsFile { rotation: Some(rotation), t: Some(t), ..ExtrinsicsFile::default() })
     }
 }
 
@@ -318,10 +307,7 @@ impl PinholeFile {
     /// Creates a camera from a `sunstone calibrate` file.
     #[must_use]
     pub fn calibrated(file: &str) -> Self {
-        Self {
-            calibration: Some(file.to_owned().into()),
-            ..Self::new(PoseFile::default())
-        }
+        Self { calibration: Some(file.to_owned().into()), ..Self::new(PoseFile::default()) }
     }
 
     /// Returns whether the device has a pose.

@@ -38,10 +38,7 @@ pub struct EmissionFile {
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentFile {
     /// Radiance in W/(m² sr nm); with an image, a factor of it. Default: 1.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
+    #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub radiance: Located<SpectrumFile>,
     /// Equirectangular image file, relative to the scene file, with the formats and encodings of a texture's
     /// `image`. Columns follow atan2(x, -z); rows start at +y. Red applies above 590 nm, green from 500 to

@@ -37,9 +37,7 @@ impl GroupFile {
     /// Creates a group of these objects.
     #[must_use]
     pub fn new(objects: impl IntoIterator<Item = ObjectFile>) -> Self {
-        Self {
-            objects: objects.into_iter().map(Into::into).collect(),
-        }
+        Self { objects: objects.into_iter().map(Into::into).collect() }
     }
 }
 
@@ -47,12 +45,7 @@ impl InstanceFile {
     /// Creates a copy of a group at the group's own place.
     #[must_use]
     pub fn new(group: impl Into<String>) -> Self {
-        Self {
-            name: None,
-            group: group.into().into(),
-            places: None,
-            transform: None,
-        }
+        Self { name: None, group: group.into().into(), places: None, transform: None }
     }
 
     /// Sets the transform: scale, then rotate, then translate; or a matrix.

@@ -18,10 +18,7 @@ use transport::material::texture::{Filter, Wrap};
 #[schemars(title = "Sunstone materials")]
 pub struct MaterialSetFile {
     /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
-    #[serde(
-        default = "defaults::wavelengths",
-        skip_serializing_if = "defaults::is_wavelengths"
-    )]
+    #[serde(default = "defaults::wavelengths", skip_serializing_if = "defaults::is_wavelengths")]
     pub wavelengths_nm: Located<Vec<f64>>,
     /// Materials by name.
     pub materials: BTreeMap<String, Located<MaterialFile>>,
@@ -93,10 +90,7 @@ pub struct ConductorFile {
     /// Extinction coefficient k ≥ 0.
     pub k: Option<Located<SpectrumFile>>,
     /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
-    #[serde(
-        default = "defaults::unit_albedo",
-        skip_serializing_if = "defaults::is_unit_albedo"
-    )]
+    #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
 }
 
@@ -111,10 +105,7 @@ pub struct RoughConductorFile {
     /// Extinction coefficient k ≥ 0.
     pub k: Option<Located<SpectrumFile>>,
     /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
-    #[serde(
-        default = "defaults::unit_albedo",
-        skip_serializing_if = "defaults::is_unit_albedo"
-    )]
+    #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
     /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
@@ -135,10 +126,7 @@ pub struct DielectricFile {
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
 }
 
@@ -150,10 +138,7 @@ pub struct RoughDielectricFile {
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
     /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
@@ -277,16 +262,10 @@ pub struct PolarizerFile {
     #[serde(default, skip_serializing_if = "is_default")]
     pub passes: Passes,
     /// Transmittance of power for the transmitted polarization, 0..1. Default: 1.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
+    #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub transmittance: Located<SpectrumFile>,
     /// Transmittance of the blocked polarization divided by that of the transmitted one, 0..1. Default: 0.
-    #[serde(
-        default = "defaults::zero_spectrum",
-        skip_serializing_if = "defaults::is_zero_spectrum"
-    )]
+    #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub extinction: Located<SpectrumFile>,
 }
 
@@ -304,10 +283,7 @@ pub struct RetarderFile {
     /// Fast axis as a world direction, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
     /// Transmittance of power, 0..1. Default: 1.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
+    #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub transmittance: Located<SpectrumFile>,
     /// Dependence of the retardance on the angle of incidence. Default: `plate`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -342,10 +318,7 @@ pub struct CrystalFile {
     /// Optic axis as a world direction.
     pub axis: Located<[f64; 3]>,
     /// Refractive index outside. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
     /// Full width at half maximum of the light's spectral line in nanometres. A thick crystal depolarizes
     /// such light. Default: 0.
@@ -375,9 +348,7 @@ impl MaterialFile {
     /// Creates a depolarizing Lambertian surface from its albedo: a number, one per wavelength, or an image.
     #[must_use]
     pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
-        Self::Diffuse(DiffuseFile {
-            albedo: albedo.into().into(),
-        })
+        Self::Diffuse(DiffuseFile { albedo: albedo.into().into() })
     }
 
     /// Creates a smooth metal from its name in the optical constants, such as `Au`.
@@ -410,10 +381,7 @@ impl MaterialFile {
     /// as `N-BK7`.
     #[must_use]
     pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
-        Self::Dielectric(DielectricFile {
-            ior: ior.into().into(),
-            exterior_ior: defaults::unit_index(),
-        })
+        Self::Dielectric(DielectricFile { ior: ior.into().into(), exterior_ior: defaults::unit_index() })
     }
 
     /// Creates a rough dielectric coat over a depolarizing base.
@@ -452,18 +420,12 @@ impl MaterialFile {
     /// Creates a material with one named material in front and another (or none: black) behind.
     #[must_use]
     pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
-        Self::TwoSided(TwoSidedFile {
-            front: front.into().into(),
-            back: back.map(|b| b.to_owned().into()),
-        })
+        Self::TwoSided(TwoSidedFile { front: front.into().into(), back: back.map(|b| b.to_owned().into()) })
     }
 
     /// Creates a material from a table of measured Mueller matrices: a `.pbsdf` file.
     #[must_use]
     pub fn measured(file: impl Into<String>) -> Self {
-        Self::Measured(MeasuredFile {
-            file: file.into().into(),
-            even_axes: false,
-        })
+        Self::Measured(MeasuredFile { file: file.into().into(), even_axes: false })
     }
 }

@@ -14,10 +14,7 @@ use std::collections::BTreeMap;
 #[schemars(title = "Sunstone media")]
 pub struct MediumSetFile {
     /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
-    #[serde(
-        default = "defaults::wavelengths",
-        skip_serializing_if = "defaults::is_wavelengths"
-    )]
+    #[serde(default = "defaults::wavelengths", skip_serializing_if = "defaults::is_wavelengths")]
     pub wavelengths_nm: Located<Vec<f64>>,
     /// Media by name.
     pub media: BTreeMap<String, Located<MediumFile>>,
@@ -48,22 +45,13 @@ pub enum MediumFile {
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousFile {
     /// Absorption coefficient, 1/m. Default: 0.
-    #[serde(
-        default = "defaults::zero_spectrum",
-        skip_serializing_if = "defaults::is_zero_spectrum"
-    )]
+    #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
     /// Scattering coefficient, 1/m. Default: 0.
-    #[serde(
-        default = "defaults::zero_spectrum",
-        skip_serializing_if = "defaults::is_zero_spectrum"
-    )]
+    #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -75,22 +63,13 @@ pub struct HomogeneousFile {
 #[serde(deny_unknown_fields)]
 pub struct HeterogeneousFile {
     /// Absorption coefficient in 1/m where the density is 1. Default: 0.
-    #[serde(
-        default = "defaults::zero_spectrum",
-        skip_serializing_if = "defaults::is_zero_spectrum"
-    )]
+    #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
     /// Scattering coefficient in 1/m where the density is 1. Default: 0.
-    #[serde(
-        default = "defaults::zero_spectrum",
-        skip_serializing_if = "defaults::is_zero_spectrum"
-    )]
+    #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -189,10 +168,7 @@ pub struct MieFile {
 pub struct ParticlesFile {
     /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
     /// Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub host: Located<IndexFile>,
     /// Absorption coefficient of the host, 1/m. Default: water's for `host = "water"`, otherwise 0.
     pub host_absorption: Option<Located<SpectrumFile>>,
@@ -357,9 +333,7 @@ pub struct SkinFile {
 
 impl Default for SkinFile {
     fn default() -> Self {
-        Self {
-            g: defaults::skin_g(),
-        }
+        Self { g: defaults::skin_g() }
     }
 }
 

@@ -29,9 +29,7 @@ pub(crate) fn find<'t, 'i>(
     document: &'t mut DeTable<'i>,
     keys: &[String],
 ) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
-    let (first, rest) = keys
-        .split_first()
-        .ok_or_else(|| "give a path with at least one key".to_owned())?;
+    let (first, rest) = keys.split_first().ok_or_else(|| "give a path with at least one key".to_owned())?;
     let known = known(document.keys().map(|k| k.get_ref().as_ref()));
     let mut here = document.get_mut(first.as_str()).ok_or(known)?;
     for key in rest {
@@ -52,12 +50,11 @@ pub(crate) fn find_in<'t, 'i>(
     keys: &[String],
 ) -> Option<&'t Spanned<DeValue<'i>>> {
     let (first, rest) = keys.split_first()?;
-    rest.iter()
-        .try_fold(document.get(first.as_str())?, |here, key| match here.get_ref() {
-            DeValue::Table(table) => table.get(key.as_str()),
-            DeValue::Array(list) => list.get(position(list, key)?),
-            _ => None,
-        })
+    rest.iter().try_fold(document.get(first.as_str())?, |here, key| match here.get_ref() {
+        DeValue::Table(table) => table.get(key.as_str()),
+        DeValue::Array(list) => list.get(position(list, key)?),
+        _ => None,
+    })
 }
 
 /// Returns the index of a list element by its name, otherwise by its number.
@@ -66,9 +63,7 @@ fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
         let name = v.get_ref().as_table().and_then(|t| t.get("name"));
         name.and_then(|n| n.get_ref().as_str()) == Some(key)
     };
-    list.iter()
-        .position(named)
-        .or_else(|| key.parse().ok().filter(|i| *i < list.len()))
+    list.iter().position(named).or_else(|| key.parse().ok().filter(|i| *i < list.len()))
 }
 
 /// Lists the existing keys, at most 12, as a fix for an error message.
@@ -76,11 +71,7 @@ fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
     let mut all: Vec<&str> = keys.collect();
     let more = all.len().saturating_sub(12);
     all.truncate(12);
-    let more = if more > 0 {
-        format!(" and {more} more")
-    } else {
-        String::new()
-    };
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("known keys: {}{more}", all.join(", "))
 }
 
@@ -88,23 +79,15 @@ fn known_in(value: &DeValue) -> String {
     match value {
         DeValue::Table(table) => known(table.keys().map(|k| k.get_ref().as_ref())),
         DeValue::Array(list) => {
-            let names = list
-                .iter()
-                .filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
+            let names = list.iter().filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
             let names: Vec<&str> = names.collect();
             if names.is_empty() {
-                format!(
-                    "expected the index of a list of length {} (indices start at 0)",
-                    list.len()
-                )
+                format!("expected the index of a list of length {} (indices start at 0)", list.len())
             } else {
                 known(names.into_iter())
             }
         }
-        other => format!(
-            "the path ends at {}, which has no keys",
-            article(other.type_str())
-        ),
+        other => format!("the path ends at {}, which has no keys", article(other.type_str())),
     }
 }
 

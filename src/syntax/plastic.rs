@@ -17,16 +17,10 @@ pub struct PlasticFile {
     /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside. Default: 1.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
+    #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
     /// Factor of the surface reflection, 0..1: a number or one per wavelength. Default: 1.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
+    #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub specular: Located<SpectrumFile>,
     /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022). Default: none.
     pub single_scatter: Option<SingleScatterFile>,
@@ -94,11 +88,7 @@ impl<'de> Deserialize<'de> for InterreflectionFile {
                 f.write_str("true, false or \"linear\"")
             }
             fn visit_bool<E>(self, v: bool) -> Result<InterreflectionFile, E> {
-                Ok(if v {
-                    InterreflectionFile::Coloured
-                } else {
-                    InterreflectionFile::Lost
-                })
+                Ok(if v { InterreflectionFile::Coloured } else { InterreflectionFile::Lost })
             }
             fn visit_str<E: serde::de::Error>(self, v: &str) -> Result<InterreflectionFile, E> {
                 match v {

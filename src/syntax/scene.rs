@@ -23,10 +23,7 @@ pub struct SceneFile {
     /// Short name. Default: the name of the folder or the file.
     pub name: Option<String>,
     /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
-    #[serde(
-        default = "defaults::wavelengths",
-        skip_serializing_if = "defaults::is_wavelengths"
-    )]
+    #[serde(default = "defaults::wavelengths", skip_serializing_if = "defaults::is_wavelengths")]
     pub wavelengths_nm: Located<Vec<f64>>,
     /// Render settings.
     #[serde(default, skip_serializing_if = "is_default")]

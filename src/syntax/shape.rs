@@ -99,10 +99,7 @@ pub struct SphereFile {
 
 impl Default for SphereFile {
     fn default() -> Self {
-        Self {
-            center: [0.0; 3],
-            radius: defaults::one(),
-        }
+        Self { center: [0.0; 3], radius: defaults::one() }
     }
 }
 
@@ -124,11 +121,7 @@ pub struct RectangleFile {
 
 impl Default for RectangleFile {
     fn default() -> Self {
-        Self {
-            corner: defaults::rectangle_corner(),
-            u: defaults::rectangle_u(),
-            v: defaults::rectangle_v(),
-        }
+        Self { corner: defaults::rectangle_corner(), u: defaults::rectangle_u(), v: defaults::rectangle_v() }
     }
 }
 
@@ -150,11 +143,7 @@ pub struct DiskFile {
 
 impl Default for DiskFile {
     fn default() -> Self {
-        Self {
-            center: [0.0; 3],
-            normal: defaults::z_axis(),
-            radius: defaults::one(),
-        }
+        Self { center: [0.0; 3], normal: defaults::z_axis(), radius: defaults::one() }
     }
 }
 
@@ -172,10 +161,7 @@ pub struct CubeFile {
 
 impl Default for CubeFile {
     fn default() -> Self {
-        Self {
-            min: defaults::cube_min(),
-            max: defaults::cube_max(),
-        }
+        Self { min: defaults::cube_min(), max: defaults::cube_max() }
     }
 }
 
@@ -200,12 +186,7 @@ pub struct CylinderFile {
 
 impl Default for CylinderFile {
     fn default() -> Self {
-        Self {
-            p0: [0.0; 3],
-            p1: defaults::z_axis(),
-            radius: defaults::one(),
-            caps: false,
-        }
+        Self { p0: [0.0; 3], p1: defaults::z_axis(), radius: defaults::one(), caps: false }
     }
 }
 
@@ -216,13 +197,7 @@ impl ShapeFile {
     pub fn mesh(file: impl Into<String>) -> Self {
         let file = file.into();
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
-        let mesh = MeshFile {
-            file: file.into(),
-            index: 0,
-            flat: false,
-            smooth: false,
-            materials: false,
-        };
+        let mesh = MeshFile { file: file.into(), index: 0, flat: false, smooth: false, materials: false };
         match ending.as_deref() {
             Some("obj") => Self::Obj(mesh),
             Some("gltf" | "glb") => Self::Gltf(mesh),
@@ -265,11 +240,7 @@ impl ObjectFile {
     /// Creates a flat disk whose front faces `normal`; lengths in metres.
     #[must_use]
     pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
-        Self::new(ShapeFile::Disk(DiskFile {
-            center,
-            normal,
-            radius,
-        }))
+        Self::new(ShapeFile::Disk(DiskFile { center, normal, radius }))
     }
 
     /// Creates an axis-aligned box; lengths in metres.

@@ -167,11 +167,7 @@ impl SliceFile {
     /// Resolves travel time in `bins` bins of `bin_ps`, the first from `start_ps`, all in picoseconds.
     #[must_use]
     pub fn time(mut self, start_ps: f64, bin_ps: f64, bins: u32) -> Self {
-        self.time = TimeFile::Bins(TimeBins {
-            start_ps,
-            bin_ps: bin_ps.into(),
-            bins: bins.into(),
-        });
+        self.time = TimeFile::Bins(TimeBins { start_ps, bin_ps: bin_ps.into(), bins: bins.into() });
         self
     }
 

@@ -171,13 +171,7 @@ impl AlbedoMap {
             || self.luminance.is_some()
             || self.layer.is_some();
         let plain = !of_image && self.uv.is_none();
-        match (
-            self.image,
-            self.checkerboard,
-            self.attribute,
-            self.nm,
-            self.values,
-        ) {
+        match (self.image, self.checkerboard, self.attribute, self.nm, self.values) {
             (Some(image), None, None, None, None) => Ok(AlbedoFile::Image(ImageAlbedo {
                 image,
                 scale: self.scale.unwrap_or_else(one),
@@ -189,20 +183,13 @@ impl AlbedoMap {
                 layer: self.layer,
             })),
             (None, Some(checkerboard), None, None, None) if !of_image && self.scale.is_none() => {
-                Ok(AlbedoFile::Checkerboard(CheckerboardFile {
-                    checkerboard,
-                    uv: self.uv,
-                }))
+                Ok(AlbedoFile::Checkerboard(CheckerboardFile { checkerboard, uv: self.uv }))
             }
-            (None, None, Some(attribute), None, None) if plain => Ok(AlbedoFile::Attribute(AttributeFile {
-                attribute,
-                scale: self.scale.unwrap_or_else(one),
-            })),
+            (None, None, Some(attribute), None, None) if plain => {
+                Ok(AlbedoFile::Attribute(AttributeFile { attribute, scale: self.scale.unwrap_or_else(one) }))
+            }
             (None, None, None, Some(nm), Some(values)) if plain && self.scale.is_none() => {
-                Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
-                    nm,
-                    values,
-                })))
+                Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable { nm, values })))
             }
             _ => Err(E::custom(
                 "expected a texture: { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv }, { attribute = \"vertex_color\", scale } or { nm = [..], values = [..] }",
@@ -272,9 +259,9 @@ impl<'de> Deserialize<'de> for ScalarFile {
                     AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
                     AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
                     AlbedoFile::Attribute(attribute) => Ok(ScalarFile::Attribute(attribute)),
-                    AlbedoFile::Spectrum(_) => Err(de::Error::custom(
-                        "expected a number or a texture, got a spectrum",
-                    )),
+                    AlbedoFile::Spectrum(_) => {
+                        Err(de::Error::custom("expected a number or a texture, got a spectrum"))
+                    }
                 }
             }
         }

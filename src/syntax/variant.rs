@@ -88,13 +88,7 @@ struct Vary<'a> {
 
 impl<'a> Vary<'a> {
     fn new(path: &'a Path, text: &'a str, file: &'a SceneFile) -> Result<Self, InputError> {
-        let mut vary = Self {
-            path,
-            text,
-            file,
-            keys: BTreeMap::new(),
-            count: None,
-        };
+        let mut vary = Self { path, text, file, keys: BTreeMap::new(), count: None };
         let mut document = vary.document()?;
         for (name, parameter) in &file.vary {
             let all = vary.check(name, parameter, &mut document)?;
@@ -154,11 +148,7 @@ impl<'a> Vary<'a> {
             })?;
             if FIXED.contains(&keys[0].as_str()) {
                 let message = format!("`{written}`: `{}` cannot be varied", keys[0]);
-                return Err(self.error(
-                    at.clone(),
-                    message,
-                    "choose a path that affects the rendered scene",
-                ));
+                return Err(self.error(at.clone(), message, "choose a path that affects the rendered scene"));
             }
             let slot = find(document, &keys).map_err(|known| {
                 let help = format!(
@@ -209,9 +199,7 @@ impl<'a> Vary<'a> {
         let wanted = match present {
             DeValue::Integer(_) | DeValue::Float(_) => None,
             DeValue::Array(list)
-                if list
-                    .iter()
-                    .all(|v| v.get_ref().is_integer() || v.get_ref().is_float()) =>
+                if list.iter().all(|v| v.get_ref().is_integer() || v.get_ref().is_float()) =>
             {
                 Some(list.len())
             }
@@ -264,11 +252,7 @@ impl<'a> Vary<'a> {
     fn counted(&self) -> Result<Option<u64>, InputError> {
         let mut longest: Option<(&str, u64)> = None;
         let mut endless = false;
-        let period = |p: &ParameterFile| {
-            p.values
-                .as_ref()
-                .map(|v| (v.len() as u64).saturating_mul(*p.every))
-        };
+        let period = |p: &ParameterFile| p.values.as_ref().map(|v| (v.len() as u64).saturating_mul(*p.every));
         for (name, parameter) in &self.file.vary {
             match period(parameter) {
                 None => endless = true,
@@ -298,10 +282,7 @@ impl<'a> Vary<'a> {
         let mut drawn = BTreeMap::new();
         for (name, p) in &self.file.vary {
             if let Some(range) = &p.range {
-                drawn.insert(
-                    name.as_str(),
-                    (draw(name, index(p), range).to_string(), range.span()),
-                );
+                drawn.insert(name.as_str(), (draw(name, index(p), range).to_string(), range.span()));
             }
         }
         let mut document = self.document()?;
@@ -313,21 +294,13 @@ impl<'a> Vary<'a> {
                     let parsed = DeValue::parse(text).map_err(|e| {
                         self.error(span.clone(), e.message().to_owned(), "give finite numbers")
                     })?;
-                    values.insert(
-                        name.clone(),
-                        text.parse().unwrap_or(toml::Value::String(text.clone())),
-                    );
+                    values.insert(name.clone(), text.parse().unwrap_or(toml::Value::String(text.clone())));
                     moved(parsed.into_inner(), span)
                 }
                 (None, Some(list)) => {
                     let i = (index(p) % list.len() as u64) as usize;
                     values.insert(name.clone(), list[i].0.clone());
-                    let own = [
-                        "vary".to_owned(),
-                        name.clone(),
-                        "values".to_owned(),
-                        i.to_string(),
-                    ];
+                    let own = ["vary".to_owned(), name.clone(), "values".to_owned(), i.to_string()];
                     let found = find_in(&original, &own);
                     found.cloned().ok_or_else(|| {
                         self.error(
@@ -382,24 +355,16 @@ fn is_finite(value: &toml::Value) -> bool {
 
 /// Draws the value of a range.
 fn draw(name: &str, index: u64, range: &RangeFile) -> toml::Value {
-    let key = name
-        .bytes()
-        .fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
+    let key = name.bytes().fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
     let number = |place: usize, min: f64, max: f64| {
         let bits =
             mix(mix(key ^ mix(index.wrapping_add(GOLDEN))).wrapping_add((place as u64).wrapping_mul(GOLDEN)));
         let u = (bits >> 11) as f64 / (1_u64 << 53) as f64;
         (min + u * (max - min)).clamp(min, max)
     };
-    let ends = numbers(&range.min.0)
-        .zip(numbers(&range.max.0))
-        .unwrap_or_default();
-    let drawn = ends
-        .0
-        .iter()
-        .zip(&ends.1)
-        .enumerate()
-        .map(|(i, (a, b))| toml::Value::Float(number(i, *a, *b)));
+    let ends = numbers(&range.min.0).zip(numbers(&range.max.0)).unwrap_or_default();
+    let drawn =
+        ends.0.iter().zip(&ends.1).enumerate().map(|(i, (a, b))| toml::Value::Float(number(i, *a, *b)));
     let drawn: Vec<toml::Value> = drawn.collect();
     match (range.min.0.is_array(), &drawn[..]) {
         (false, [one]) => one.clone(),

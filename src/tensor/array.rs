@@ -18,11 +18,7 @@ impl Tensor {
     #[must_use]
     pub fn zeros(name: &str, axes: Vec<Axis>) -> Self {
         let n = axes.iter().map(|a| a.coords.len()).product();
-        Self {
-            name: name.to_owned(),
-            axes,
-            data: vec![0.0; n],
-        }
+        Self { name: name.to_owned(), axes, data: vec![0.0; n] }
     }
 
     /// Returns the length of every axis.
@@ -51,15 +47,8 @@ impl Tensor {
     pub fn at(&self, indices: &[(AxisKind, usize)]) -> f32 {
         let mut offset = 0;
         for axis in &self.axes {
-            let i = indices
-                .iter()
-                .find(|(k, _)| *k == axis.kind)
-                .map_or(0, |(_, i)| *i);
-            assert!(
-                i < axis.coords.len(),
-                "index {i} is outside axis {}",
-                axis.kind.name()
-            );
+            let i = indices.iter().find(|(k, _)| *k == axis.kind).map_or(0, |(_, i)| *i);
+            assert!(i < axis.coords.len(), "index {i} is outside axis {}", axis.kind.name());
             offset = offset * axis.coords.len() + i;
         }
         self.data[offset]
@@ -84,11 +73,7 @@ impl Tensor {
     /// Returns (elements before, length, elements after) of an axis, for loops over it.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
-        (
-            shape[..axis].iter().product(),
-            shape[axis],
-            shape[axis + 1..].iter().product(),
-        )
+        (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())
     }
 
     /// Returns the sub-tensor at one index of an axis, without that axis. Has no effect if the axis is
@@ -126,11 +111,7 @@ impl Tensor {
                 f(&self.data[o * k * inner..(o + 1) * k * inner], inner, out, k);
             }
         }
-        Self {
-            name: self.name.clone(),
-            axes,
-            data,
-        }
+        Self { name: self.name.clone(), axes, data }
     }
 }
 
@@ -139,31 +120,19 @@ mod tests {
     use super::*;
 
     fn axis(kind: AxisKind, n: usize) -> Axis {
-        Axis {
-            kind,
-            coords: (0..n).map(|i| i as f64).collect(),
-            chunk: n as u64,
-        }
+        Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 }
     }
 
     #[test]
     fn select_and_sum_drop_their_axis() {
-        let mut t = Tensor::zeros(
-            "t",
-            vec![axis(AxisKind::Y, 2), axis(AxisKind::X, 3), axis(AxisKind::T, 4)],
-        );
+        let mut t =
+            Tensor::zeros("t", vec![axis(AxisKind::Y, 2), axis(AxisKind::X, 3), axis(AxisKind::T, 4)]);
         t.data = (0..24).map(|i| i as f32).collect();
-        assert_eq!(
-            t.at(&[(AxisKind::Y, 1), (AxisKind::X, 2), (AxisKind::T, 3)]),
-            23.0
-        );
+        assert_eq!(t.at(&[(AxisKind::Y, 1), (AxisKind::X, 2), (AxisKind::T, 3)]), 23.0);
         let mut seen = vec![];
         t.walk(|i, place| seen.push((i.to_vec(), place)));
         assert_eq!(seen.len(), 24);
-        assert!(
-            seen.iter()
-                .all(|(i, place)| 12 * i[0] + 4 * i[1] + i[2] == *place)
-        );
+        assert!(seen.iter().all(|(i, place)| 12 * i[0] + 4 * i[1] + i[2] == *place));
         assert!(seen.iter().enumerate().all(|(n, (_, place))| n == *place));
         let s = t.select(AxisKind::X, 1);
         assert_eq!(s.shape(), [2, 4]);

@@ -150,9 +150,7 @@ impl Axis {
     #[must_use]
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
-        (0..self.coords.len())
-            .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
-            .unwrap_or(0)
+        (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     }
 }
 
@@ -218,10 +216,7 @@ fn span(first: u32, count: u32) -> Vec<f64> {
 
 /// Returns the centres of boxes of `n` pixels over `total`; a smaller last box has its own centre.
 fn binned(total: u32, n: u32) -> Vec<f64> {
-    (0..total)
-        .step_by(n as usize)
-        .map(|a| f64::from(a + (a + n).min(total) - 1) / 2.0)
-        .collect()
+    (0..total).step_by(n as usize).map(|a| f64::from(a + (a + n).min(total) - 1) / 2.0).collect()
 }
 
 impl SliceLayout {
@@ -230,11 +225,7 @@ impl SliceLayout {
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let mut axes = Vec::new();
         let mut push = |kind, coords: Vec<f64>, chunk: u64| {
-            axes.push(Axis {
-                kind,
-                chunk: chunk.clamp(1, coords.len().max(1) as u64),
-                coords,
-            });
+            axes.push(Axis { kind, chunk: chunk.clamp(1, coords.len().max(1) as u64), coords });
         };
         let [w, h] = extents.camera;
         let tile = u64::from(extents.tile);
@@ -299,12 +290,7 @@ impl SliceLayout {
             }
         }
         let mut time = None;
-        if let TimeSelect::Bins {
-            start_ps,
-            bin_ps,
-            bins,
-        } = slice.time
-        {
+        if let TimeSelect::Bins { start_ps, bin_ps, bins } = slice.time {
             let centres = (0..bins).map(|i| start_ps + (f64::from(i) + 0.5) * bin_ps);
             push(AxisKind::T, centres.collect(), u64::MAX);
             time = Some((start_ps, bin_ps));
@@ -324,12 +310,7 @@ impl SliceLayout {
         }
         push(AxisKind::Wavelength, extents.wavelengths_nm.clone(), 4);
         bound_chunks(&mut axes);
-        Self {
-            name: slice.name.clone(),
-            axes,
-            time,
-            totals: true,
-        }
+        Self { name: slice.name.clone(), axes, time, totals: true }
     }
 
     /// Returns the length of every axis.
@@ -356,12 +337,7 @@ impl SliceLayout {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);
         divide_matrix(&mut axes);
-        Self {
-            name: self.name.clone(),
-            axes,
-            time: None,
-            totals: false,
-        }
+        Self { name: self.name.clone(), axes, time: None, totals: false }
     }
 
     /// Returns the layout of arrays with one value per camera element: axes `y` and `x` only. Keeps the name.
@@ -369,12 +345,7 @@ impl SliceLayout {
     pub fn camera_alone(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| matches!(a.kind, AxisKind::Y | AxisKind::X));
-        Self {
-            name: self.name.clone(),
-            axes,
-            time: None,
-            totals: false,
-        }
+        Self { name: self.name.clone(), axes, time: None, totals: false }
     }
 }
 
@@ -430,11 +401,7 @@ mod tests {
             name: "s".into(),
             camera: CameraSelect::All,
             projector: ProjectorSelect::All,
-            time: TimeSelect::Bins {
-                start_ps: 100.0,
-                bin_ps: 25.0,
-                bins: 256,
-            },
+            time: TimeSelect::Bins { start_ps: 100.0, bin_ps: 25.0, bins: 256 },
             polarization: Polarization::Mueller,
             bounces: true,
             split_first_bounce: true,
@@ -453,11 +420,7 @@ mod tests {
 
     #[test]
     fn the_nearest_entry_is_the_first_of_equals() {
-        let axis = Axis {
-            kind: AxisKind::Wavelength,
-            coords: vec![450.0, 550.0, 660.0],
-            chunk: 3,
-        };
+        let axis = Axis { kind: AxisKind::Wavelength, coords: vec![450.0, 550.0, 660.0], chunk: 3 };
         assert_eq!([0.0, 500.0, 501.0, 1e9].map(|nm| axis.nearest(nm)), [0, 0, 1, 2]);
     }
 

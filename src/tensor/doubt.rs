@@ -50,11 +50,7 @@ pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let around = |axis: &Axis, i: usize| {
         let beside = |a: usize, b: usize| !single || axis.coords[b] - axis.coords[a] <= 1.0;
         let first = if i > 0 && beside(i - 1, i) { i - 1 } else { i };
-        let last = if i + 1 < axis.coords.len() && beside(i, i + 1) {
-            i + 1
-        } else {
-            i
-        };
+        let last = if i + 1 < axis.coords.len() && beside(i, i + 1) { i + 1 } else { i };
         first..=last
     };
     let columns: Vec<_> = (0..width).map(|x| around(columns, x)).collect();
@@ -84,11 +80,7 @@ mod tests {
     use crate::axes::AxisKind;
 
     fn errors(rows: &[f64], data: &[f32]) -> Tensor {
-        let axis = |kind, coords: &[f64]| Axis {
-            kind,
-            coords: coords.into(),
-            chunk: 1,
-        };
+        let axis = |kind, coords: &[f64]| Axis { kind, coords: coords.into(), chunk: 1 };
         let columns: Vec<f64> = (0..data.len() / rows.len()).map(|x| x as f64).collect();
         Tensor {
             name: "s".into(),

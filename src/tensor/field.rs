@@ -20,13 +20,8 @@ pub enum Field {
 
 impl Field {
     /// All fields.
-    pub const ALL: [Self; 5] = [
-        Self::Mean,
-        Self::StdError,
-        Self::Overflow,
-        Self::OverflowStdError,
-        Self::TotalStdError,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Mean, Self::StdError, Self::Overflow, Self::OverflowStdError, Self::TotalStdError];
 
     /// Returns the name of the array in the store.
     #[must_use]

@@ -17,21 +17,13 @@ pub const DIFFUSE: u8 = 8;
 pub const COUNT: u32 = 16;
 
 /// The bits with their names. A measured table is not separable: it sets `glossy` and `diffuse`.
-pub const BITS: [(u8, &str); 4] = [
-    (MEDIUM, "medium"),
-    (SPECULAR, "specular"),
-    (GLOSSY, "glossy"),
-    (DIFFUSE, "diffuse"),
-];
+pub const BITS: [(u8, &str); 4] =
+    [(MEDIUM, "medium"), (SPECULAR, "specular"), (GLOSSY, "glossy"), (DIFFUSE, "diffuse")];
 
 /// Returns the name of a set: `specular+diffuse`, `none`.
 #[must_use]
 pub fn name(set: u8) -> String {
-    let all: Vec<&str> = BITS
-        .iter()
-        .filter(|(bit, _)| set & bit != 0)
-        .map(|(_, n)| *n)
-        .collect();
+    let all: Vec<&str> = BITS.iter().filter(|(bit, _)| set & bit != 0).map(|(_, n)| *n).collect();
     if all.is_empty() {
         return "none".to_owned();
     }

@@ -42,10 +42,7 @@ impl Arrays {
     /// Returns the number of valid samples of each camera pixel, row by row.
     #[must_use]
     pub fn samples(&self) -> Vec<u32> {
-        self.samples
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.samples.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -74,14 +71,8 @@ impl Sink for Arrays {
         let mut array = array.lock().unwrap_or_else(PoisonError::into_inner);
         let whole: Vec<u64> = array.shape().iter().map(|n| *n as u64).collect();
         let zeros = vec![0; whole.len()];
-        let source = region::Window {
-            shape: piece.shape,
-            at: &zeros,
-        };
-        let target = region::Window {
-            shape: &whole,
-            at: piece.start,
-        };
+        let source = region::Window { shape: piece.shape, at: &zeros };
+        let target = region::Window { shape: &whole, at: piece.start };
         region::copy(piece.data, source, &mut array.data, target, piece.shape);
         Ok(())
     }
@@ -89,14 +80,8 @@ impl Sink for Arrays {
     fn put_samples(&self, s: &SampleCounts) -> Result<(), Infallible> {
         let mut samples = self.samples.lock().unwrap_or_else(PoisonError::into_inner);
         let whole = [self.camera[1], self.camera[0]].map(u64::from);
-        let source = region::Window {
-            shape: &s.shape,
-            at: &[0, 0],
-        };
-        let target = region::Window {
-            shape: &whole,
-            at: &s.start,
-        };
+        let source = region::Window { shape: &s.shape, at: &[0, 0] };
+        let target = region::Window { shape: &whole, at: &s.start };
         region::copy(s.counts, source, &mut samples, target, &s.shape);
         Ok(())
     }
@@ -117,11 +102,7 @@ mod tests {
 
     /// A job for an image of 3 × 2 pixels with two time bins.
     fn job() -> Job {
-        let axis = |kind, n: u32| Axis {
-            kind,
-            coords: (0..n).map(f64::from).collect(),
-            chunk: 2,
-        };
+        let axis = |kind, n: u32| Axis { kind, coords: (0..n).map(f64::from).collect(), chunk: 2 };
         let layout = SliceLayout {
             name: "s".into(),
             axes: vec![axis(AxisKind::Y, 2), axis(AxisKind::X, 3), axis(AxisKind::T, 2)],
@@ -129,10 +110,7 @@ mod tests {
             totals: false,
         };
         Job {
-            slices: vec![JobSlice {
-                layout,
-                attributes: serde_json::Map::new(),
-            }],
+            slices: vec![JobSlice { layout, attributes: serde_json::Map::new() }],
             attributes: serde_json::Map::new(),
             camera: [3, 2],
             tile: 2,
@@ -145,24 +123,13 @@ mod tests {
         assert!(arrays.begin(&job()).unwrap().is_empty());
         let put = |slice, field, start: &[u64], shape: &[u64], data: &[f32]| {
             let touched = &[u64::MAX];
-            let piece = Piece {
-                slice,
-                field,
-                start,
-                shape,
-                data,
-                touched,
-            };
+            let piece = Piece { slice, field, start, shape, data, touched };
             arrays.put(&piece).unwrap();
         };
         put(0, Field::Mean, &[0, 2, 0], &[2, 1, 2], &[1.0, 2.0, 3.0, 4.0]);
         put(0, Field::Overflow, &[1, 0], &[1, 2], &[5.0, 6.0]);
         put(7, Field::Mean, &[0], &[1], &[9.0]);
-        let counts = SampleCounts {
-            start: [1, 1],
-            shape: [1, 2],
-            counts: &[7, 8],
-        };
+        let counts = SampleCounts { start: [1, 1], shape: [1, 2], counts: &[7, 8] };
         arrays.put_samples(&counts).unwrap();
         arrays.end(&Summary::default()).unwrap();
         assert_eq!(arrays.names(), ["s"]);

@@ -34,17 +34,15 @@ impl Part {
     #[must_use]
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
-            Self::Share { number, of } if number == 0 || number > of => Some(format!(
-                "part {number}/{of} does not exist; give a part from 1/{of} to {of}/{of}"
-            )),
-            Self::Tiles { first, last } if first > last => Some(format!(
-                "the range of tiles {first} to {last} is empty; give the lower number first"
-            )),
+            Self::Share { number, of } if number == 0 || number > of => {
+                Some(format!("part {number}/{of} does not exist; give a part from 1/{of} to {of}/{of}"))
+            }
+            Self::Tiles { first, last } if first > last => {
+                Some(format!("the range of tiles {first} to {last} is empty; give the lower number first"))
+            }
             Self::Tiles { last, .. } if last >= tiles => {
                 let most = tiles.saturating_sub(1);
-                Some(format!(
-                    "tile {last} does not exist; the image has tiles 0 to {most}"
-                ))
+                Some(format!("tile {last} does not exist; the image has tiles 0 to {most}"))
             }
             _ => None,
         }
@@ -78,14 +76,8 @@ impl Part {
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {
-            Some(tiles) => Self::Tiles {
-                first: number(tiles.get(0)?)?,
-                last: number(tiles.get(1)?)?,
-            },
-            None => Self::Share {
-                number: number(value.get("number")?)?,
-                of: number(value.get("of")?)?,
-            },
+            Some(tiles) => Self::Tiles { first: number(tiles.get(0)?)?, last: number(tiles.get(1)?)? },
+            None => Self::Share { number: number(value.get("number")?)?, of: number(value.get("of")?)? },
         };
         (part.fault(u32::MAX).is_none() && part.to_json() == *value).then_some(part)
     }
@@ -115,9 +107,8 @@ mod tests {
     #[test]
     fn shares_are_all_tiles_once() {
         for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {
-            let shares: Vec<Vec<u32>> = (1..=of)
-                .map(|number| Part::Share { number, of }.tiles(tiles).collect())
-                .collect();
+            let shares: Vec<Vec<u32>> =
+                (1..=of).map(|number| Part::Share { number, of }.tiles(tiles).collect()).collect();
             let mut all = shares.concat();
             all.sort_unstable();
             assert_eq!(all, (0..tiles).collect::<Vec<_>>());
@@ -128,10 +119,7 @@ mod tests {
 
     #[test]
     fn attributes_are_read_as_written_and_others_are_not() {
-        let parts = [
-            Part::Share { number: 3, of: 8 },
-            Part::Tiles { first: 0, last: 31 },
-        ];
+        let parts = [Part::Share { number: 3, of: 8 }, Part::Tiles { first: 0, last: 31 }];
         for part in parts {
             assert_eq!(Part::from_json(&part.to_json()), Some(part));
         }

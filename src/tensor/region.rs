@@ -5,10 +5,7 @@
 /// Returns the number of elements of a shape, or `None` on overflow.
 #[must_use]
 pub fn volume(shape: &[u64]) -> Option<usize> {
-    shape
-        .iter()
-        .try_fold(1_u64, |n, &k| n.checked_mul(k))
-        .and_then(|n| usize::try_from(n).ok())
+    shape.iter().try_fold(1_u64, |n, &k| n.checked_mul(k)).and_then(|n| usize::try_from(n).ok())
 }
 
 /// Returns whether the box `start..start + shape` has the dimensions of `bounds` and lies inside it.
@@ -40,11 +37,7 @@ pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<>
 
 /// Iterates over the boxes (start, shape) of a regular chunk grid, clipped to the array, in row-major order.
 pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<> {
-    let counts: Vec<u64> = shape
-        .iter()
-        .zip(chunk)
-        .map(|(&n, &c)| n.div_ceil(c.max(1)))
-        .collect();
+    let counts: Vec<u64> = shape.iter().zip(chunk).map(|(&n, &c)| n.div_ceil(c.max(1))).collect();
     let (shape, chunk) = (shape.to_vec(), chunk.to_vec());
     indices(&vec![0; counts.len()], &counts).map(move |index| chunk_box(&shape, &chunk, &index))
 }
@@ -53,9 +46,7 @@ pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, V
 #[must_use]
 pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<u64>) {
     let start: Vec<u64> = index.iter().zip(chunk).map(|(&i, &c)| i * c).collect();
-    let size = (0..shape.len())
-        .map(|a| chunk[a].min(shape[a].saturating_sub(start[a])))
-        .collect();
+    let size = (0..shape.len()).map(|a| chunk[a].min(shape[a].saturating_sub(start[a]))).collect();
     (start, size)
 }
 
@@ -124,23 +115,14 @@ mod tests {
         let (source, target) = ([2, 3, 4], [2, 2, 5]);
         copy(
             &from,
-            Window {
-                shape: &source,
-                at: &[0, 1, 1],
-            },
+            Window { shape: &source, at: &[0, 1, 1] },
             &mut into,
-            Window {
-                shape: &target,
-                at: &[0, 0, 2],
-            },
+            Window { shape: &target, at: &[0, 0, 2] },
             &[2, 2, 3],
         );
         assert_eq!(&into[..10], [0, 0, 5, 6, 7, 0, 0, 9, 10, 11]);
         let mut whole = vec![0; 24];
-        let place = Window {
-            shape: &source,
-            at: &[0, 0, 0],
-        };
+        let place = Window { shape: &source, at: &[0, 0, 0] };
         copy(&from, place, &mut whole, place, &source);
         assert_eq!(whole, from);
     }

@@ -232,14 +232,8 @@ impl Survey {
             .collect();
         let wanted = goal.share * all.len() as f64;
         let plan = self.plan(&needs, &counts, wanted);
-        let same: Vec<f64> = self
-            .tiles
-            .iter()
-            .map(|t| t.at_least(everywhere.min(most)))
-            .collect();
-        let cheapest = plan
-            .filter(|plan| self.cost(plan) < self.cost(&same))
-            .unwrap_or(same);
+        let same: Vec<f64> = self.tiles.iter().map(|t| t.at_least(everywhere.min(most))).collect();
+        let cheapest = plan.filter(|plan| self.cost(plan) < self.cost(&same)).unwrap_or(same);
         self.round(&cheapest, goal)
     }
 
@@ -270,21 +264,10 @@ impl Survey {
             let samples = if lit == 0 || lit >= least {
                 sorted(own[tile].clone())
             } else {
-                let near: Vec<f64> = around(tile)
-                    .filter_map(|t| own.get(t))
-                    .flatten()
-                    .copied()
-                    .collect();
-                if near.len() >= least {
-                    sorted(near)
-                } else {
-                    all.clone()
-                }
+                let near: Vec<f64> = around(tile).filter_map(|t| own.get(t)).flatten().copied().collect();
+                if near.len() >= least { sorted(near) } else { all.clone() }
             };
-            Needs {
-                own: own[tile].clone(),
-                samples,
-            }
+            Needs { own: own[tile].clone(), samples }
         };
         (0..own.len()).map(of).collect()
     }
@@ -331,12 +314,8 @@ impl Survey {
 
     /// Returns the part of a plan that the next round renders.
     fn round(&self, plan: &[f64], goal: &Goal) -> Next {
-        let more: Vec<f64> = self
-            .tiles
-            .iter()
-            .zip(plan)
-            .map(|(t, n)| (n - f64::from(t.samples)).max(0.0))
-            .collect();
+        let more: Vec<f64> =
+            self.tiles.iter().zip(plan).map(|(t, n)| (n - f64::from(t.samples)).max(0.0)).collect();
         let share = (GROWTH * self.samples() as f64 / self.cost(&more)).min(1.0);
         let left = |t: &Tile| goal.most.saturating_sub(t.samples);
         let tiles = self.tiles.iter().zip(&more);
@@ -347,11 +326,7 @@ impl Survey {
         }
         // A single sample gives no error estimate.
         counts.iter_mut().filter(|n| **n < 2).for_each(|n| *n = 0);
-        if counts.iter().all(|n| *n == 0) {
-            Next::Exhausted
-        } else {
-            Next::Round(counts)
-        }
+        if counts.iter().all(|n| *n == 0) { Next::Exhausted } else { Next::Round(counts) }
     }
 }
 

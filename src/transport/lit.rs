@@ -92,11 +92,7 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
         })
         .reduce(|| [0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
     let [mirror, interface, split] = counts.map(|n| f64::from(n) / f64::from(GRID * GRID));
-    Meets {
-        mirror,
-        interface,
-        split,
-    }
+    Meets { mirror, interface, split }
 }
 
 /// Returns true if light of a point emitter meets a redirecting surface first.
@@ -118,16 +114,12 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();
     if tables.camera.parallel {
-        return (
-            Integrator::Path,
-            "an orthographic camera has no pinhole, so all paths start at the camera",
-        );
+        return (Integrator::Path, "an orthographic camera has no pinhole, so all paths start at the camera");
     }
     match asked {
-        Integrator::Caustics if walks => (
-            Integrator::Bidirectional,
-            "with media or lenses, paths are traced from both ends",
-        ),
+        Integrator::Caustics if walks => {
+            (Integrator::Bidirectional, "with media or lenses, paths are traced from both ends")
+        }
         Integrator::Path | Integrator::Caustics | Integrator::Bidirectional => (asked, ""),
         Integrator::Auto => {
             if tables.projector.is_none() && tables.points.is_empty() {

@@ -46,14 +46,7 @@ impl Scene {
     /// Derives all quantities from the tables and chooses the integrator.
     #[must_use]
     pub fn new(tables: SceneTables) -> Self {
-        let mut scene = Self {
-            tables,
-            sheets: false,
-            filled: false,
-            far: 0.0,
-            point_tree: None,
-            why: None,
-        };
+        let mut scene = Self { tables, sheets: false, filled: false, far: 0.0, point_tree: None, why: None };
         scene.derive();
         scene.choose_integrator();
         scene
@@ -107,9 +100,7 @@ impl Scene {
         let plain = textures.images.is_empty() && textures.corners.is_empty();
         self.geometry.textured = !plain;
         let tables = &mut self.tables;
-        tables
-            .lights
-            .prepare(&tables.geometry, &tables.materials.textures);
+        tables.lights.prepare(&tables.geometry, &tables.materials.textures);
         self.point_tree = if self.points.len() > MOST_POINTS {
             let bounds: Vec<_> = self.points.iter().map(PointEmitter::bounds).collect();
             LightTree::new(&bounds)
@@ -118,10 +109,7 @@ impl Scene {
         };
         let [low, high] = self.geometry.bounds();
         let reach = |p: Vec3A| (p - low).abs().max((p - high).abs()).length();
-        let corners = [
-            DVec2::ZERO,
-            DVec2::from_array(self.camera.resolution.map(f64::from)),
-        ];
+        let corners = [DVec2::ZERO, DVec2::from_array(self.camera.resolution.map(f64::from))];
         let seen = corners.map(|corner| reach(self.camera.at(corner).origin));
         self.far = 2.0 * seen[0].max(seen[1]).max((high - low).length()).max(1.0);
     }

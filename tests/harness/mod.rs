@@ -21,10 +21,7 @@ pub fn scene(text: &str) -> Scene {
 
 /// Renders into `path`.
 pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
-    let target = Target {
-        path,
-        ..Target::default()
-    };
+    let target = Target { path, ..Target::default() };
     let summary = render(scene, &target, &Unwatched).expect("a render");
     assert!(summary.complete);
     TensorStore::open(&target.path).expect("the store just written")
@@ -32,11 +29,7 @@ pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
 
 /// A field of a slice.
 pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
-    store
-        .slice(slice)
-        .expect("the slice")
-        .read_all(field)
-        .expect("its values")
+    store.slice(slice).expect("the slice").read_all(field).expect("its values")
 }
 
 /// All files below `path`, by relative name.
@@ -71,9 +64,7 @@ pub fn assert_same_store(a: &Path, b: &Path) {
         // The manifest has a checksum of that file, and one of itself.
         let manifest = files.get_mut(Path::new("manifest.txt")).expect("a manifest");
         let text = String::from_utf8(std::mem::take(manifest)).expect("a text");
-        let same = text
-            .lines()
-            .filter(|l| !l.ends_with(" zarr.json") && !l.ends_with(" lines above"));
+        let same = text.lines().filter(|l| !l.ends_with(" zarr.json") && !l.ends_with(" lines above"));
         *manifest = same.collect::<Vec<_>>().join("\n").into_bytes();
     }
     for (name, bytes) in &a {
@@ -84,22 +75,14 @@ pub fn assert_same_store(a: &Path, b: &Path) {
 /// Command that runs the program in a folder.
 pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-    command
-        .args(arguments)
-        .current_dir(folder)
-        .env_remove("SUNSTONE_LOG");
+    command.args(arguments).current_dir(folder).env_remove("SUNSTONE_LOG");
     command
 }
 
 /// Runs the program and asserts its exit code.
 pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
     let out = sunstone(folder, arguments).output().expect("the program runs");
-    assert_eq!(
-        out.status.code(),
-        Some(code),
-        "{arguments:?}: {}",
-        String::from_utf8_lossy(&out.stderr)
-    );
+    assert_eq!(out.status.code(), Some(code), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
     out
 }
 
@@ -110,20 +93,12 @@ pub fn stderr(out: &Output) -> String {
 
 /// A broken file: name of the fault; passage and its replacement; location of the fault (the first line with
 /// this text; with a leading `^` also its column); words that the message must contain.
-pub type Case = (
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-);
+pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 /// Line and column of a fault, computed independently from the mark of a case.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
-    let at = text
-        .find(wanted.unwrap_or(mark))
-        .unwrap_or_else(|| panic!("`{mark}` is not in the file"));
+    let at = text.find(wanted.unwrap_or(mark)).unwrap_or_else(|| panic!("`{mark}` is not in the file"));
     let line = text[..at].matches('\n').count() + 1;
     let column = text[..at].chars().rev().take_while(|c| *c != '\n').count() + 1;
     (line, wanted.map(|_| column))

@@ -152,12 +152,7 @@ impl Finding {
         }
         let said: String = self.stderr.lines().take(3).collect::<Vec<_>>().join(" | ");
         (!why.is_empty()).then(|| {
-            format!(
-                "{}: {}: {}",
-                self.name,
-                why.join(", "),
-                said.chars().take(300).collect::<String>()
-            )
+            format!("{}: {}: {}", self.name, why.join(", "), said.chars().take(300).collect::<String>())
         })
     }
 }
@@ -251,12 +246,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     }
     if case.mode.is_some() && is_root() {
         command = Command::new("setpriv");
-        command.args([
-            "--reuid=65534",
-            "--regid=65534",
-            "--clear-groups",
-            env!("CARGO_BIN_EXE_sunstone"),
-        ]);
+        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", env!("CARGO_BIN_EXE_sunstone")]);
     }
     let mut child = command
         .args(&arguments)
@@ -282,11 +272,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         std::thread::sleep(Duration::from_millis(2));
     };
     let length = fs::metadata(&err).map_or(0, |m| m.len());
-    let bytes = if length <= FLOOD * 4 {
-        fs::read(&err).unwrap_or_default()
-    } else {
-        vec![]
-    };
+    let bytes = if length <= FLOOD * 4 { fs::read(&err).unwrap_or_default() } else { vec![] };
     let stderr = String::from_utf8_lossy(&bytes).into_owned();
     if case.mode.is_some() {
         for (name, _) in &case.files {
@@ -298,17 +284,11 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         vec![]
     } else {
         let new = after.iter().filter(|(name, what)| {
-            let finished = case
-                .may_leave
-                .iter()
-                .any(|n| name.to_string_lossy().starts_with(n));
+            let finished = case.may_leave.iter().any(|n| name.to_string_lossy().starts_with(n));
             before.get(*name) != Some(*what) && !finished
         });
         let gone = before.keys().filter(|name| !after.contains_key(*name));
-        new.map(|(name, _)| name)
-            .chain(gone)
-            .map(|name| name.display().to_string())
-            .collect()
+        new.map(|(name, _)| name).chain(gone).map(|name| name.display().to_string()).collect()
     };
     let lies = code != Some(0)
         && case.verify.is_some_and(|store| {
@@ -356,9 +336,7 @@ fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {
             assert!(made.success(), "no pipe");
         }
         Put::Link(to) => std::os::unix::fs::symlink(to.replace("{f}", root), path).expect("a link"),
-        Put::Sparse(length) => File::create(path)
-            .and_then(|f| f.set_len(*length))
-            .expect("a file"),
+        Put::Sparse(length) => File::create(path).and_then(|f| f.set_len(*length)).expect("a file"),
     }
 }
 

@@ -260,11 +260,7 @@ pub fn cases() -> Vec<Case> {
     let accepted: BTreeSet<&str> = ACCEPTED.lines().filter(|l| !l.starts_with('#')).collect();
     let expected = |case: Case| {
         let right = accepted.contains(case.name.as_str());
-        if right {
-            case.expect(Expect::Accepted)
-        } else {
-            case
-        }
+        if right { case.expect(Expect::Accepted) } else { case }
     };
     let mut cases = vec![];
     for (name, text, file, format, command) in DOCUMENTS {
@@ -277,9 +273,7 @@ pub fn cases() -> Vec<Case> {
         let right = Case::new(format!("{name}: as it is"), command).put(*file, put(&whole));
         cases.push(right.expect(Expect::Accepted));
         for (key, value) in spoil(&whole) {
-            cases.push(expected(
-                Case::new(format!("{name}: {key}"), command).put(*file, put(&value)),
-            ));
+            cases.push(expected(Case::new(format!("{name}: {key}"), command).put(*file, put(&value))));
         }
     }
     for command in OF_ARRAYS {

@@ -75,32 +75,17 @@ impl Fixtures {
         let at = fixtures.path();
         let put = |name: &str, text: &str| fs::write(at.join(name), text).expect("a file");
         put("scene.toml", SMALL);
-        put(
-            "materials.toml",
-            "materials.gold.rough_conductor = { metal = \"Au\", alpha = 0.2 }\n",
-        );
-        put(
-            "media.toml",
-            "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n",
-        );
+        put("materials.toml", "materials.gold.rough_conductor = { metal = \"Au\", alpha = 0.2 }\n");
+        put("media.toml", "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n");
         put("vary.toml", &format!("{SMALL}{VARY}"));
-        put(
-            "chain.toml",
-            "seed = 1\nscheme = { kind = \"drr\", captures = 36 }\n",
-        );
-        put(
-            "figure.toml",
-            &FIGURE.replace("SCENE", &at.join("scene.toml").to_string_lossy()),
-        );
+        put("chain.toml", "seed = 1\nscheme = { kind = \"drr\", captures = 36 }\n");
+        put("figure.toml", &FIGURE.replace("SCENE", &at.join("scene.toml").to_string_lossy()));
         let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/fruits");
         copy(&scenes, &at.join("scenes/fruits"));
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
         put("rig.toml", crate::documents::RIG);
-        put(
-            "lab.toml",
-            &crate::documents::RIG.replace("size = [6, 4]", "size = [912, 1140]"),
-        );
+        put("lab.toml", &crate::documents::RIG.replace("size = [6, 4]", "size = [912, 1140]"));
         put("plan.toml", crate::documents::PLAN);
         put("scan.toml", crate::documents::SCAN);
         put(
@@ -142,9 +127,7 @@ impl Fixtures {
         fs::create_dir(at.join("tables")).expect("a folder");
         fs::copy(at.join("table.pbsdf"), at.join("tables/one.pbsdf")).expect("a copy");
         fs::create_dir(at.join("empty")).expect("a folder");
-        let matrices: Vec<f32> = (0..PIXELS * 16)
-            .map(|i| if i % 16 == 0 { 2.0 } else { 0.1 })
-            .collect();
+        let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
         // Dimmed so that its camera does not saturate.
@@ -194,9 +177,7 @@ impl Fixtures {
 
 /// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
-    let made = tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .expect("a folder");
+    let made = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder");
     // Another user runs some of the cases.
     fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
     made

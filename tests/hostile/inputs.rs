@@ -110,10 +110,7 @@ fn spoilt(right: &'static str) -> Vec<(&'static str, Option<Put>)> {
         ("a link to itself", Some(Put::Link("x"))),
         ("cut short", Some(Put::Half(right))),
         ("a picture", Some(Put::Copy("mask8.png"))),
-        (
-            "no text",
-            Some(Put::Bytes((0..=255).cycle().take(5000).collect())),
-        ),
+        ("no text", Some(Put::Bytes((0..=255).cycle().take(5000).collect()))),
         ("one long line", Some(Put::Text("[1, 2".repeat(400_000)))),
         ("a tebibyte", Some(Put::Sparse(1 << 40))),
     ]
@@ -127,29 +124,18 @@ pub fn cases() -> Vec<Case> {
             None => case,
         };
         let accepted = ACCEPTED.contains(&case.name.as_str());
-        cases.push(if accepted {
-            case.expect(Expect::Accepted)
-        } else {
-            case
-        });
+        cases.push(if accepted { case.expect(Expect::Accepted) } else { case });
     };
     for (line, file, right) in READERS {
         for (what, put) in spoilt(right) {
-            add(
-                Case::new(format!("{line}: {file} is {what}"), &line.replace("{x}", file)),
-                file,
-                put,
-            );
+            add(Case::new(format!("{line}: {file} is {what}"), &line.replace("{x}", file)), file, put);
         }
     }
     for (from, to, file, right) in NAMED {
         for (what, put) in spoilt(right) {
             let text = SMALL.replacen(from, to, 1);
             assert!(text != SMALL, "{from}");
-            let case = Case::new(
-                format!("a scene's {to} is {what}"),
-                "render scene.toml -o out.zarr",
-            );
+            let case = Case::new(format!("a scene's {to} is {what}"), "render scene.toml -o out.zarr");
             add(case.put("scene.toml", Put::Text(text)), file, put);
         }
     }

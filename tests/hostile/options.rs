@@ -220,11 +220,7 @@ pub fn cases() -> Vec<Case> {
                 }
             }
             case.arguments = arguments;
-            cases.push(if right.contains(&value) {
-                case.expect(Expect::Accepted)
-            } else {
-                case
-            });
+            cases.push(if right.contains(&value) { case.expect(Expect::Accepted) } else { case });
         }
     }
     cases.extend(ODD.iter().map(|line| Case::new(format!("odd: {line}"), line)));

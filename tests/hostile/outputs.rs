@@ -87,9 +87,7 @@ fn named(extension: &str) -> String {
 }
 
 fn copy_of(input: &'static str) -> (String, Option<Put>) {
-    let name = Path::new(input)
-        .file_name()
-        .map_or(String::new(), |n| n.to_string_lossy().into_owned());
+    let name = Path::new(input).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
     let put = (!input.is_empty()).then_some(Put::Copy(input));
     (name, put)
 }
@@ -99,15 +97,10 @@ pub fn cases() -> Vec<Case> {
     for (line, extension, input) in WRITERS {
         let (name, put) = copy_of(input);
         let make = |what: &str, output: &str| {
-            let case = Case::new(
-                format!("{line}: .{extension} is {what}"),
-                &line.replace("{i}", &name),
-            );
+            let case = Case::new(format!("{line}: .{extension} is {what}"), &line.replace("{i}", &name));
             let mut case = case;
             // A name may be empty; then it is not a word of the line.
-            case.arguments
-                .iter_mut()
-                .for_each(|a| *a = a.replace("{o}", output));
+            case.arguments.iter_mut().for_each(|a| *a = a.replace("{o}", output));
             match put.clone() {
                 Some(put) => case.put(name.clone(), put),
                 None => case,
@@ -124,15 +117,9 @@ pub fn cases() -> Vec<Case> {
             (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
             // These commands write to addresses, but not of this kind.
-            (
-                make("an address", &format!("nowhere://bucket/{out}")).says("s3://"),
-                "read only",
-            )
+            (make("an address", &format!("nowhere://bucket/{out}")).says("s3://"), "read only")
         } else {
-            (
-                make("an address", &format!("s3://bucket/{out}")).says("address"),
-                "address",
-            )
+            (make("an address", &format!("s3://bucket/{out}")).says("address"), "address")
         };
         cases.push(address);
         cases.push(make("a web page", &format!("https://example.org/{out}")).says(page));
@@ -181,36 +168,24 @@ pub fn cases() -> Vec<Case> {
     cases.push(own("in a store", "probe s.zarr mueller -o s.zarr/a.npy").put("s.zarr", Put::Copy("s.zarr")));
     cases.push(own("in a store", "export s.zarr mueller -o s.zarr/a.exr").put("s.zarr", Put::Copy("s.zarr")));
     cases.push(
-        own(
-            "in a store",
-            "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy",
-        )
-        .put("s.zarr", Put::Copy("s.zarr")),
+        own("in a store", "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy")
+            .put("s.zarr", Put::Copy("s.zarr")),
     );
     cases.push(
-        own(
-            "around the scene",
-            "render s.zarr/scene.toml -o s.zarr --force --no-figures",
-        )
-        .put("s.zarr", Put::Copy("s.zarr"))
-        .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
+        own("around the scene", "render s.zarr/scene.toml -o s.zarr --force --no-figures")
+            .put("s.zarr", Put::Copy("s.zarr"))
+            .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
     );
     cases.push(
         own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
     );
     cases.push(
-        own(
-            "a store",
-            "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png",
-        )
-        .put("s.zarr", Put::Copy("s.zarr")),
+        own("a store", "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png")
+            .put("s.zarr", Put::Copy("s.zarr")),
     );
     cases.push(
-        own(
-            "its scenes",
-            "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png",
-        )
-        .put("scenes", Put::Folder),
+        own("its scenes", "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png")
+            .put("scenes", Put::Folder),
     );
     // All faults are reported before the first render.
     let apply = "apply metamerism --preview --seeds 1 --scenes scenes";

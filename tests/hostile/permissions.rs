@@ -79,11 +79,7 @@ pub fn cases() -> Vec<Case> {
     }
     let mut cases = vec![];
     for (line, file) in READERS {
-        let put = if file.ends_with(".zarr") {
-            Put::Folder
-        } else {
-            Put::Text("x".into())
-        };
+        let put = if file.ends_with(".zarr") { Put::Folder } else { Put::Text("x".into()) };
         let mut case = Case::new(format!("not to be read: {line}"), line).put(*file, put);
         (case.mode, case.says) = (Some(0), "ermission");
         cases.push(case);

@@ -60,9 +60,7 @@ fn is_vector(scene: &Value, path: &[Step]) -> bool {
         value = next.expect("a place");
     }
     let number = |v: &Value| v.is_float() || v.is_integer();
-    value
-        .as_array()
-        .is_some_and(|l| l.len() == 3 && l.iter().all(number))
+    value.as_array().is_some_and(|l| l.len() == 3 && l.iter().all(number))
 }
 
 /// Sets the value at a path, or removes it.
@@ -129,18 +127,11 @@ pub fn cases() -> Vec<Case> {
             .expect(Expect::Accepted),
     ];
     for (key, value) in spoil(&Value::Table(SCENE.parse().expect("TOML"))) {
-        let expect = if accepted.contains(key.as_str()) {
-            Expect::Accepted
-        } else {
-            Expect::Refused
-        };
+        let expect = if accepted.contains(key.as_str()) { Expect::Accepted } else { Expect::Refused };
         let text = toml::to_string(&value).expect("TOML");
         // Figures are parsed by the command that draws them.
-        let command = if key.starts_with("figures") {
-            "render scene.toml -o s.zarr"
-        } else {
-            "info scene.toml"
-        };
+        let command =
+            if key.starts_with("figures") { "render scene.toml -o s.zarr" } else { "info scene.toml" };
         let case = Case::new(format!("scene {key}"), command);
         cases.push(case.put("scene.toml", Put::Text(text)).expect(expect));
     }

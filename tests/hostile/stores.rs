@@ -17,13 +17,8 @@ const READERS: &[&str] = &[
 ];
 
 /// Files of a store that all commands need.
-const FILES: &[&str] = &[
-    "zarr.json",
-    "mueller/zarr.json",
-    "mueller/mean/zarr.json",
-    "mueller/mean/c.0.0.0.0.0",
-    "manifest.txt",
-];
+const FILES: &[&str] =
+    &["zarr.json", "mueller/zarr.json", "mueller/mean/zarr.json", "mueller/mean/c.0.0.0.0.0", "manifest.txt"];
 
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
@@ -36,10 +31,7 @@ pub fn cases() -> Vec<Case> {
                 ("a folder", Some(Put::Folder)),
                 ("/dev/zero", Some(Put::Link("/dev/zero"))),
                 ("a link to nothing", Some(Put::Link("nothing"))),
-                (
-                    "something else",
-                    Some(Put::Bytes(b"not what was written".to_vec())),
-                ),
+                ("something else", Some(Put::Bytes(b"not what was written".to_vec()))),
                 ("a tebibyte", Some(Put::Sparse(1 << 40))),
             ];
             for (what, put) in spoilt {
@@ -51,9 +43,7 @@ pub fn cases() -> Vec<Case> {
                 } else {
                     case
                 };
-                let case = case
-                    .put("s.zarr", Put::Copy("s.zarr"))
-                    .put(name.clone(), Put::Gone);
+                let case = case.put("s.zarr", Put::Copy("s.zarr")).put(name.clone(), Put::Gone);
                 cases.push(match put {
                     Some(put) => case.put(name, put),
                     None => case,

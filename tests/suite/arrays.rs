@@ -38,10 +38,7 @@ fn arrays_and_stores_agree_in_every_field() {
         schedule::render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("memory takes all");
     assert!(summary.complete);
     assert_eq!(arrays.names(), store.slice_names());
-    assert_eq!(
-        arrays.samples(),
-        store.read_samples([0, 0], [18, 18]).expect("samples")
-    );
+    assert_eq!(arrays.samples(), store.read_samples([0, 0], [18, 18]).expect("samples"));
     let mut fields = 0;
     for name in store.slice_names() {
         let slice = store.slice(name).expect("a slice");
@@ -93,19 +90,13 @@ camera = { binned = 3 }
     // The error of a mean over wavelengths is at most the mean of their errors.
     for (total, each) in errors.iter().zip(get("photo", Field::StdError).chunks_exact(3)) {
         let bound = each.iter().sum::<f32>() / 3.0;
-        assert!(
-            *total <= 1.00001 * bound && *total >= 0.3 * bound,
-            "{total}, {each:?}"
-        );
+        assert!(*total <= 1.00001 * bound && *total >= 0.3 * bound, "{total}, {each:?}");
     }
     // Pixels are independent; a bin has 9 of them.
     let coarse = get("coarse", Field::TotalStdError);
     for (i, binned) in coarse.iter().enumerate() {
         let box_of = (0..9).map(|k| (i / 6 * 3 + k / 3) * 18 + i % 6 * 3 + k % 3);
         let want = box_of.map(|k| f64::from(errors[k]).powi(2)).sum::<f64>().sqrt() / 9.0;
-        assert!(
-            (f64::from(*binned) - want).abs() <= 1e-5 * want,
-            "{binned}, not {want}"
-        );
+        assert!((f64::from(*binned) - want).abs() <= 1e-5 * want, "{binned}, not {want}");
     }
 }

@@ -26,11 +26,7 @@ fn checksum(program: &str, scene: &str, spp: &str, threads: &str) -> String {
         .args([&store, &file])
         .output()
         .expect("the program runs");
-    assert!(
-        out.status.success(),
-        "{scene}: {}",
-        String::from_utf8_lossy(&out.stderr)
-    );
+    assert!(out.status.success(), "{scene}: {}", String::from_utf8_lossy(&out.stderr));
     let mut chunks: Vec<(String, Vec<u8>)> = files(&store)
         .into_iter()
         .map(|(path, bytes)| (path.to_string_lossy().replace('\\', "/"), bytes))

@@ -28,11 +28,7 @@ fn poses() -> Vec<Pose> {
     (0..7)
         .map(|i| {
             let a = f64::from(i) * 0.9;
-            let at = [
-                0.03 * (2.0 * a).cos(),
-                0.02 * a.sin(),
-                0.36 + 0.02 * f64::from(i % 3),
-            ];
+            let at = [0.03 * (2.0 * a).cos(), 0.02 * a.sin(), 0.36 + 0.02 * f64::from(i % 3)];
             Pose::new([0.45 * a.cos(), 0.45 * a.sin(), 0.1], at).after(&middle)
         })
         .collect()
@@ -51,25 +47,16 @@ fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     for i in 0..320 * 240 {
         for k in 0..POINTS {
             let part = |a: f64| (k as f64 * a).fract();
-            let pixel = [
-                f64::from(i % 320) + part(0.7548776662),
-                f64::from(i / 320) + part(0.5698402910),
-            ];
+            let pixel = [f64::from(i % 320) + part(0.7548776662), f64::from(i / 320) + part(0.5698402910)];
             let n = camera.normalized(pixel.into()).expect("in the image");
             let ray = back.rotation * n.push(1.0);
             let p = back.translation - ray * (back.translation.z / ray.z);
             let at = projector.project(&between().after(pose).apply(p));
             let lit = at.filter(|q| q.x >= 0.0 && q.y >= 0.0 && q.x < 128.0 && q.y < 96.0);
-            let (x, y) = (
-                (p.x / board.square + 1.0).floor(),
-                (p.y / board.square + 1.0).floor(),
-            );
+            let (x, y) = ((p.x / board.square + 1.0).floor(), (p.y / board.square + 1.0).floor());
             let inside = (0.0..=7.0).contains(&x) && (0.0..=6.0).contains(&y);
             let dark = inside && (x + y) as i32 % 2 == 0;
-            all.push((
-                if dark { 0.1 } else { 0.9 },
-                lit.map(|q| [q.x as u32, q.y as u32]),
-            ));
+            all.push((if dark { 0.1 } else { 0.9 }, lit.map(|q| [q.x as u32, q.y as u32])));
         }
     }
     all
@@ -78,10 +65,7 @@ fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
 /// Writes an image; `light` is the light of a projector pixel.
 fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32; 2]) -> f64) {
     let pixel = |points: &[(f64, Option<[u32; 2]>)]| {
-        let sum: f64 = points
-            .iter()
-            .map(|(white, lit)| white * (0.1 + lit.map_or(0.0, &light)))
-            .sum();
+        let sum: f64 = points.iter().map(|(white, lit)| white * (0.1 + lit.map_or(0.0, &light))).sum();
         (200.0 * sum / POINTS as f64).round() as u8
     };
     let values: Vec<u8> = seen.chunks(POINTS).map(pixel).collect();
@@ -103,29 +87,21 @@ fn scene_of(at: &Path, name: &str, projector: bool) {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_camera_and_a_projector_from_their_images() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    run(
-        at,
-        &["calibrate", "patterns", "--projector", "128x96", "-o", "patterns"],
-        0,
-    );
+    run(at, &["calibrate", "patterns", "--projector", "128x96", "-o", "patterns"], 0);
     let sequence = Sequence::gray([128, 96]).expect("a projector");
     let patterns = sequence.patterns();
-    assert_eq!(
-        std::fs::read_dir(at.join("patterns")).expect("a folder").count(),
-        patterns.len()
-    );
+    assert_eq!(std::fs::read_dir(at.join("patterns")).expect("a folder").count(), patterns.len());
     let mut views = vec![];
     for (v, pose) in poses().iter().enumerate() {
         let seen = seen(pose);
         let view = format!("view{v}");
         std::fs::create_dir(at.join(&view)).expect("a folder");
         for (i, p) in patterns.iter().enumerate() {
-            photograph(&at.join(&view).join(format!("{i:03}.png")), &seen, |[u, v]| {
-                sequence.drive(*p, u, v)
-            });
+            photograph(&at.join(&view).join(format!("{i:03}.png")), &seen, |[u, v]| sequence.drive(*p, u, v));
         }
         views.push(view);
     }
@@ -146,15 +122,7 @@ fn a_camera_and_a_projector_from_their_images() {
     scene_of(at, "camera.toml", false);
     // Camera and projector.
     for output in ["pair.toml", "pair.json"] {
-        let mut arguments = vec![
-            "calibrate",
-            "projector",
-            "--projector",
-            "128x96",
-            "--fix-k3",
-            "-o",
-            output,
-        ];
+        let mut arguments = vec!["calibrate", "projector", "--projector", "128x96", "--fix-k3", "-o", output];
         arguments.extend(TARGET);
         arguments.extend(views.iter().map(String::as_str));
         run(at, &arguments, 0);
@@ -167,11 +135,7 @@ fn a_camera_and_a_projector_from_their_images() {
     assert!(off.iter().all(|x| x.abs() < 4e-3), "{off:?}");
     scene_of(at, "pair.toml", true);
     run(at, &["import", "pair.json", "-o", "one.toml"], 0);
-    let out = run(
-        at,
-        &["import", "pair.json", "--camera", "projector", "-o", "two.toml"],
-        0,
-    );
+    let out = run(at, &["import", "pair.json", "--camera", "projector", "-o", "two.toml"], 0);
     let text =
         std::fs::read_to_string(at.join("two.toml")).unwrap_or_else(|e| panic!("{e}: {}", stderr(&out)));
     assert!(text.contains("resolution = [128, 96]"), "{text}");
@@ -181,11 +145,7 @@ fn a_camera_and_a_projector_from_their_images() {
 fn what_is_no_board_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    std::fs::write(
-        at.join("grey.png"),
-        png_bytes(40, 30, &[90; 1200]).expect("a PNG"),
-    )
-    .expect("writes");
+    std::fs::write(at.join("grey.png"), png_bytes(40, 30, &[90; 1200]).expect("a PNG")).expect("writes");
     std::fs::write(at.join("bad.png"), b"no image").expect("writes");
     std::fs::create_dir(at.join("empty")).expect("a folder");
     let board = |image: &str, more: &[&str], says: &str| {
@@ -198,25 +158,9 @@ fn what_is_no_board_is_refused() {
     board("grey.png", &[], "none of the 1 images");
     board("bad.png", &[], "as PNG");
     board("none.png", &[], "none.png");
-    board(
-        "grey.png",
-        &["--columns", "2", "--rows", "6", "--square", "25mm"],
-        "at least 3 × 3",
-    );
-    board(
-        "grey.png",
-        &["--columns", "7", "--rows", "6", "--square", "25inch"],
-        "25mm",
-    );
-    let mut arguments = vec![
-        "calibrate",
-        "projector",
-        "empty",
-        "--projector",
-        "64x48",
-        "-o",
-        "c.toml",
-    ];
+    board("grey.png", &["--columns", "2", "--rows", "6", "--square", "25mm"], "at least 3 × 3");
+    board("grey.png", &["--columns", "7", "--rows", "6", "--square", "25inch"], "25mm");
+    let mut arguments = vec!["calibrate", "projector", "empty", "--projector", "64x48", "-o", "c.toml"];
     arguments.extend(TARGET);
     let out = run(at, &arguments, 2);
     assert!(stderr(&out).contains("got 0 images"), "{}", stderr(&out));

@@ -46,10 +46,7 @@ fn sunstone(folder: &Path, line: &str) -> String {
 
 fn schemes(folder: &Path) {
     sunstone(folder, "scheme drr -k 36 -o drr36.toml");
-    sunstone(
-        folder,
-        "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml",
-    );
+    sunstone(folder, "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml");
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
     // Plates that are exact only at 550 nm.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
@@ -72,14 +69,9 @@ fn what_is_captured_is_reconstructed() {
     let truth = matrices(d);
     schemes(d);
     for (scheme, shape) in [("plates", &[36, 6, 8, 3][..]), ("array12", &[12, 4, 6, 8, 3])] {
-        let said = sunstone(
-            d,
-            &format!("capture M.npy --scheme {scheme}.toml --wavelengths 450,550,660 -o I.npy"),
-        );
-        assert!(
-            said.contains("rank 16") && said.contains("saturated  0.000 %"),
-            "{said}"
-        );
+        let said =
+            sunstone(d, &format!("capture M.npy --scheme {scheme}.toml --wavelengths 450,550,660 -o I.npy"));
+        assert!(said.contains("rank 16") && said.contains("saturated  0.000 %"), "{said}");
         assert_eq!(read(&d.join("I.npy")).0, shape);
         sunstone(
             d,
@@ -98,11 +90,7 @@ fn what_is_captured_is_reconstructed() {
     );
     let ((shape, seen), (_, variances)) = (read(&d.join("I.npy")), read(&d.join("V.npy")));
     assert_eq!(shape, [36, 6, 8, 3]);
-    assert!(
-        seen.iter()
-            .zip(&variances)
-            .all(|(i, v)| i.is_finite() == v.is_finite() && *v > 0.0)
-    );
+    assert!(seen.iter().zip(&variances).all(|(i, v)| i.is_finite() == v.is_finite() && *v > 0.0));
     sunstone(
         d,
         "reconstruct I.npy --scheme drr36.toml --wavelengths 450,550,660 --variance V.npy -o back.npy",
@@ -111,11 +99,7 @@ fn what_is_captured_is_reconstructed() {
     let off = back.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / truth.len() as f64;
     assert!(off.sqrt() > 1e-4 && off.sqrt() < 0.2, "{}", off.sqrt());
     // Superpixels halve the image.
-    std::fs::write(
-        d.join("mosaic.toml"),
-        format!("demosaic = \"superpixel\"\n{camera}"),
-    )
-    .expect("space");
+    std::fs::write(d.join("mosaic.toml"), format!("demosaic = \"superpixel\"\n{camera}")).expect("space");
     sunstone(
         d,
         "capture M.npy --scheme array12.toml --wavelengths 450,550,660 --detector mosaic.toml -o I.npy",
@@ -131,57 +115,27 @@ fn slices_are_captured_along_their_axes() {
     schemes(d);
     sunstone(d, "capture out/room.zarr image --scheme plates.toml -o I.npy");
     assert_eq!(read(&d.join("I.npy")).0, [36, 12, 16, 3]);
-    sunstone(
-        d,
-        "reconstruct I.npy --scheme plates.toml --wavelengths 450,550,660 -o back.npy",
-    );
+    sunstone(d, "reconstruct I.npy --scheme plates.toml --wavelengths 450,550,660 -o back.npy");
     let (_, back) = read(&d.join("back.npy"));
     let store = TensorStore::open(&d.join("out/room.zarr")).expect("a store");
-    let mean = store
-        .slice("image")
-        .expect("a slice")
-        .read_all(Field::Mean)
-        .expect("values");
+    let mean = store.slice("image").expect("a slice").read_all(Field::Mean).expect("values");
     let most = mean.data.iter().fold(0.0, |m: f32, v| m.max(v.abs()));
-    for (y, x, w, i, j) in [
-        (6, 8, 0, 0, 0),
-        (6, 8, 2, 1, 1),
-        (3, 5, 1, 3, 2),
-        (9, 11, 2, 2, 0),
-    ] {
-        let axes = [
-            AxisKind::Y,
-            AxisKind::X,
-            AxisKind::Wavelength,
-            AxisKind::StokesOut,
-            AxisKind::StokesIn,
-        ];
+    for (y, x, w, i, j) in [(6, 8, 0, 0, 0), (6, 8, 2, 1, 1), (3, 5, 1, 3, 2), (9, 11, 2, 2, 0)] {
+        let axes = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength, AxisKind::StokesOut, AxisKind::StokesIn];
         let want = mean.at(&axes.into_iter().zip([y, x, w, i, j]).collect::<Vec<_>>());
         let found = back[(((y * 16 + x) * 3 + w) * 4 + i) * 4 + j];
-        assert!(
-            (found - f64::from(want)).abs() < 1e-5 * f64::from(most),
-            "{found} {want}"
-        );
+        assert!((found - f64::from(want)).abs() < 1e-5 * f64::from(most), "{found} {want}");
     }
     // A single selected wavelength is known.
-    sunstone(
-        d,
-        "capture out/room.zarr image -k wavelength=450 --scheme plates.toml -o I.npy",
-    );
+    sunstone(d, "capture out/room.zarr image -k wavelength=450 --scheme plates.toml -o I.npy");
     assert_eq!(read(&d.join("I.npy")).0, [36, 12, 16]);
-    sunstone(
-        d,
-        "reconstruct I.npy --scheme plates.toml --wavelengths 450 -o one.npy",
-    );
+    sunstone(d, "reconstruct I.npy --scheme plates.toml --wavelengths 450 -o one.npy");
     let (_, one) = read(&d.join("one.npy"));
     let first: Vec<f64> = back.chunks(48).flat_map(|m| m[..16].to_vec()).collect();
     assert!(worst(&one, &first) < 1e-5 * f64::from(most));
 
-    std::fs::write(
-        d.join("spad.toml"),
-        "[spad]\nphotons_per_unit = 0.01\nperiod_ps = 10000\nbin_ps = 100\n",
-    )
-    .expect("space");
+    std::fs::write(d.join("spad.toml"), "[spad]\nphotons_per_unit = 0.01\nperiod_ps = 10000\nbin_ps = 100\n")
+        .expect("space");
     sunstone(
         d,
         "capture out/room.zarr xt -k v=3 -k u=4 -k x=6:9 --scheme drr10.toml --detector spad.toml -o counts.npy",
@@ -204,10 +158,7 @@ fn schemes_are_tried() {
         "trial M.npy --wavelengths 450,550,660 --scheme drr36.toml --scheme array12.toml --scheme drr10.toml \
          --relative-noise 0.001 --repeat 8 -o t.csv --figure maps.png --curve curve.png",
     );
-    assert!(
-        printed.contains("minimum norm") && printed.contains("t.csv"),
-        "{printed}"
-    );
+    assert!(printed.contains("minimum norm") && printed.contains("t.csv"), "{printed}");
     for picture in ["maps.png", "curve.png"] {
         assert!(image::open(d.join(picture)).expect("a picture").width() > 300);
     }
@@ -230,11 +181,7 @@ fn schemes_are_tried() {
     let camera = "trial M.npy --scheme drr36.toml --detector camera.toml -o t.csv";
     sunstone(d, camera);
     let text = std::fs::read_to_string(d.join("t.csv")).expect("a table");
-    let rmse: f64 = text
-        .lines()
-        .nth(1)
-        .and_then(|l| l.split(',').nth(6)?.parse().ok())
-        .expect("a number");
+    let rmse: f64 = text.lines().nth(1).and_then(|l| l.split(',').nth(6)?.parse().ok()).expect("a number");
     assert!(rmse > 1e-3 && rmse < 0.2, "{rmse}");
 }
 
@@ -253,47 +200,23 @@ fn other_inputs_are_refused() {
         ("capture flat.npy --scheme drr36.toml -o I.npy", "(..., 4, 4)"),
         ("capture M.npy --scheme none.toml -o I.npy", "sunstone scheme drr"),
         ("capture M.npy --scheme drr36.toml -o I.csv", ".npy"),
-        (
-            "capture out/room.zarr --scheme drr36.toml -o I.npy",
-            "name the slice",
-        ),
-        (
-            "capture out/room.zarr image --wavelengths 550 --scheme drr36.toml -o I.npy",
-            "-k wavelength=550",
-        ),
-        (
-            "capture M.npy --wavelengths 450,550 --scheme drr36.toml -o I.npy",
-            "2 wavelengths",
-        ),
+        ("capture out/room.zarr --scheme drr36.toml -o I.npy", "name the slice"),
+        ("capture out/room.zarr image --wavelengths 550 --scheme drr36.toml -o I.npy", "-k wavelength=550"),
+        ("capture M.npy --wavelengths 450,550 --scheme drr36.toml -o I.npy", "2 wavelengths"),
         ("capture M.npy --noise -1 --scheme drr36.toml -o I.npy", "'-1'"),
-        (
-            "capture M.npy --noise=-1 --scheme drr36.toml -o I.npy",
-            "expected 0 or a number",
-        ),
+        ("capture M.npy --noise=-1 --scheme drr36.toml -o I.npy", "expected 0 or a number"),
         (
             "capture M.npy --noise 1 --detector camera.toml --scheme drr36.toml -o I.npy",
             "cannot be used with",
         ),
-        (
-            "capture M.npy --detector camera.toml --scheme drr36.toml -o I.npy",
-            "camera.toml:2:1",
-        ),
-        (
-            "capture M.npy --detector spad.toml --scheme drr36.toml -o I.npy",
-            "time bins",
-        ),
-        (
-            "capture out/room.zarr image --detector spad.toml --scheme drr36.toml -o I.npy",
-            "time bins",
-        ),
+        ("capture M.npy --detector camera.toml --scheme drr36.toml -o I.npy", "camera.toml:2:1"),
+        ("capture M.npy --detector spad.toml --scheme drr36.toml -o I.npy", "time bins"),
+        ("capture out/room.zarr image --detector spad.toml --scheme drr36.toml -o I.npy", "time bins"),
         (
             "capture out/room.zarr xt -k v=0 -k u=0 --detector bins.toml --scheme drr36.toml -o I.npy",
             "64 bins of 100 ps",
         ),
-        (
-            "capture M.npy --noise 1 --scheme drr36.toml -o I.npy --variance V.npy",
-            "--detector",
-        ),
+        ("capture M.npy --noise 1 --scheme drr36.toml -o I.npy --variance V.npy", "--detector"),
         ("trial dark.npy --scheme drr36.toml", "not positive"),
         ("trial M.npy --scheme drr36.toml --repeat 0", "1..=10000"),
         ("trial M.npy --scheme drr36.toml --prior none.toml", "pbrdf pca"),

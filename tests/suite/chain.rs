@@ -25,13 +25,7 @@ fn rigs_are_calibrated_by_known_samples() {
     let chain = chain("[cmos]\nbracket = [1, 0.1]\n");
     let samples = [Sample::Air, Sample::Mirror, Sample::Polarizer];
     let plan = Scheme::quad(36, false).expect("a scheme");
-    let noise = Noise::Cmos {
-        camera: Cmos {
-            photons_per_unit: 2e6,
-            ..Cmos::default()
-        },
-        demosaic: None,
-    };
+    let noise = Noise::Cmos { camera: Cmos { photons_per_unit: 2e6, ..Cmos::default() }, demosaic: None };
     let (mut left, mut planted) = (0.0, 0.0);
     for rig in 0..8 {
         let real = chain.laboratory.optics.of(&plan, rig);
@@ -57,13 +51,8 @@ fn rigs_are_calibrated_by_known_samples() {
 
 #[test]
 fn a_rig_is_that_of_its_seed() {
-    let link = |belief| Link {
-        label: String::new(),
-        chain: chain("seed = 4\n"),
-        belief,
-        prior: None,
-        only: None,
-    };
+    let link =
+        |belief| Link { label: String::new(), chain: chain("seed = 4\n"), belief, prior: None, only: None };
     let rig = |belief, seed| format!("{:?}", link(belief).rig(seed, &[550.0]).expect("a rig"));
     assert_eq!(rig(Belief::Calibrated, 1), rig(Belief::Calibrated, 1));
     assert_ne!(rig(Belief::Exact, 1), rig(Belief::Exact, 2));
@@ -72,10 +61,7 @@ fn a_rig_is_that_of_its_seed() {
 
 #[test]
 fn parts_are_swept_by_name() {
-    assert_eq!(
-        Part::parse("photons=30,3e3"),
-        Ok((Part::Photons, vec![30.0, 3000.0]))
-    );
+    assert_eq!(Part::parse("photons=30,3e3"), Ok((Part::Photons, vec![30.0, 3000.0])));
     for part in Part::ALL {
         let (found, values) = Part::parse(part.name()).expect("a part");
         assert_eq!((found, values.as_slice()), (part, part.values()));
@@ -109,11 +95,8 @@ fn parts_are_swept_by_name() {
 fn what_cannot_be_captured_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    std::fs::write(
-        at.join("chain.toml"),
-        "scheme = { kind = \"drr\", captures = 36 }\noptic = 3\n",
-    )
-    .expect("writes");
+    std::fs::write(at.join("chain.toml"), "scheme = { kind = \"drr\", captures = 36 }\noptic = 3\n")
+        .expect("writes");
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let message = |more: &[&str]| {

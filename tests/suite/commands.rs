@@ -75,10 +75,7 @@ pub fn rendered() -> tempfile::TempDir {
     std::fs::create_dir(dir.path().join("room")).unwrap();
     std::fs::write(dir.path().join("room/scene.toml"), SCENE).unwrap();
     let out = run(dir.path(), &["render", "room/scene.toml"]);
-    assert!(
-        out.contains("out/room.zarr") && out.contains("photo.png"),
-        "{out}"
-    );
+    assert!(out.contains("out/room.zarr") && out.contains("photo.png"), "{out}");
     dir
 }
 
@@ -91,62 +88,32 @@ fn a_chain_of_commands() {
         assert!(image::open(path).unwrap().width() > 100);
     }
     let info = run(d, &["info", "out/room.zarr"]);
-    assert!(
-        info.contains("samples_per_pixel  8") && info.contains("overflow"),
-        "{info}"
-    );
+    assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
 
     // Output for a scene: its content and no warnings, also about the mirror that the projector illuminates.
     let about = run(d, &["info", "room/scene.toml"]);
-    assert!(
-        about.contains("integrator         path") && about.contains("1 quadrics"),
-        "{about}"
-    );
+    assert!(about.contains("integrator         path") && about.contains("1 quadrics"), "{about}");
     assert!(!about.contains("warning"), "{about}");
-    let mirror = SCENE
-        .replace("gold.rough_conductor", "gold.conductor")
-        .replace(", alpha = 0.3 }", " }");
+    let mirror = SCENE.replace("gold.rough_conductor", "gold.conductor").replace(", alpha = 0.3 }", " }");
     std::fs::write(d.join("mirror.toml"), &mirror).unwrap();
     let about = run(d, &["info", "mirror.toml"]);
-    assert!(
-        about.contains("integrator         caustics (") && !about.contains("warning"),
-        "{about}"
-    );
+    assert!(about.contains("integrator         caustics (") && !about.contains("warning"), "{about}");
     let plain = mirror.replace("[render]", "[render]\nintegrator = \"path\"");
     std::fs::write(d.join("plain.toml"), plain).unwrap();
     let about = run(d, &["info", "plain.toml"]);
-    assert!(
-        about.contains("warning: ") && about.contains("remove `integrator`"),
-        "{about}"
-    );
+    assert!(about.contains("warning: ") && about.contains("remove `integrator`"), "{about}");
     let both = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"");
     std::fs::write(d.join("both.toml"), both).unwrap();
     let about = run(d, &["info", "both.toml"]);
     assert!(!about.contains("warning"), "{about}");
-    let walks = mirror.replace(
-        "[render]",
-        "[render]\nintegrator = \"bidirectional\"\nmanifold = false",
-    );
+    let walks = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"\nmanifold = false");
     std::fs::write(d.join("walks.toml"), walks).unwrap();
     let about = run(d, &["info", "walks.toml"]);
-    assert!(
-        about.contains("is not found") && about.contains("manifold = true"),
-        "{about}"
-    );
+    assert!(about.contains("is not found") && about.contains("manifold = true"), "{about}");
 
     // The T_p that the program prints is the sum over the image.
-    let printed = run(
-        d,
-        &[
-            "probe",
-            "out/room.zarr",
-            "image",
-            "--preset",
-            "polarimetric",
-            "-k",
-            "wavelength=550",
-        ],
-    );
+    let printed =
+        run(d, &["probe", "out/room.zarr", "image", "--preset", "polarimetric", "-k", "wavelength=550"]);
     let m00: f64 = printed
         .lines()
         .find_map(|l| l.strip_prefix("0,0,"))
@@ -165,9 +132,7 @@ fn a_chain_of_commands() {
     // A pattern of ones gives the image of full drive; half drive gives half of it.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
-        image::GrayImage::from_pixel(8, 6, image::Luma([drive]))
-            .save(&file)
-            .unwrap();
+        image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
         run(
             d,
             &[
@@ -187,126 +152,43 @@ fn a_chain_of_commands() {
         let name = lit.slice_names()[0].clone();
         let lit = lit.slice(&name).unwrap().read_all(Field::Mean).unwrap();
         let all = store.slice("xt").unwrap().read_all(Field::Mean).unwrap();
-        let (a, b): (f64, f64) = (
-            lit.data.iter().map(|v| f64::from(*v)).sum(),
-            all.data.iter().map(|v| f64::from(*v)).sum(),
-        );
+        let (a, b): (f64, f64) =
+            (lit.data.iter().map(|v| f64::from(*v)).sum(), all.data.iter().map(|v| f64::from(*v)).sum());
         assert!((a / b - f64::from(drive) / 255.0).abs() < 1e-4, "{a} {b}");
     }
     let csv = run(
         d,
-        &[
-            "probe",
-            "out/room.zarr",
-            "xt",
-            "-k",
-            "x=8",
-            "-k",
-            "wavelength=550",
-            "--sum",
-            "v,u",
-            "--csv",
-            "-",
-        ],
+        &["probe", "out/room.zarr", "xt", "-k", "x=8", "-k", "wavelength=550", "--sum", "v,u", "--csv", "-"],
     );
-    assert!(
-        csv.starts_with("y,t,stokes_out,stokes_in,mean,std_error") || csv.starts_with("t,"),
-        "{csv}"
-    );
-    run(
-        d,
-        &[
-            "probe",
-            "out/room.zarr",
-            "image",
-            "--stokes",
-            "horizontal",
-            "-o",
-            "h.npy",
-        ],
-    );
+    assert!(csv.starts_with("y,t,stokes_out,stokes_in,mean,std_error") || csv.starts_with("t,"), "{csv}");
+    run(d, &["probe", "out/room.zarr", "image", "--stokes", "horizontal", "-o", "h.npy"]);
     assert!(d.join("h.npy").exists());
 
-    run(
-        d,
-        &["export", "out/room.zarr", "image", "--mueller", "-o", "room.exr"],
-    );
+    run(d, &["export", "out/room.zarr", "image", "--mueller", "-o", "room.exr"]);
     assert!(std::fs::metadata(d.join("room.exr")).unwrap().len() > 1000);
     run(
         d,
-        &[
-            "figure",
-            "out/room.zarr",
-            "--view",
-            "profile",
-            "--slice",
-            "xt",
-            "--pixel",
-            "8,6",
-            "-o",
-            "p.png",
-        ],
+        &["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o", "p.png"],
     );
     assert!(d.join("p.png").exists());
     // The extension determines the format, as does the option for the scene's figures.
-    let view = [
-        "figure",
-        "out/room.zarr",
-        "--view",
-        "profile",
-        "--slice",
-        "xt",
-        "--pixel",
-        "8,6",
-        "-o",
-    ];
+    let view = ["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o"];
     for (name, head) in [("p.svg", "<svg "), ("p.pdf", "%PDF-")] {
         run(d, &[&view[..], &[name]].concat());
         let bytes = std::fs::read(d.join(name)).unwrap();
         assert!(bytes.starts_with(head.as_bytes()), "{name}");
     }
-    let drawn = run(
-        d,
-        &[
-            "figure",
-            "out/room.zarr",
-            "photo",
-            "--format",
-            "svg",
-            "-o",
-            "drawn",
-        ],
-    );
-    assert!(
-        drawn.contains("photo.svg") && d.join("drawn/photo.svg").exists(),
-        "{drawn}"
-    );
+    let drawn = run(d, &["figure", "out/room.zarr", "photo", "--format", "svg", "-o", "drawn"]);
+    assert!(drawn.contains("photo.svg") && d.join("drawn/photo.svg").exists(), "{drawn}");
     for name in ["p.jpg", "p.gif"] {
         let message = refused(d, &[&view[..], &[name]].concat());
-        assert!(
-            message.contains(".png, .svg or .pdf") && !d.join(name).exists(),
-            "{message}"
-        );
+        assert!(message.contains(".png, .svg or .pdf") && !d.join(name).exists(), "{message}");
     }
 
-    run(
-        d,
-        &[
-            "render",
-            "room/scene.toml",
-            "--seed",
-            "1",
-            "-o",
-            "b.zarr",
-            "--no-figures",
-        ],
-    );
+    run(d, &["render", "room/scene.toml", "--seed", "1", "-o", "b.zarr", "--no-figures"]);
     run(d, &["merge", "out/room.zarr", "b.zarr", "-o", "ab.zarr"]);
     let info = run(d, &["info", "ab.zarr"]);
-    assert!(
-        info.contains("[0,1]") && info.contains("samples_per_pixel  16"),
-        "{info}"
-    );
+    assert!(info.contains("[0,1]") && info.contains("samples_per_pixel  16"), "{info}");
 }
 
 #[test]
@@ -331,32 +213,17 @@ fn bad_input_is_refused_with_a_fix() {
     let cases: [(&[&str], &str); 9] = [
         (&["probe", "out/room.zarr", "none"], "none"),
         (&["probe", "out/room.zarr", "image", "-k", "q=1"], "axis"),
-        (
-            &["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"],
-            "time",
-        ),
+        (&["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"], "time"),
         (&["figure", "out/room.zarr", "nonesuch"], "photo, grid"),
-        (
-            &["figure", "out/room.zarr", "--view", "flight", "--slice", "image"],
-            "time",
-        ),
+        (&["figure", "out/room.zarr", "--view", "flight", "--slice", "image"], "time"),
         (&["export", "out/room.zarr", "none", "-o", "x.exr"], "none"),
-        (
-            &["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"],
-            "seed",
-        ),
-        (
-            &["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"],
-            "image, xt",
-        ),
+        (&["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"], "seed"),
+        (&["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"], "image, xt"),
         (&["info", "room"], "room"),
     ];
     for (arguments, word) in cases {
         let message = refused(d, arguments);
-        assert!(
-            message.starts_with("error: ") && message.contains(word),
-            "{arguments:?}: {message}"
-        );
+        assert!(message.starts_with("error: ") && message.contains(word), "{arguments:?}: {message}");
     }
     for made in ["x.exr", "m.zarr", "n.zarr"] {
         assert!(!d.join(made).exists(), "{made} was half-written");
@@ -367,10 +234,7 @@ fn bad_input_is_refused_with_a_fix() {
 fn chosen_slices_alone_are_kept_and_equal() {
     let dir = rendered();
     let d = dir.path();
-    run(
-        d,
-        &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"],
-    );
+    run(d, &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"]);
     let one = TensorStore::open(&d.join("one.zarr")).unwrap();
     assert_eq!(one.slice_names(), ["image"]);
     let all = TensorStore::open(&d.join("out/room.zarr")).unwrap();
@@ -398,9 +262,6 @@ fn a_reader_that_leaves_does_not_stop_the_work() {
     drop(child.stdout.take());
     assert!(child.wait().unwrap().success());
     for figure in ["photo", "grid"] {
-        assert!(
-            dir.path().join(format!("room.figures/{figure}.png")).exists(),
-            "{figure}"
-        );
+        assert!(dir.path().join(format!("room.figures/{figure}.png")).exists(), "{figure}");
     }
 }

@@ -79,16 +79,7 @@ fn arrays_in_arrays_out() {
     assert_eq!(values(&found["depolarization"])[..2], [0.0, 1.0]);
     // Errors, and selected arrays.
     save(d, "e", &[3, 1, 4, 4], &[0.01; 48]);
-    let only = [
-        "decompose",
-        "m.npy",
-        "--errors",
-        "e.npy",
-        "--only",
-        "retardance,entropy",
-        "-o",
-        "q.npz",
-    ];
+    let only = ["decompose", "m.npy", "--errors", "e.npy", "--only", "retardance,entropy", "-o", "q.npz"];
     run(d, &only);
     let found = arrays(&d.join("q.npz"));
     assert_eq!(found.len(), 3);
@@ -141,20 +132,7 @@ fn slices_of_stores() {
     let errors = values(&found["polarizance_error"]);
     assert!(errors.iter().filter(|e| **e > 0.0).count() > 20);
     // Along a part of an axis.
-    run(
-        d,
-        &[
-            "decompose",
-            "out/room.zarr",
-            "xt",
-            "-k",
-            "t=9000:9500",
-            "--only",
-            "retardance",
-            "-o",
-            "t.npz",
-        ],
-    );
+    run(d, &["decompose", "out/room.zarr", "xt", "-k", "t=9000:9500", "--only", "retardance", "-o", "t.npz"]);
     let found = arrays(&d.join("t.npz"));
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
@@ -172,27 +150,10 @@ fn other_inputs_are_refused() {
         (&["decompose", "text.npy", "-o", "p.npz"], "numpy.save"),
         (&["decompose", "missing.npy", "-o", "p.npz"], "missing.npy"),
         (&["decompose", "m.npy", "-o", "p.csv"], ".npz"),
-        (
-            &["decompose", "m.npy", "--errors", "flat.npy", "-o", "p.npz"],
-            "(..., 4, 4)",
-        ),
-        (
-            &["decompose", "m.npy", "--only", "phase", "-o", "p.npz"],
-            "retardance",
-        ),
+        (&["decompose", "m.npy", "--errors", "flat.npy", "-o", "p.npz"], "(..., 4, 4)"),
+        (&["decompose", "m.npy", "--only", "phase", "-o", "p.npz"], "retardance"),
         (&["decompose", "out/room.zarr", "-o", "p.npz"], "name the slice"),
-        (
-            &[
-                "decompose",
-                "out/room.zarr",
-                "image",
-                "-k",
-                "stokes_in=0",
-                "-o",
-                "p.npz",
-            ],
-            "mueller",
-        ),
+        (&["decompose", "out/room.zarr", "image", "-k", "stokes_in=0", "-o", "p.npz"], "mueller"),
     ] {
         let message = refused(d, arguments);
         assert!(message.contains(says), "{arguments:?}: {message}");

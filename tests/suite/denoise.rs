@@ -30,17 +30,7 @@ const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
     // Independent samples, so that errors also describe the noise of fewer samples.
-    let options = [
-        "--seed",
-        seed,
-        "--spp",
-        spp,
-        "--replicates",
-        spp,
-        "--no-figures",
-        "-o",
-        store,
-    ];
+    let options = ["--seed", seed, "--spp", spp, "--replicates", spp, "--no-figures", "-o", store];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
 
@@ -78,17 +68,11 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     let [truth, unsure] = fields(at, "converged.zarr", slice);
     let [mean, error] = fields(at, made, slice);
     let all: Vec<Vec<f64>> = renders.iter().map(|r| fields(at, r, slice)[0].clone()).collect();
-    let raw: Vec<f64> = (0..truth.len())
-        .map(|i| all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64)
-        .collect();
+    let raw: Vec<f64> =
+        (0..truth.len()).map(|i| all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64).collect();
     let square = |a: &[f64], i: usize| (a[i] - truth[i]).powi(2);
     // Sorted by the error of the converged render; the largest come last.
-    let doubt = |p: usize| {
-        unsure[p * NUMBERS..(p + 1) * NUMBERS]
-            .iter()
-            .map(|e| e * e)
-            .sum::<f64>()
-    };
+    let doubt = |p: usize| unsure[p * NUMBERS..(p + 1) * NUMBERS].iter().map(|e| e * e).sum::<f64>();
     let mut pixels: Vec<usize> = (0..SIZE * SIZE).collect();
     pixels.sort_by(|a, b| doubt(*a).total_cmp(&doubt(*b)));
     let sum = |a: &[f64], part: f64| -> f64 {
@@ -135,6 +119,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
 /// the squared error and have no similar pixels to average with. So the gain over all pixels is far smaller
 /// than without the noisiest 5 %.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn nearer_to_the_truth_and_off_by_what_is_stated() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -162,10 +147,7 @@ fn nearer_to_the_truth_and_off_by_what_is_stated() {
     for (made, renders) in [("one.zarr", &["a.zarr"][..]), ("two.zarr", &["a.zarr", "b.zarr"])] {
         let [truth, unsure] = fields(at, "converged.zarr", "flight");
         let [mean, error] = fields(at, made, "flight");
-        let all: Vec<Vec<f64>> = renders
-            .iter()
-            .map(|r| fields(at, r, "flight")[0].clone())
-            .collect();
+        let all: Vec<Vec<f64>> = renders.iter().map(|r| fields(at, r, "flight")[0].clone()).collect();
         let [mut before, mut after, mut z, mut n] = [0.0; 4];
         for i in 0..truth.len() {
             let raw = all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64;
@@ -216,6 +198,7 @@ view.photo = { slice = "mueller" }
 "#;
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn bits_depend_on_neither_threads_nor_bands() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -236,11 +219,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
     for name in whole.slice_names() {
         let slice = whole.slice(name).expect("a slice");
         for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
-            assert_eq!(
-                read(&whole, name, field).data,
-                read(&bands, name, field).data,
-                "{name} {field:?}"
-            );
+            assert_eq!(read(&whole, name, field).data, read(&bands, name, field).data, "{name} {field:?}");
         }
     }
     // Rows that are not adjacent do not mix: row 6 alone gives the same as with other rows.
@@ -250,11 +229,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
     render(at, "1", "8", "c.zarr");
     render(at, "2", "8", "d.zarr");
     run(at, &["denoise", "c.zarr", "d.zarr", "-o", "lone.zarr"], 0);
-    let lone = read(
-        &TensorStore::open(&at.join("lone.zarr")).expect("a store"),
-        "rows",
-        Field::Mean,
-    );
+    let lone = read(&TensorStore::open(&at.join("lone.zarr")).expect("a store"), "rows", Field::Mean);
     assert_eq!(rows.data[2 * lone.data.len()..], lone.data[..]);
 }
 
@@ -279,64 +254,33 @@ fn it_is_marked_and_no_truth() {
     let text = std::fs::read_to_string(at.join("d.figures/photo.svg")).expect("a figure");
     assert!(text.contains("denoised"), "the title does not say it");
     run(at, &["decompose", "d.zarr", "mueller", "-o", "d.npz"], 0);
-    run(
-        at,
-        &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"],
-        0,
-    );
+    run(at, &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"], 0);
     // Commands that would use it as a reference refuse it.
     run(at, &["scheme", "drr", "-k", "36", "-o", "drr.toml"], 0);
     let refused: [&[&str]; 7] = [
         &["merge", "d.zarr", "a.zarr", "-o", "m.zarr"],
         &["merge", "a.zarr", "d.zarr", "-o", "m.zarr"],
-        &[
-            "render",
-            "scene.toml",
-            "--spp",
-            "4",
-            "--seed",
-            "1",
-            "-o",
-            "d.zarr",
-            "--resume",
-        ],
-        &[
-            "capture", "d.zarr", "mueller", "--scheme", "drr.toml", "-o", "I.npy",
-        ],
+        &["render", "scene.toml", "--spp", "4", "--seed", "1", "-o", "d.zarr", "--resume"],
+        &["capture", "d.zarr", "mueller", "--scheme", "drr.toml", "-o", "I.npy"],
         &["trial", "d.zarr", "mueller", "--scheme", "drr.toml"],
         &["trial", "sum.zarr", "mueller", "--scheme", "drr.toml"],
         &["denoise", "d.zarr", "-o", "m.zarr"],
     ];
     for arguments in refused {
         let message = stderr(&run(at, arguments, 2));
-        assert!(
-            message.contains("is denoised") && message.contains("a.zarr"),
-            "{arguments:?}: {message}"
-        );
+        assert!(message.contains("is denoised") && message.contains("a.zarr"), "{arguments:?}: {message}");
         assert!(!at.join("m.zarr").exists(), "{arguments:?}");
     }
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "m.zarr"], 0);
     // A slice without an image is copied; one without errors stays unchanged.
-    run(
-        at,
-        &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"],
-        0,
-    );
+    run(at, &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"], 0);
     let said = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
     assert!(String::from_utf8_lossy(&said.stdout).contains("copied"));
     let [from, to] = ["profile.zarr", "copy.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
-    assert_eq!(
-        read(&from, "mueller", Field::Mean).data,
-        read(&to, "mueller", Field::Mean).data
-    );
+    assert_eq!(read(&from, "mueller", Field::Mean).data, read(&to, "mueller", Field::Mean).data);
     // Sample counts are the sum of both.
     let made = TensorStore::open(&at.join("d.zarr")).expect("a store");
-    assert!(
-        made.read_samples([0, 0], [16, 16])
-            .expect("counts")
-            .iter()
-            .all(|n| *n == 8)
-    );
+    assert!(made.read_samples([0, 0], [16, 16]).expect("counts").iter().all(|n| *n == 8));
     assert_eq!(made.attributes()["seeds"], serde_json::json!([1, 2]));
 }
 
@@ -353,10 +297,7 @@ fn what_cannot_be_denoised_is_refused() {
     };
     refused(&["denoise", "a.zarr", "-o", "a.zarr", "--force"], "both an input");
     refused(&["denoise", "a.zarr", "a.zarr", "-o", "d.zarr"], "seed 1");
-    refused(
-        &["denoise", "a.zarr", "b.zarr", "a.zarr", "-o", "d.zarr"],
-        "'a.zarr'",
-    );
+    refused(&["denoise", "a.zarr", "b.zarr", "a.zarr", "-o", "d.zarr"], "'a.zarr'");
     refused(&["denoise", "a.zarr", "-o", "b.zarr"], "b.zarr");
     refused(&["denoise", "missing.zarr", "-o", "d.zarr"], "does not exist");
     std::fs::remove_file(at.join("b.zarr/manifest.txt")).expect("a manifest");

@@ -10,13 +10,7 @@ use sunstone::store::numpy::NumpyArray;
 
 /// Elements of pixel `p`.
 fn truth(p: usize) -> [f64; 16] {
-    std::array::from_fn(|e| {
-        if e == 0 {
-            1.0
-        } else {
-            ((p * 16 + e) as f64).sin() * 0.3
-        }
-    })
+    std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.3 })
 }
 
 /// Captures of pixels by a scheme of the folder, saved like with numpy.
@@ -53,25 +47,9 @@ fn captures_come_back_as_matrices() {
             run(d, &["scheme", "qrpr", "-k", k, "-o", "s.toml"]);
         }
         captured(d, "s.toml", &shape, 35);
-        run(
-            d,
-            &[
-                "reconstruct",
-                "i.npy",
-                "--scheme",
-                "s.toml",
-                "-o",
-                "m.npy",
-                "--errors",
-                "e.npy",
-            ],
-        );
+        run(d, &["reconstruct", "i.npy", "--scheme", "s.toml", "-o", "m.npy", "--errors", "e.npy"]);
         let found = matrices(d);
-        let pixels = if sensor == "intensity" {
-            &shape[1..]
-        } else {
-            &shape[2..]
-        };
+        let pixels = if sensor == "intensity" { &shape[1..] } else { &shape[2..] };
         assert_eq!(found.shape, [pixels, &[4, 4]].concat());
         let numbers = values(&found);
         let off = numbers.chunks(16).enumerate().map(|(p, m)| {
@@ -93,33 +71,18 @@ fn learned_schemes_are_at_the_bound() {
     let d = folder.path();
     let learn = |name: &str| {
         let few = ["--starts", "4", "--iterations", "250", "--adam-steps", "0"];
-        let all = [
-            &["learn", "-k", "16", "-o", name, "--angles", "a.png"][..],
-            &few[..],
-        ]
-        .concat();
+        let all = [&["learn", "-k", "16", "-o", name, "--angles", "a.png"][..], &few[..]].concat();
         run(d, &all);
         std::fs::read_to_string(d.join(name)).expect("a scheme")
     };
     assert_eq!(learn("a.toml"), learn("b.toml"));
     let scheme = load(&d.join("a.toml")).expect("a scheme");
-    let variance = DesignMatrix::new(&scheme, &Ray::axial(550.0))
-        .error_variance()
-        .expect("rank 16");
-    assert!(
-        (0.9999..1.02).contains(&(variance / a_optimal_bound(&scheme))),
-        "{variance}"
-    );
+    let variance = DesignMatrix::new(&scheme, &Ray::axial(550.0)).error_variance().expect("rank 16");
+    assert!((0.9999..1.02).contains(&(variance / a_optimal_bound(&scheme))), "{variance}");
     assert!(image::open(d.join("a.png")).expect("a picture").width() > 300);
-    run(
-        d,
-        &["scheme", "show", "a.toml", "b.toml", "--wavelengths", "450,550"],
-    );
+    run(d, &["scheme", "show", "a.toml", "b.toml", "--wavelengths", "450,550"]);
     run(d, &["scheme", "matrix", "a.toml", "-o", "A.npy"]);
-    assert_eq!(
-        NumpyArray::read(&d.join("A.npy")).expect("a matrix").shape,
-        [16, 16]
-    );
+    assert_eq!(NumpyArray::read(&d.join("A.npy")).expect("a matrix").shape, [16, 16]);
     run(d, &["scheme", "plot", "a.toml", "-o", "p.png"]);
 }
 
@@ -129,36 +92,9 @@ fn learned_schemes_are_at_the_bound() {
 fn priors_go_from_learning_to_reconstruction() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
-    let few = [
-        "--starts",
-        "2",
-        "--iterations",
-        "60",
-        "--adam-steps",
-        "50",
-        "--resolution",
-        "5x7x9",
-    ];
-    let what = [
-        "learn",
-        "-k",
-        "4",
-        "--sensor",
-        "polarizer-array",
-        "--estimator",
-        "prior",
-        "-o",
-        "s.toml",
-    ];
-    run(
-        d,
-        &[
-            &what[..],
-            &few[..],
-            &["--save-prior", "prior.toml", "--folds", "5"],
-        ]
-        .concat(),
-    );
+    let few = ["--starts", "2", "--iterations", "60", "--adam-steps", "50", "--resolution", "5x7x9"];
+    let what = ["learn", "-k", "4", "--sensor", "polarizer-array", "--estimator", "prior", "-o", "s.toml"];
+    run(d, &[&what[..], &few[..], &["--save-prior", "prior.toml", "--folds", "5"]].concat());
     // An ideal depolarizer of two brightnesses is one of those materials.
     let scheme = load(&d.join("s.toml")).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
@@ -170,16 +106,7 @@ fn priors_go_from_learning_to_reconstruction() {
         (0..16).for_each(|m| seen[m * 2 + p] = i[m]);
     }
     save(d, "i", &[4, 4, 2], &seen);
-    let base = [
-        "reconstruct",
-        "i.npy",
-        "--scheme",
-        "s.toml",
-        "-o",
-        "m.npy",
-        "--prior",
-        "prior.toml",
-    ];
+    let base = ["reconstruct", "i.npy", "--scheme", "s.toml", "-o", "m.npy", "--prior", "prior.toml"];
     run(d, &[&base[..], &["--noise", "5e-4", "--realizable"]].concat());
     for (m, bright) in values(&matrices(d)).chunks(16).zip([1.0, 30.0]) {
         assert!((m[0] / bright - 1.0).abs() < 0.02, "{m:?}");
@@ -202,28 +129,13 @@ fn wrong_requests_are_refused() {
         ("reconstruct i.npy --scheme few.toml -o m.npy", "rank 10 of 16"),
         ("reconstruct i.npy --scheme s.toml -o m.npy", "(36, ...)"),
         ("reconstruct j.npy --scheme s.toml -o m.txt", ".npy"),
-        (
-            "reconstruct j.npy --scheme s.toml -o m.npy --wavelengths 450,550,660",
-            "--wavelengths",
-        ),
+        ("reconstruct j.npy --scheme s.toml -o m.npy --wavelengths 450,550,660", "--wavelengths"),
         ("reconstruct j.npy --scheme bad.toml -o m.npy", "bad.toml:1:19"),
-        (
-            "reconstruct j.npy --scheme none.toml -o m.npy",
-            "sunstone scheme drr",
-        ),
-        (
-            "reconstruct j.npy --scheme s.toml -o m.npy --prior p.toml",
-            "--noise",
-        ),
+        ("reconstruct j.npy --scheme none.toml -o m.npy", "sunstone scheme drr"),
+        ("reconstruct j.npy --scheme s.toml -o m.npy --prior p.toml", "--noise"),
         ("reconstruct j.npy --scheme s.toml -o m.npy --noise 0", "--noise"),
-        (
-            "reconstruct j.npy --scheme s.toml -o m.npy --variance i.npy",
-            "--variance",
-        ),
-        (
-            "reconstruct j.npy --scheme s.toml -o m.npy --prior p.toml --noise 1",
-            "p.toml:1:17",
-        ),
+        ("reconstruct j.npy --scheme s.toml -o m.npy --variance i.npy", "--variance"),
+        ("reconstruct j.npy --scheme s.toml -o m.npy --prior p.toml --noise 1", "p.toml:1:17"),
         ("scheme drr -k 0 -o x.toml", "no captures"),
         ("scheme drr -k 3 -o x.txt", ".toml"),
         ("learn -k 300 -o x.toml", "1 to 256"),

@@ -152,23 +152,9 @@ fn every_broken_scene_is_told_where_and_how_to_fix_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let faults: Vec<String> = CASES
         .iter()
-        .filter_map(|case| {
-            fault(
-                folder.path(),
-                "scene.toml",
-                SCENE,
-                case,
-                &["render", "scene.toml"],
-            )
-        })
+        .filter_map(|case| fault(folder.path(), "scene.toml", SCENE, case, &["render", "scene.toml"]))
         .collect();
-    assert!(
-        faults.is_empty(),
-        "{} of {}:\n{}",
-        faults.len(),
-        CASES.len(),
-        faults.join("\n")
-    );
+    assert!(faults.is_empty(), "{} of {}:\n{}", faults.len(), CASES.len(), faults.join("\n"));
     assert!(CASES.len() >= 60);
 }
 
@@ -184,17 +170,11 @@ fn the_scene_that_is_broken_elsewhere_is_right() {
 fn a_scene_needs_a_light() {
     let folder = tempfile::tempdir().expect("a folder");
     let (before, rest) = SCENE.split_once("[projector]").expect("a projector");
-    let text = format!(
-        "{before}{}",
-        &rest[rest.find("[materials]").expect("materials")..]
-    );
+    let text = format!("{before}{}", &rest[rest.find("[materials]").expect("materials")..]);
     let text = edit(&text, "projector = { epipolar = { half_width_px = 1 } }\n", "");
     std::fs::write(folder.path().join("dark.toml"), &text).expect("a scene");
     let shown = stderr(&run(folder.path(), &["render", "dark.toml"], 2));
-    assert!(
-        shown.starts_with("error: dark.toml:9:") && shown.contains("no light"),
-        "{shown}"
-    );
+    assert!(shown.starts_with("error: dark.toml:9:") && shown.contains("no light"), "{shown}");
 }
 
 /// A folder with the valid scene `s.toml`.
@@ -209,26 +189,14 @@ fn folder_with_a_scene() -> tempfile::TempDir {
 fn outputs_are_not_overwritten_by_mistake() {
     let folder = folder_with_a_scene();
     let at = folder.path();
-    let first = |arguments: &[&str], code| {
-        stderr(&run(at, arguments, code))
-            .lines()
-            .next()
-            .unwrap_or("")
-            .to_owned()
-    };
+    let first =
+        |arguments: &[&str], code| stderr(&run(at, arguments, code)).lines().next().unwrap_or("").to_owned();
     run(at, &["render", "s.toml", "-o", "a.zarr"], 0);
     let before = files(&at.join("a.zarr"));
     let message = first(&["render", "s.toml", "-o", "a.zarr", "--seed", "9"], 2);
-    assert!(
-        message.starts_with("error: ") && message.contains("a.zarr"),
-        "{message}"
-    );
+    assert!(message.starts_with("error: ") && message.contains("a.zarr"), "{message}");
     assert!(files(&at.join("a.zarr")) == before, "the store is as it was");
-    run(
-        at,
-        &["render", "s.toml", "-o", "a.zarr", "--seed", "9", "--force"],
-        0,
-    );
+    run(at, &["render", "s.toml", "-o", "a.zarr", "--seed", "9", "--force"], 0);
     assert!(files(&at.join("a.zarr")) != before);
 
     // A folder that is not a store is never replaced, and a file is not a folder.
@@ -264,10 +232,7 @@ fn bad_arguments_are_refused_before_anything_is_written() {
         (&["figure", "missing.zarr"], "missing.zarr"),
     ] {
         let shown = stderr(&run(at, arguments, 2));
-        assert!(
-            shown.starts_with("error: ") && shown.contains(says),
-            "{arguments:?}: {shown}"
-        );
+        assert!(shown.starts_with("error: ") && shown.contains(says), "{arguments:?}: {shown}");
         assert!(files(at) == before, "{arguments:?} wrote something");
     }
     assert_eq!(std::fs::read_dir(at).expect("a folder").count(), 3);
@@ -278,36 +243,17 @@ fn the_schema_is_json_and_knows_the_keys() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = run(folder.path(), &["schema"], 0);
     let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
-    let mut known: Vec<&String> = schema["properties"]
-        .as_object()
-        .expect("properties")
-        .keys()
-        .collect();
+    let mut known: Vec<&String> = schema["properties"].as_object().expect("properties").keys().collect();
     known.sort();
     let scene: toml::Table = shipped().parse().expect("TOML");
     for key in scene.keys() {
         assert!(known.contains(&key), "the schema lacks `{key}`");
     }
     // serde lists all accepted keys when it meets an unknown one.
-    std::fs::write(
-        folder.path().join("s.toml"),
-        edit(SCENE, "name = \"box\"", "zzz = 1"),
-    )
-    .expect("a scene");
+    std::fs::write(folder.path().join("s.toml"), edit(SCENE, "name = \"box\"", "zzz = 1")).expect("a scene");
     let shown = stderr(&run(folder.path(), &["render", "s.toml"], 2));
-    let expected = shown
-        .split("expected one of")
-        .nth(1)
-        .expect("a list")
-        .lines()
-        .next()
-        .expect("a line");
-    let mut accepted: Vec<String> = expected
-        .split('`')
-        .skip(1)
-        .step_by(2)
-        .map(str::to_owned)
-        .collect();
+    let expected = shown.split("expected one of").nth(1).expect("a list").lines().next().expect("a line");
+    let mut accepted: Vec<String> = expected.split('`').skip(1).step_by(2).map(str::to_owned).collect();
     accepted.sort();
     assert!(accepted.len() >= 10);
     assert_eq!(known.into_iter().cloned().collect::<Vec<_>>(), accepted);

@@ -13,33 +13,12 @@ fn a_scene_goes_to_mitsuba_and_back() {
         stderr(&out)
     );
     let written = files(&at.join("out"));
-    assert_eq!(
-        written.len(),
-        5,
-        "four meshes and the scene: {:?}",
-        written.keys()
-    );
+    assert_eq!(written.len(), 5, "four meshes and the scene: {:?}", written.keys());
     // Existing files stay, unless the user asks to replace them.
-    let out = run(
-        at,
-        &["export", MIRROR_ROOM, "--mitsuba", "out", "--wavelength", "550"],
-        2,
-    );
+    let out = run(at, &["export", MIRROR_ROOM, "--mitsuba", "out", "--wavelength", "550"], 2);
     assert!(stderr(&out).contains("--force"), "{}", stderr(&out));
     assert_eq!(files(&at.join("out")), written);
-    run(
-        at,
-        &[
-            "export",
-            MIRROR_ROOM,
-            "--mitsuba",
-            "out",
-            "--wavelength",
-            "550",
-            "--force",
-        ],
-        0,
-    );
+    run(at, &["export", MIRROR_ROOM, "--mitsuba", "out", "--wavelength", "550", "--force"], 0);
     let xml = std::fs::read_to_string(at.join("out/scene.xml")).expect("the scene");
     assert!(xml.contains("name=\"wavelengths_nm\" value=\"550\""), "{xml}");
     run(at, &["import", "out/scene.xml"], 0);
@@ -65,27 +44,14 @@ fn refusals_write_nothing() {
     let before = files(at);
     let out = run(at, &["export", "scene.toml", "--mitsuba", "out"], 2);
     let message = stderr(&out);
-    assert!(
-        message.contains("Mitsuba cannot express a crystal (material `glass`)"),
-        "{message}"
-    );
-    assert!(
-        message.contains("scene.toml:") && message.contains("fix:"),
-        "{message}"
-    );
+    assert!(message.contains("Mitsuba cannot express a crystal (material `glass`)"), "{message}");
+    assert!(message.contains("scene.toml:") && message.contains("fix:"), "{message}");
     assert_eq!(files(at), before);
     assert!(!at.join("out").exists());
-    std::fs::write(
-        at.join("a.xml"),
-        "<scene version=\"3.0.0\">\n  <shape type=\"sphere\"/>\n</scene>",
-    )
-    .expect("a file");
+    std::fs::write(at.join("a.xml"), "<scene version=\"3.0.0\">\n  <shape type=\"sphere\"/>\n</scene>")
+        .expect("a file");
     let out = run(at, &["import", "a.xml"], 2);
-    assert!(
-        stderr(&out).contains("a.xml:1:1: the scene has no sensor"),
-        "{}",
-        stderr(&out)
-    );
+    assert!(stderr(&out).contains("a.xml:1:1: the scene has no sensor"), "{}", stderr(&out));
     assert!(!at.join("a.toml").exists());
     run(at, &["export", "scene.toml"], 2);
     run(at, &["import", "missing.xml"], 2);

@@ -107,10 +107,9 @@ fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
-    for (from, to, says) in [
-        ("\"RGB\"", "\"CMYK\"", "epipolar RGB"),
-        ("variant = 8", "variant = 3", "use one of: 8, 9"),
-    ] {
+    for (from, to, says) in
+        [("\"RGB\"", "\"CMYK\"", "epipolar RGB"), ("variant = 8", "variant = 3", "use one of: 8, 9")]
+    {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
         let case = (says, from, to, "view.apply", says);
@@ -134,26 +133,14 @@ fn curves_are_checked_before_they_are_run() {
         ("\"metamerism\"", "\"alchemy\"", "use one of: analysis"),
         ("\"metamerism\"", "\"ellipsometry\"", "captures its own input"),
         ("[\"RGB\"]", "[\"CMYK\"]", "use some of: -(2,2) epipolar"),
-        (
-            "\"area under the curve\"",
-            "\"area\"",
-            "use one of: area under the curve",
-        ),
+        ("\"area under the curve\"", "\"area\"", "use one of: area under the curve"),
         ("[0, 1]", "[1, 0]", "is not a valid range"),
         ("sweep.toml", "swept.toml", "cannot read the chain"),
         ("photons=10,100", "photos", "photons, extinction"),
         ("photons=10,100", "photons=-1", "is not a value of"),
         ("sweep = \"photons=10,100\"", "captures = \"0-3\"", "within 1-64"),
-        (
-            "sweep = \"photons=10,100\"",
-            "captures = \"1-3\", difference = true",
-            "remove `difference`",
-        ),
-        (
-            "sweep = \"photons=10,100\", ",
-            "",
-            "exactly one of `sweep` and `captures`",
-        ),
+        ("sweep = \"photons=10,100\"", "captures = \"1-3\", difference = true", "remove `difference`"),
+        ("sweep = \"photons=10,100\", ", "", "exactly one of `sweep` and `captures`"),
         (
             "sweep = \"photons=10,100\"",
             "sweep = \"photons\", captures = \"1-3\"",
@@ -174,11 +161,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("f.toml"), &text).expect("a figure");
     let make = |out: &str, renders: &str| {
-        let out = run(
-            folder.path(),
-            &["figure", "f.toml", "--preview", "-o", out, "--renders", renders],
-            0,
-        );
+        let out = run(folder.path(), &["figure", "f.toml", "--preview", "-o", out, "--renders", renders], 0);
         String::from_utf8_lossy(&out.stdout).into_owned()
     };
     assert!(make("a.png", "r").contains("(1 new renders)"));
@@ -190,11 +173,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     for format in ["svg", "pdf"] {
         make(&format!("a.{format}"), "r");
         make(&format!("b.{format}"), "r");
-        assert_eq!(
-            read(&format!("a.{format}")),
-            read(&format!("b.{format}")),
-            "{format}"
-        );
+        assert_eq!(read(&format!("a.{format}")), read(&format!("b.{format}")), "{format}");
     }
     // A changed scene is rendered again and looks different.
     let scene = scenes.path().join("scene.toml");
@@ -202,11 +181,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
     // All figures of a folder, in both sizes.
-    run(
-        folder.path(),
-        &["figure", "--all", ".", "--renders", "r", "-o", "all"],
-        0,
-    );
+    run(folder.path(), &["figure", "--all", ".", "--renders", "r", "-o", "all"], 0);
     assert!(read("all/f.png").len() > 1000);
 }
 
@@ -219,11 +194,7 @@ fn nothing_positive_is_told() {
         let named = format!("element = \"{element}\" }}\ncaption = \"White {{white:.3}}\"");
         let text = edit(&text, "element = \"-(3,3)\" }", &named);
         std::fs::write(folder.path().join("f.toml"), text).expect("a figure");
-        run(
-            folder.path(),
-            &["figure", "f.toml", "--preview", "--renders", "r", "-o", "f.svg"],
-            0,
-        );
+        run(folder.path(), &["figure", "f.toml", "--preview", "--renders", "r", "-o", "f.svg"], 0);
         std::fs::read_to_string(folder.path().join("f.svg")).expect("a picture")
     };
     // Lines break between words.
@@ -242,22 +213,14 @@ fn inputs_are_not_outputs() {
     let scene = scenes.path().join("scene.toml");
     for out in ["f.toml", scene.to_str().expect("UTF-8"), "out.txt", "."] {
         let before = files(folder.path());
-        let said = stderr(&run(
-            folder.path(),
-            &["figure", "f.toml", "--preview", "-o", out],
-            2,
-        ));
+        let said = stderr(&run(folder.path(), &["figure", "f.toml", "--preview", "-o", out], 2));
         assert!(said.starts_with("error: "), "{out}: {said}");
         assert_eq!(files(folder.path()), before, "{out}");
     }
     assert_eq!(std::fs::read_to_string(&scene).expect("the scene"), SCENE);
     // Options for figure files are refused for stores, and vice versa.
     run(folder.path(), &["figure", "store.zarr", "--preview"], 2);
-    run(
-        folder.path(),
-        &["figure", "f.toml", "--view", "photo", "--slice", "photo"],
-        2,
-    );
+    run(folder.path(), &["figure", "f.toml", "--view", "photo", "--slice", "photo"], 2);
     let out = sunstone(folder.path(), &["figure"]).output().expect("runs");
     assert_eq!(out.status.code(), Some(2));
 }
@@ -291,10 +254,7 @@ fn a_render_that_was_stopped_goes_on() {
     let (cut, whole) = (settings("cut"), settings("whole"));
     let impatient = Impatient(AtomicUsize::new(0));
     let stopped = prepare(&source, &cut, &impatient).expect("sound").draw();
-    assert!(
-        matches!(stopped, Err(FigureFileError::Studio(StudioError::Interrupted))),
-        "{stopped:?}"
-    );
+    assert!(matches!(stopped, Err(FigureFileError::Studio(StudioError::Interrupted))), "{stopped:?}");
     let draw = |settings: &Settings| {
         let made = prepare(&source, settings, &Unwatched).expect("sound").draw();
         made.expect("a figure")
@@ -331,10 +291,7 @@ fn renders_are_shared_and_damage_is_told() {
     let message = |what: &str| {
         let said = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
         let name = render.file_name().expect("a name").to_str().expect("UTF-8");
-        assert!(
-            said.contains("or delete") && said.contains(name),
-            "{what}: {said}"
-        );
+        assert!(said.contains("or delete") && said.contains(name), "{what}: {said}");
         assert!(!at.join("d.svg").exists(), "{what}");
     };
     std::fs::write(render.join("zarr.json"), "{").expect("damage");

@@ -142,14 +142,8 @@ static RENDER: LazyLock<Render> = LazyLock::new(|| {
     save(folder.path(), "complement.png", |u, v| 255 - drive(u, v));
     let slices = SLICES.replace("FOLDER", &folder.path().display().to_string());
     let size = N as u32;
-    let store = rendered(
-        &scene(&mirror_room(size, size, 64, 16, &slices)),
-        folder.path().join("out.zarr"),
-    );
-    Render {
-        _folder: folder,
-        store,
-    }
+    let store = rendered(&scene(&mirror_room(size, size, 64, 16, &slices)), folder.path().join("out.zarr"));
+    Render { _folder: folder, store }
 });
 
 fn mean(slice: &str) -> Tensor {
@@ -198,8 +192,7 @@ fn pixels(t: &Tensor, rows: &[usize], columns: &[usize]) -> Tensor {
     out.axes[1].coords = columns.iter().map(|x| *x as f64).collect();
     out.data.clear();
     for (y, x) in rows.iter().flat_map(|y| columns.iter().map(move |x| (y, x))) {
-        out.data
-            .extend(&t.data[(y * w + x) * inner..(y * w + x + 1) * inner]);
+        out.data.extend(&t.data[(y * w + x) * inner..(y * w + x + 1) * inner]);
     }
     out
 }
@@ -226,13 +219,9 @@ fn all(n: usize) -> Vec<usize> {
 
 #[test]
 fn time_bins_and_overflow_add_up_to_steady_state() {
-    for (name, want) in [
-        ("flight", mean("sum")),
-        (
-            "flight_mueller",
-            pixels(&mean("mueller"), &all(22)[10..], &all(22)[6..]),
-        ),
-    ] {
+    for (name, want) in
+        [("flight", mean("sum")), ("flight_mueller", pixels(&mean("mueller"), &all(22)[10..], &all(22)[6..]))]
+    {
         let outside = read(&RENDER.store, name, Field::Overflow);
         let lit = outside.data.iter().filter(|v| **v > 0.0).count();
         assert!(lit > 500, "{name}: the overflow holds {lit} values");
@@ -242,31 +231,16 @@ fn time_bins_and_overflow_add_up_to_steady_state() {
     let outside = read(&RENDER.store, "everything", Field::Overflow);
     let kinds = [AxisKind::V, AxisKind::U, AxisKind::Bounces, AxisKind::Component];
     let both = kinds.into_iter().fold(plus(&summed, &outside), |t, k| t.sum(k));
-    assert_agree(
-        "time, boxes of s', bounces and components",
-        &both,
-        &mean("sum"),
-        2000,
-    );
+    assert_agree("time, boxes of s', bounces and components", &both, &mean("sum"), 2000);
 }
 
 #[test]
 fn projector_pixels_add_up_to_the_full_drive() {
     let (all_on, sum) = (mean("all"), mean("sum"));
     assert_agree("all s'", &all_on.sum(AxisKind::V).sum(AxisKind::U), &sum, 2000);
-    assert_agree(
-        "boxes of s'",
-        &mean("boxes").sum(AxisKind::V).sum(AxisKind::U),
-        &sum,
-        2000,
-    );
+    assert_agree("boxes of s'", &mean("boxes").sum(AxisKind::V).sum(AxisKind::U), &sum, 2000);
     let block = pixels(&mean("mueller"), &all(19)[12..], &all(19)[10..]);
-    assert_agree(
-        "all s', Mueller",
-        &mean("all_mueller").sum(AxisKind::V).sum(AxisKind::U),
-        &block,
-        500,
-    );
+    assert_agree("all s', Mueller", &mean("all_mueller").sum(AxisKind::V).sum(AxisKind::U), &block, 500);
     assert_agree(
         "the two epipolar parts",
         &plus(&mean("epipolar"), &mean("nonepipolar")),
@@ -274,10 +248,7 @@ fn projector_pixels_add_up_to_the_full_drive() {
         9000,
     );
     let lit = |t: &Tensor| t.data.iter().step_by(48).filter(|v| **v > 0.0).count();
-    assert!(
-        lit(&mean("epipolar")) > 500 && lit(&mean("nonepipolar")) > 500,
-        "both parts have light"
-    );
+    assert!(lit(&mean("epipolar")) > 500 && lit(&mean("nonepipolar")) > 500, "both parts have light");
 }
 
 #[test]
@@ -293,10 +264,7 @@ fn parts_of_the_projector_are_parts_of_all() {
                 }
             }
             assert!(got.data == want.data, "{name} is not the same part of `all`");
-            assert!(
-                got.data.iter().filter(|v| **v > 0.0).count() > 500,
-                "{name} is dark"
-            );
+            assert!(got.data.iter().filter(|v| **v > 0.0).count() > 500, "{name} is dark");
         }
     };
     of("projector_rows", &[3, 17, 30], &all(N));
@@ -317,10 +285,7 @@ fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
         at * projector.focal + projector.principal
     };
     let (a, b) = (on_plane(2.0), on_plane(5.0));
-    (b - a)
-        .normalize()
-        .perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a)
-        .abs()
+    (b - a).normalize().perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a).abs()
 }
 
 /// Every s' in the band, found by direct computation, is in its column and row of the band's slices, and no
@@ -363,10 +328,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
 /// Indirect light uses separate paths; a statistical test compares it (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_all() {
-    for (got, whole) in [
-        (mean("coaxial"), mean("all_split")),
-        (error("coaxial"), error("all_split")),
-    ] {
+    for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {
         let got = got.select(AxisKind::Component, 0);
         let mut want = got.clone();
         want.data.clear();
@@ -382,29 +344,16 @@ fn direct_coaxial_light_is_the_diagonal_of_all() {
 fn masks_are_linear() {
     assert_agree("a mask of ones", &mean("ones"), &mean("sum"), 2000);
     assert_agree("errors of a mask of ones", &error("ones"), &error("sum"), 2000);
-    assert_agree(
-        "mask and complement",
-        &plus(&mean("mask"), &mean("complement")),
-        &mean("mueller"),
-        9000,
-    );
+    assert_agree("mask and complement", &plus(&mean("mask"), &mean("complement")), &mean("mueller"), 9000);
     let all_on = mean("all");
     let mut want = mean("ones");
-    for (out, pixel) in want
-        .data
-        .chunks_exact_mut(3)
-        .zip(all_on.data.chunks_exact(N * N * 3))
-    {
+    for (out, pixel) in want.data.chunks_exact_mut(3).zip(all_on.data.chunks_exact(N * N * 3)) {
         let weight = |s: usize| f64::from(drive((s % N) as u32, (s / N) as u32)) / 255.0;
         for (k, o) in out.iter_mut().enumerate() {
-            *o = (0..N * N)
-                .map(|s| f64::from(pixel[s * 3 + k]) * weight(s))
-                .sum::<f64>() as f32;
+            *o = (0..N * N).map(|s| f64::from(pixel[s * 3 + k]) * weight(s)).sum::<f64>() as f32;
         }
     }
-    let got = mean("mask")
-        .select(AxisKind::StokesOut, 0)
-        .select(AxisKind::StokesIn, 0);
+    let got = mean("mask").select(AxisKind::StokesOut, 0).select(AxisKind::StokesIn, 0);
     assert_agree("a mask is T times the drive", &got, &want, 2000);
 }
 
@@ -412,47 +361,21 @@ fn masks_are_linear() {
 fn bounces_and_components_add_up() {
     let whole = mean("mueller");
     assert_agree("bounces", &mean("bounces").sum(AxisKind::Bounces), &whole, 9000);
-    assert_agree(
-        "direct and indirect",
-        &mean("split").sum(AxisKind::Component),
-        &whole,
-        9000,
-    );
+    assert_agree("direct and indirect", &mean("split").sum(AxisKind::Component), &whole, 9000);
     let direct = mean("split").select(AxisKind::Component, 0);
-    assert_agree(
-        "one bounce is direct",
-        &mean("bounces").select(AxisKind::Bounces, 1),
-        &direct,
-        2000,
-    );
+    assert_agree("one bounce is direct", &mean("bounces").select(AxisKind::Bounces, 1), &direct, 2000);
     assert!(
-        mean("bounces")
-            .select(AxisKind::Bounces, 0)
-            .data
-            .iter()
-            .all(|v| *v == 0.0),
+        mean("bounces").select(AxisKind::Bounces, 0).data.iter().all(|v| *v == 0.0),
         "no emitter is seen"
     );
 }
 
 #[test]
 fn camera_parts_are_the_same_pixels() {
-    for (of, whole) in [
-        (mean as fn(&str) -> Tensor, mean("mueller")),
-        (error, error("mueller")),
-    ] {
-        assert!(
-            of("rows").data == pixels(&whole, &[1, 16, 31], &all(N)).data,
-            "rows"
-        );
-        assert!(
-            of("columns").data == pixels(&whole, &all(N), &[0, 9, 21]).data,
-            "columns"
-        );
-        assert!(
-            of("block").data == pixels(&whole, &all(25)[3..], &all(25)[7..]).data,
-            "block"
-        );
+    for (of, whole) in [(mean as fn(&str) -> Tensor, mean("mueller")), (error, error("mueller"))] {
+        assert!(of("rows").data == pixels(&whole, &[1, 16, 31], &all(N)).data, "rows");
+        assert!(of("columns").data == pixels(&whole, &all(N), &[0, 9, 21]).data, "columns");
+        assert!(of("block").data == pixels(&whole, &all(25)[3..], &all(25)[7..]).data, "block");
     }
     let coarse = boxes(&mean("mueller"), 4, |v| v);
     assert_agree("camera boxes", &mean("coarse"), &coarse, 500);
@@ -461,10 +384,7 @@ fn camera_parts_are_the_same_pixels() {
     want.data.iter_mut().for_each(|v| *v = v.sqrt());
     let got = error("coarse");
     for (g, w) in got.data.iter().zip(&want.data) {
-        assert!(
-            (g - w).abs() <= 1e-5 * w,
-            "errors of camera boxes: {g} is not {w}"
-        );
+        assert!((g - w).abs() <= 1e-5 * w, "errors of camera boxes: {g} is not {w}");
     }
     assert!(want.data.iter().filter(|v| **v > 0.0).count() > 500);
 }
@@ -472,9 +392,7 @@ fn camera_parts_are_the_same_pixels() {
 #[test]
 fn intensity_is_the_first_mueller_element() {
     for (of, what) in [(mean as fn(&str) -> Tensor, "mean"), (error, "standard error")] {
-        let m = of("mueller")
-            .select(AxisKind::StokesOut, 0)
-            .select(AxisKind::StokesIn, 0);
+        let m = of("mueller").select(AxisKind::StokesOut, 0).select(AxisKind::StokesIn, 0);
         assert_agree(what, &of("sum"), &m, 2000);
     }
 }
@@ -484,10 +402,7 @@ fn a_finished_render_has_no_discarded_samples() {
     let attributes = RENDER.store.attributes();
     assert_eq!(attributes["status"], "complete");
     assert_eq!(attributes["discarded_samples"], 0);
-    let samples = RENDER
-        .store
-        .read_samples([0, 0], [N as u64, N as u64])
-        .expect("samples");
+    let samples = RENDER.store.read_samples([0, 0], [N as u64, N as u64]).expect("samples");
     assert!(samples.iter().all(|n| *n == 64));
 }
 
@@ -522,10 +437,7 @@ fn every_mueller_matrix_is_realizable() {
                 let m: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| at(i, j) / scale));
                 let least = eigenvalues(&m).expect("finite elements")[3];
                 let variance: f64 = (0..16).map(|k| f64::from(e[k * w + lane]).powi(2)).sum();
-                assert!(
-                    least >= -2.5 * variance.sqrt() / scale - 1e-5,
-                    "{name}: {m:?} has {least}"
-                );
+                assert!(least >= -2.5 * variance.sqrt() / scale - 1e-5, "{name}: {m:?} has {least}");
                 assert!(least >= -1e-5, "{name}: {m:?} has eigenvalue {least}");
                 worst = worst.min(least);
                 matrices += 1;

@@ -24,10 +24,7 @@ camera = { binned = 4 }
 "#;
 
 fn trials() -> u32 {
-    std::env::var("SUNSTONE_KILLS")
-        .ok()
-        .and_then(|n| n.parse().ok())
-        .unwrap_or(12)
+    std::env::var("SUNSTONE_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(12)
 }
 
 /// States of the stores that killed processes leave.
@@ -44,11 +41,7 @@ fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Dura
         .iter()
         .map(|arguments| {
             let mut command = sunstone(at, arguments);
-            command
-                .stderr(Stdio::null())
-                .stdout(Stdio::null())
-                .spawn()
-                .expect("the program")
+            command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("the program")
         })
         .collect();
     let share = f64::from(random.uniform());
@@ -97,6 +90,7 @@ fn only(at: &Path, names: &[&str]) {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn renders() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -129,24 +123,13 @@ fn renders() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn merges_and_exports() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 4, 16, SLICES)).expect("a scene");
     for (seed, store) in [("1", "a.zarr"), ("2", "b.zarr")] {
-        run(
-            at,
-            &[
-                "render",
-                "scene.toml",
-                "--seed",
-                seed,
-                "--no-figures",
-                "-o",
-                store,
-            ],
-            0,
-        );
+        run(at, &["render", "scene.toml", "--seed", seed, "--no-figures", "-o", store], 0);
     }
     let merge = |store: &'static str| ["merge", "a.zarr", "b.zarr", "--force", "-o", store];
     let export = |file: &'static str| ["export", "a.zarr", "mueller", "--mueller", "-o", file];
@@ -164,10 +147,7 @@ fn merges_and_exports() {
         let some = vec![&one[..]; 1 + trial as usize % 3];
         kill_some(at, &some, &mut random, longest);
         check(at, "s.zarr", &mut outcomes);
-        assert!(
-            trial % 2 == 0 || at.join("s.zarr").exists(),
-            "the old store is lost"
-        );
+        assert!(trial % 2 == 0 || at.join("s.zarr").exists(), "the old store is lost");
         run(at, &one, 0);
         assert_same_store(&at.join("s.zarr"), &at.join("whole.zarr"));
 
@@ -180,18 +160,7 @@ fn merges_and_exports() {
         }
         run(at, &one, 0);
         assert!(std::fs::read(at.join("e.exr")).expect("an image") == whole);
-        only(
-            at,
-            &[
-                "scene.toml",
-                "a.zarr",
-                "b.zarr",
-                "whole.zarr",
-                "whole.exr",
-                "s.zarr",
-                "e.exr",
-            ],
-        );
+        only(at, &["scene.toml", "a.zarr", "b.zarr", "whole.zarr", "whole.exr", "s.zarr", "e.exr"]);
         std::fs::remove_file(at.join("e.exr")).expect("an image");
     }
     assert_eq!(outcomes.unfinished, 0, "a merge is there whole or not at all");
@@ -200,6 +169,7 @@ fn merges_and_exports() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn copies_into_shards() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -233,27 +203,12 @@ fn one_writes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 64, 8, SLICES)).expect("a scene");
-    let command = |seed| {
-        [
-            "render",
-            "scene.toml",
-            "--no-figures",
-            "--force",
-            "--seed",
-            seed,
-            "-o",
-            "s.zarr",
-        ]
-    };
+    let command = |seed| ["render", "scene.toml", "--no-figures", "--force", "--seed", seed, "-o", "s.zarr"];
     let children: Vec<Child> = ["1", "2", "3"]
         .iter()
         .map(|seed| {
             let mut command = sunstone(at, &command(seed));
-            command
-                .stderr(Stdio::piped())
-                .stdout(Stdio::null())
-                .spawn()
-                .expect("the program")
+            command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the program")
         })
         .collect();
     let ends: Vec<(Option<i32>, String)> = children
@@ -263,17 +218,7 @@ fn one_writes() {
         .collect();
     let refused: Vec<_> = ends.iter().filter(|e| e.0 == Some(2)).collect();
     assert_eq!(refused.len(), 2, "{ends:?}");
-    assert!(
-        refused
-            .iter()
-            .all(|e| e.1.contains("is being written by process")),
-        "{ends:?}"
-    );
-    assert!(
-        verify(&at.join("s.zarr"))
-            .expect("a finished store")
-            .faults
-            .is_empty()
-    );
+    assert!(refused.iter().all(|e| e.1.contains("is being written by process")), "{ends:?}");
+    assert!(verify(&at.join("s.zarr")).expect("a finished store").faults.is_empty());
     only(at, &["scene.toml", "s.zarr"]);
 }

@@ -60,10 +60,8 @@ fn layers_are_written_as_arrays_and_as_a_store() {
     let read = |file: &str, name: &str| parted(&member(&at.join(file), name));
     let (header, numbers) = read("truth.npz", "object.npy");
     assert!(header.contains("'<i4'") && header.contains("(8, 12,"), "{header}");
-    let objects: Vec<i32> = numbers
-        .chunks_exact(4)
-        .map(|b| i32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-        .collect();
+    let objects: Vec<i32> =
+        numbers.chunks_exact(4).map(|b| i32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
     assert_eq!(objects, [1; 96], "glass is in front of all");
     let (_, numbers) = read("behind.npz", "object.npy");
     assert!(numbers.iter().all(|b| *b == 0), "the wall is behind it");
@@ -75,10 +73,7 @@ fn layers_are_written_as_arrays_and_as_a_store() {
         .collect();
     assert_eq!(letters, "Wand, weißobjects[1]");
     let (header, _) = read("truth.npz", "albedo.npy");
-    assert!(
-        header.contains("'<f4'") && header.contains("(8, 12, 3,"),
-        "{header}"
-    );
+    assert!(header.contains("'<f4'") && header.contains("(8, 12, 3,"), "{header}");
     // The store has the metadata that xarray needs and passes verify.
     run(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
     let group = json(&at.join("truth.zarr/zarr.json"));
@@ -110,25 +105,11 @@ fn layers_replace_only_layers() {
     run(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
     let said = refused(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
     assert!(said.contains("--force"), "{said}");
-    run(
-        at,
-        &[
-            "layers",
-            "scene.toml",
-            "--rays",
-            "2",
-            "--force",
-            "-o",
-            "truth.zarr",
-        ],
-    );
+    run(at, &["layers", "scene.toml", "--rays", "2", "--force", "-o", "truth.zarr"]);
     let group = json(&at.join("truth.zarr/zarr.json"));
     assert_eq!(group["attributes"]["rays_per_pixel"], 4);
     for name in ["scene.toml", "out.toml", "truth.exr"] {
         assert!(refused(at, &["layers", "scene.toml", "-o", name]).contains(".npz or .zarr"));
     }
-    assert_eq!(
-        std::fs::read_to_string(at.join("scene.toml")).expect("is there"),
-        SCENE
-    );
+    assert_eq!(std::fs::read_to_string(at.join("scene.toml")).expect("is there"), SCENE);
 }

@@ -18,13 +18,8 @@ enum Put {
 use Put::{Marker, Photon};
 
 fn ptu(path: &Path, record: RecordType, resolution_s: f64, tags: Vec<Tag>, all: &[Put]) {
-    let description = Description {
-        record,
-        resolution_s,
-        global_resolution_s: 1e-7,
-        sync_rate: 10_000_000,
-        tags,
-    };
+    let description =
+        Description { record, resolution_s, global_resolution_s: 1e-7, sync_rate: 10_000_000, tags };
     writer::write(path, &description, |w| {
         for put in all {
             match *put {
@@ -55,22 +50,11 @@ fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     let out = run(d, &["ptu", "histogram", "f.ptu", "-o", "h.npy"], 0);
     let (shape, all) = counts(&d.join("h.npy"));
     assert_eq!((shape, all.iter().sum::<u32>()), (vec![1, 1041], 3));
-    assert!(
-        stderr(&out).contains("later than one laser period (1031 bins)"),
-        "{}",
-        stderr(&out)
-    );
-    let out = run(
-        d,
-        &["ptu", "histogram", "f.ptu", "-o", "h.npy", "--bins", "1031"],
-        0,
-    );
+    assert!(stderr(&out).contains("later than one laser period (1031 bins)"), "{}", stderr(&out));
+    let out = run(d, &["ptu", "histogram", "f.ptu", "-o", "h.npy", "--bins", "1031"], 0);
     assert_eq!(counts(&d.join("h.npy")).1.iter().sum::<u32>(), 2);
     let said = stderr(&out);
-    assert!(
-        said.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"),
-        "{said}"
-    );
+    assert!(said.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"), "{said}");
 }
 
 #[test]
@@ -91,45 +75,21 @@ fn lines_that_run_backwards_are_turned_around() {
     };
     let mut all = vec![];
     for y in 0..4 {
-        all.extend([
-            Marker(1000 * y, 1),
-            Photon(1000 * y + 50, 0, 0),
-            Marker(1000 * y + 300, 2),
-        ]);
+        all.extend([Marker(1000 * y, 1), Photon(1000 * y + 50, 0, 0), Marker(1000 * y + 300, 2)]);
     }
     for (back, columns) in [(false, [0, 0, 0, 0]), (true, [0, 2, 0, 2])] {
         ptu(&d.join("f.ptu"), RecordType::GenericT3, 1e-9, header(back), &all);
-        let words = [
-            "ptu",
-            "histogram",
-            "f.ptu",
-            "-o",
-            "h.npy",
-            "--pixels",
-            "3,4",
-            "--bins",
-            "1",
-        ];
+        let words = ["ptu", "histogram", "f.ptu", "-o", "h.npy", "--pixels", "3,4", "--bins", "1"];
         run(d, &words, 0);
         let image = counts(&d.join("h.npy")).1;
         for (y, column) in columns.into_iter().enumerate() {
             let want = std::array::from_fn(|x| u32::from(x == column));
-            assert_eq!(
-                image[3 * y..3 * y + 3],
-                want as [u32; 3],
-                "row {y}, backwards {back}"
-            );
+            assert_eq!(image[3 * y..3 * y + 3], want as [u32; 3], "row {y}, backwards {back}");
         }
     }
     // An image whose size differs from the header's has other pixels.
-    let said = refused(
-        d,
-        &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"],
-    );
-    assert!(
-        said.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(),
-        "{said}"
-    );
+    let said = refused(d, &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"]);
+    assert!(said.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{said}");
 }
 
 /// Missing markers, sync pulses or photons, and other channels: each has its own message.
@@ -146,24 +106,9 @@ fn photons_of_which_none_can_be_counted_are_refused() {
             "marker 3, which begins each pixel, never occurs",
         ),
         (RecordType::GenericT2, photons(), &[], "there are no sync pulses"),
-        (
-            RecordType::GenericT3,
-            vec![],
-            &["--channel", "0"],
-            "contains no photons",
-        ),
-        (
-            RecordType::GenericT3,
-            photons(),
-            &["--channel", "5"],
-            "2 in other channels",
-        ),
-        (
-            RecordType::GenericT3,
-            photons(),
-            &["--bins", "5"],
-            "2 after the last bin",
-        ),
+        (RecordType::GenericT3, vec![], &["--channel", "0"], "contains no photons"),
+        (RecordType::GenericT3, photons(), &["--channel", "5"], "2 in other channels"),
+        (RecordType::GenericT3, photons(), &["--bins", "5"], "2 after the last bin"),
     ];
     for (record, all, more, why) in cases {
         ptu(&d.join("f.ptu"), record, 1e-9, vec![], &all);
@@ -175,15 +120,8 @@ fn photons_of_which_none_can_be_counted_are_refused() {
 
 /// Two diagonal matrices; in the second all elements are `bad`.
 fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
-    let of = |bad: f64| {
-        (0..16).map(move |e| {
-            if bad.is_nan() {
-                bad
-            } else {
-                f64::from(u8::from(e % 5 == 0))
-            }
-        })
-    };
+    let of =
+        |bad: f64| (0..16).map(move |e| if bad.is_nan() { bad } else { f64::from(u8::from(e % 5 == 0)) });
     let all: Vec<f64> = bad.into_iter().flat_map(of).collect();
     save(folder, name, &[2, 4, 4], &all);
 }
@@ -197,10 +135,7 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     matrices(d, "none", [f64::NAN; 2]);
     let capture = |name: &'static str| ["capture", name, "--scheme", "drr36.toml", "-o", "I.npy"];
     let said = refused(d, &capture("none.npy"));
-    assert!(
-        said.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(),
-        "{said}"
-    );
+    assert!(said.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{said}");
     let said = stderr(&run(d, &capture("one.npy"), 0));
     assert!(said.contains("36 of 72 intensities"), "{said}");
     // The captures of the second pixel are unknown; with saturation at 1e-9 those of the first are left out,
@@ -209,18 +144,12 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     let said = stderr(&run(d, &back, 0));
     assert!(said.contains("1 of 2 pixels are NaN"), "{said}");
     std::fs::remove_file(d.join("M.npy")).expect("a file");
-    let said = refused(
-        d,
-        &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat(),
-    );
+    let said = refused(d, &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat());
     assert!(said.contains("none of its 2 pixels is determined"), "{said}");
     assert!(!d.join("M.npy").exists() && !d.join("E.npy").exists());
     let decompose = |name: &'static str| ["decompose", name, "-o", "props.npz"];
     let said = refused(d, &decompose("none.npy"));
-    assert!(
-        said.contains("none of its 2 matrices") && !d.join("props.npz").exists(),
-        "{said}"
-    );
+    assert!(said.contains("none of its 2 matrices") && !d.join("props.npz").exists(), "{said}");
     let said = stderr(&run(d, &decompose("one.npy"), 0));
     assert!(said.contains("1 of 2 matrices"), "{said}");
     // An existing file keeps its content.
@@ -239,16 +168,7 @@ fn large_lengths_need_a_unit() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let board = |square: &'static str| {
-        let size = [
-            "--columns",
-            "9",
-            "--rows",
-            "6",
-            "--square",
-            square,
-            "-o",
-            "c.toml",
-        ];
+        let size = ["--columns", "9", "--rows", "6", "--square", square, "-o", "c.toml"];
         [&["calibrate", "board", "missing.png"], &size[..]].concat()
     };
     for (square, why) in [
@@ -264,32 +184,10 @@ fn large_lengths_need_a_unit() {
         let said = refused(d, &board(square));
         assert!(said.contains("missing.png"), "{square}: {said}");
     }
-    let words = [
-        "calibrate",
-        "counter",
-        "run.zarr",
-        "--distance",
-        "1500",
-        "-o",
-        "c.toml",
-    ];
+    let words = ["calibrate", "counter", "run.zarr", "--distance", "1500", "-o", "c.toml"];
     let said = refused(d, &words);
-    assert!(
-        said.contains("--distance 1500") && said.contains("write 1500mm or 1500m"),
-        "{said}"
-    );
-    let said = refused(
-        d,
-        &[
-            "calibrate",
-            "counter",
-            "run.zarr",
-            "--distance",
-            "1500mm",
-            "-o",
-            "c.toml",
-        ],
-    );
+    assert!(said.contains("--distance 1500") && said.contains("write 1500mm or 1500m"), "{said}");
+    let said = refused(d, &["calibrate", "counter", "run.zarr", "--distance", "1500mm", "-o", "c.toml"]);
     assert!(said.contains("run.zarr"), "{said}");
     // A calibration without a unit, with a baseline of 120.5.
     let calibration = r#"{"K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D": [0, 0, 0, 0],
@@ -297,10 +195,7 @@ fn large_lengths_need_a_unit() {
     std::fs::write(d.join("k.json"), calibration).expect("space");
     let import = ["import", "k.json", "--resolution", "640x480"];
     let said = refused(d, &import);
-    assert!(
-        said.contains("120.5") && said.contains("--metres-per-unit"),
-        "{said}"
-    );
+    assert!(said.contains("120.5") && said.contains("--metres-per-unit"), "{said}");
     for unit in ["0.001", "mm", "1mm"] {
         let out = run(d, &[&import[..], &["--metres-per-unit", unit]].concat(), 0);
         assert!(String::from_utf8_lossy(&out.stdout).contains("0.1205"), "{unit}");

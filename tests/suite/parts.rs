@@ -56,10 +56,7 @@ fn part(scene: &Scene, part: Part, path: &Path) {
 }
 
 fn whole(scene: &Scene, path: &Path) {
-    let target = Target {
-        path: path.to_owned(),
-        ..Target::default()
-    };
+    let target = Target { path: path.to_owned(), ..Target::default() };
     assert!(render(scene, &target, &Unwatched).expect("a render").complete);
 }
 
@@ -103,16 +100,19 @@ fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn parts_of_plain_paths_are_the_whole() {
     parts_are_the_whole(&scene(&room("path")), 1, 4);
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn parts_of_caustics_are_the_whole() {
     parts_are_the_whole(&scene(&room("caustics")), 2, 3);
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn parts_of_walks_from_both_ends_are_the_whole() {
     parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
 }
@@ -120,15 +120,14 @@ fn parts_of_walks_from_both_ends_are_the_whole() {
 /// Checksums of all files of a part, except for its root's metadata, which contain the render time.
 fn values(part: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
-    let lines = text
-        .lines()
-        .filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
+    let lines = text.lines().filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
     lines.map(str::to_owned).collect()
 }
 
 /// Light subpaths that parts share, in parallel or one after the other: no byte differs, and each subpath is
 /// traced once.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn light_that_is_shared_is_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -155,10 +154,7 @@ fn light_that_is_shared_is_the_same() {
             .filter(|n| n.ends_with(".light"))
             .collect();
         assert_eq!(made.len(), of as usize, "{made:?}");
-        let share_of = |n: u32| {
-            made.iter()
-                .find(|name| name.ends_with(&format!("-{n}of{of}.light")))
-        };
+        let share_of = |n: u32| made.iter().find(|name| name.ends_with(&format!("-{n}of{of}.light")));
         let file = |n: u32| light.join(share_of(n).expect("a share"));
         // Negative control: a share of another seed changes the result, so light is read and not traced
         // again.
@@ -168,9 +164,7 @@ fn light_that_is_shared_is_the_same() {
         let foreign = name("foreign");
         let render = Render::new(&other).part(share(1, of)).shared_light(&foreign);
         render.to_store(&name("other")).expect("a part");
-        let found = std::fs::read_dir(&foreign)
-            .expect("a folder")
-            .map(|e| e.expect("an entry").path());
+        let found = std::fs::read_dir(&foreign).expect("a folder").map(|e| e.expect("an entry").path());
         let foreign = found.filter(|p| p.to_string_lossy().ends_with(&format!("-1of{of}.light")));
         std::fs::copy(foreign.last().expect("a share"), file(1)).expect("a copy");
         let planted = name("planted");
@@ -197,6 +191,7 @@ fn light_that_is_shared_is_the_same() {
 
 /// Shipped scenes: media, glass, crystals, a lens of a hundred mirrors, with their own integrators.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn parts_of_shipped_scenes_are_the_whole() {
     for (seed, name) in (10..).zip(["milky_tank", "fruits", "crystals", "disco_ball", "coins_mirror"]) {
         parts_are_the_whole(&small(name), seed, 2);
@@ -209,9 +204,11 @@ fn small(name: &str) -> Scene {
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
     let text = std::fs::read_to_string(&path).expect("a shipped scene");
     let text = &text[..text.find("[[slices]]").expect("slices")];
-    let text = text
-        .replace("resolution = [128, 128]", "resolution = [20, 20]")
-        .replacen("spp = 128", "spp = 2\ntile = 4", 1);
+    let text = text.replace("resolution = [128, 128]", "resolution = [20, 20]").replacen(
+        "spp = 128",
+        "spp = 2\ntile = 4",
+        1,
+    );
     sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
@@ -226,10 +223,7 @@ fn a_part_is_no_finished_render() {
     assert!(message.contains("part 2 of 3, 12 tiles"), "{message}");
     let info = run(at, &["info", "p2"], 0);
     let info = String::from_utf8_lossy(&info.stdout).into_owned();
-    assert!(
-        info.contains("part 2 of 3 of a render") && info.contains("complete part"),
-        "{info}"
-    );
+    assert!(info.contains("part 2 of 3 of a render") && info.contains("complete part"), "{info}");
     assert!(!info.contains("Σ"), "{info}");
     let checked = run(at, &["verify", "p2"], 0);
     let checked = String::from_utf8_lossy(&checked.stdout).into_owned();
@@ -241,38 +235,20 @@ fn a_part_is_no_finished_render() {
         &["denoise", "p2", "-o", "d.zarr"],
     ] {
         let text = stderr(&run(at, command, 2));
-        assert!(
-            text.contains("part 2 of 3") && text.contains("sunstone merge"),
-            "{command:?}: {text}"
-        );
+        assert!(text.contains("part 2 of 3") && text.contains("sunstone merge"), "{command:?}: {text}");
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
     // The finished pixels can be read, and the others are not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
-    let sum = partial
-        .slice("sum")
-        .expect("a slice")
-        .read_all(Field::Mean)
-        .expect("values");
+    let sum = partial.slice("sum").expect("a slice").read_all(Field::Mean).expect("values");
     let missing = sum.data.iter().filter(|v| v.is_nan()).count();
     assert_eq!(missing, sum.data.len() / 3 * 2);
     // A part that lacks a byte is not merged.
     for number in [1, 3] {
         let option = format!("{number}/3");
-        run(
-            at,
-            &[
-                "render",
-                "scene.toml",
-                "--part",
-                &option,
-                "-o",
-                &format!("p{number}"),
-            ],
-            0,
-        );
+        run(at, &["render", "scene.toml", "--part", &option, "-o", &format!("p{number}")], 0);
     }
     let chunk = at.join("p2/sum/mean/c.0.1.0");
     let mut bytes = std::fs::read(&chunk).expect("a chunk of the second tile");
@@ -317,66 +293,42 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "p3"], &["part 2 of 3 is missing", "--part 2/3"]);
     refused(&["p3"], &["parts 1 and 2 of 3 are missing"]);
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
-    refused(
-        &["p1", "p2", "p3", "first"],
-        &["both contain tile", "remove one of them"],
-    );
+    refused(&["p1", "p2", "p3", "first"], &["both contain tile", "remove one of them"]);
     refused(&["p1", "half"], &["both contain tile 0"]);
     // Negative controls: one part has another seed, or other samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
-    refused(
-        &["p1", "p2", "p3", "other"],
-        &["part 1 of 3", "is a whole render"],
-    );
+    refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is a whole render"]);
     refused(&["other", "p1"], &["is a whole render"]);
     // The same part twice counts once if both are equal.
     scene.settings.spp = 4;
     part(&scene, SHARES[1], &at("twin"));
-    merge(
-        &["p1", "twin", "p2", "p3"].map(at),
-        &at("joined"),
-        Options::default(),
-    )
-    .expect("all parts");
+    merge(&["p1", "twin", "p2", "p3"].map(at), &at("joined"), Options::default()).expect("all parts");
     assert_same_store(&at("whole"), &at("joined"));
-    let partial = Options {
-        partial: true,
-        ..Options::default()
-    };
+    let partial = Options { partial: true, ..Options::default() };
     let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
     assert!(text.expect_err("refused").contains("--partial"));
     // Negative control: a copy that differs in one number.
     std::fs::remove_dir_all(at("joined")).expect("a folder");
     let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
     let sum = twin.slice("sum").expect("a slice");
-    sum.write(Field::Mean, &[0, 5, 1], &[1, 1, 1], &[7.0])
-        .expect("a number");
+    sum.write(Field::Mean, &[0, 5, 1], &[1, 1, 1], &[7.0]).expect("a number");
     twin.finish().expect("a part");
-    refused(
-        &["p1", "twin", "p2", "p3"],
-        &["both part 2 of 3", "sum/mean/c.0.1.0"],
-    );
+    refused(&["p1", "twin", "p2", "p3"], &["both part 2 of 3", "sum/mean/c.0.1.0"]);
     // Negative control: a number in a tile of another part.
-    sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0])
-        .expect("a number");
+    sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0]).expect("a number");
     twin.finish().expect("a part");
     refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
 /// More machines than tiles: some parts are empty but still valid parts.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn more_parts_than_tiles_are_the_whole() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let scene = scene(&mirror_room(
-        8,
-        8,
-        2,
-        4,
-        "[[slices]]\nname = \"sum\"\n[[slices]]\nname = \"two\"",
-    ));
+    let scene = scene(&mirror_room(8, 8, 2, 4, "[[slices]]\nname = \"sum\"\n[[slices]]\nname = \"two\""));
     whole(&scene, &at("whole"));
     let paths: Vec<PathBuf> = (1..=6).map(|n| at(&n.to_string())).collect();
     for (number, path) in (1..).zip(&paths) {
@@ -388,52 +340,26 @@ fn more_parts_than_tiles_are_the_whole() {
 
 /// A killed part resumes, but not as another part.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_killed_part_resumes_to_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    let text = mirror_room(
-        64,
-        32,
-        48,
-        4,
-        "[[slices]]\nname = \"sum\"\npolarization = \"mueller\"",
-    );
+    let text = mirror_room(64, 32, 48, 4, "[[slices]]\nname = \"sum\"\npolarization = \"mueller\"");
     std::fs::write(at.join("scene.toml"), text).expect("a scene");
-    let begin = [
-        "render",
-        "scene.toml",
-        "--threads",
-        "2",
-        "--part",
-        "1/2",
-        "-o",
-        "1",
-    ];
-    let mut child = sunstone(at, &begin)
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("the program");
+    let begin = ["render", "scene.toml", "--threads", "2", "--part", "1/2", "-o", "1"];
+    let mut child = sunstone(at, &begin).stderr(Stdio::null()).spawn().expect("the program");
     let journal = at.join("1/.sunstone-progress");
     let begun = Instant::now();
     while std::fs::read(&journal).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count()) < 5 {
-        assert!(
-            begun.elapsed() < Duration::from_mins(1),
-            "no tile was finished in a minute"
-        );
-        assert!(
-            child.try_wait().expect("a child").is_none(),
-            "it ended before it could be killed"
-        );
+        assert!(begun.elapsed() < Duration::from_mins(1), "no tile was finished in a minute");
+        assert!(child.try_wait().expect("a child").is_none(), "it ended before it could be killed");
         std::thread::sleep(Duration::from_micros(500));
     }
     child.kill().expect("a kill");
     child.wait().expect("its end");
     run(at, &["render", "scene.toml", "--part", "2/2", "-o", "2"], 0);
     let text = stderr(&run(at, &["merge", "1", "2", "-o", "all"], 2));
-    assert!(
-        text.contains("part 1 of 2") && text.contains("not finished"),
-        "{text}"
-    );
+    assert!(text.contains("part 1 of 2") && text.contains("not finished"), "{text}");
     for other in [&["--part", "2/2"][..], &["--tiles", "0-9"], &[]] {
         let arguments = [&["render", "scene.toml", "-o", "1", "--resume"], other].concat();
         assert!(stderr(&run(at, &arguments, 2)).contains("part differs"));
@@ -466,18 +392,5 @@ fn wrong_options_are_told() {
         assert!(text.contains(words), "{option}: {text}");
         assert!(!at.join("p").exists());
     }
-    run(
-        at,
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "p",
-            "--part",
-            "1/2",
-            "--tiles",
-            "1-2",
-        ],
-        2,
-    );
+    run(at, &["render", "scene.toml", "-o", "p", "--part", "1/2", "--tiles", "1-2"], 2);
 }

@@ -39,13 +39,9 @@ fn handbook_values_are_printed() {
     };
     // Gold at 60°: the pinned numbers of the conventions.
     let gold = eval("--name gold --in 60,20 --mirror");
-    for (i, j, want) in [
-        (0, 0, 0.792_257),
-        (0, 1, 0.102_981),
-        (2, 2, -0.406_951),
-        (3, 2, 0.671_906),
-        (0, 3, 0.0),
-    ] {
+    for (i, j, want) in
+        [(0, 0, 0.792_257), (0, 1, 0.102_981), (2, 2, -0.406_951), (3, 2, 0.671_906), (0, 3, 0.0)]
+    {
         assert!((element(&gold, 1, i, j) - want).abs() < 2e-6, "[{i}][{j}]");
     }
     assert_eq!(gold["out"]["phi_deg"], 200.0);
@@ -91,41 +87,18 @@ fn tables_are_made_and_read() {
     ok(&[&["pbrdf", "synth", "m.toml", "-o", "t"], &resolution[..]].concat());
     // Mirrors and glass cannot be tabulated and are left out.
     let made: Vec<_> = files(&at.join("t")).into_keys().collect();
-    assert_eq!(
-        made,
-        ["materials.toml", "rough.pbsdf", "white.pbsdf"].map(std::path::PathBuf::from)
-    );
+    assert_eq!(made, ["materials.toml", "rough.pbsdf", "white.pbsdf"].map(std::path::PathBuf::from));
     let info = ok(&["pbrdf", "info", "t/white.pbsdf"]);
-    assert!(
-        info.contains("phi_d      19 entries, -180.0° to 180.0°"),
-        "{info}"
-    );
+    assert!(info.contains("phi_d      19 entries, -180.0° to 180.0°"), "{info}");
     assert!(info.contains("450, 500, 550, 600, 650"), "{info}");
     // White is constant: 0.65/π at 550 nm, unpolarized.
-    let band = info
-        .lines()
-        .find(|l| l.trim_start().starts_with("550"))
-        .expect("a band");
+    let band = info.lines().find(|l| l.trim_start().starts_with("550")).expect("a band");
     let numbers: Vec<f64> = band.split_whitespace().filter_map(|w| w.parse().ok()).collect();
     let want = 0.65 / std::f64::consts::PI;
-    assert!(
-        (numbers[2] - want).abs() < 1e-4 && (numbers[3] - want).abs() < 1e-4,
-        "{band}"
-    );
+    assert!((numbers[2] - want).abs() < 1e-4 && (numbers[3] - want).abs() < 1e-4, "{band}");
     assert_eq!(numbers[4], 0.0);
     // A cut in both formats.
-    let cut = [
-        "pbrdf",
-        "slice",
-        "t/rough.pbsdf",
-        "--phi-d",
-        "100",
-        "--theta-d",
-        "40",
-        "-w",
-        "550",
-        "-o",
-    ];
+    let cut = ["pbrdf", "slice", "t/rough.pbsdf", "--phi-d", "100", "--theta-d", "40", "-w", "550", "-o"];
     ok(&[&cut[..], &["cut.csv"]].concat());
     ok(&[&cut[..], &["cut.npy"]].concat());
     let csv = std::fs::read_to_string(at.join("cut.csv")).expect("a table");
@@ -136,12 +109,8 @@ fn tables_are_made_and_read() {
             .expect("a head")
             .ends_with("wavelength_nm,m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23,m30,m31,m32,m33")
     );
-    let row: Vec<f64> = lines
-        .next()
-        .expect("a row")
-        .split(',')
-        .map(|n| n.parse().expect("a number"))
-        .collect();
+    let row: Vec<f64> =
+        lines.next().expect("a row").split(',').map(|n| n.parse().expect("a number")).collect();
     assert_eq!(row[..4], [100.0, 40.0, 0.0, 550.0]);
     let file = std::fs::File::open(at.join("cut.npy")).expect("an array");
     let npy = npyz::NpyFile::new(std::io::BufReader::new(file)).expect("an array");
@@ -149,45 +118,17 @@ fn tables_are_made_and_read() {
     let values: Vec<f32> = npy.into_vec().expect("numbers");
     assert!((f64::from(values[0]) - row[4]).abs() < 1e-6 * row[4]);
     // At θh = 0 light and viewer are mirrored about the normal: the table's source gives the same.
-    let source = json(
-        at,
-        &[
-            "pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180",
-        ],
-    );
+    let source = json(at, &["pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180"]);
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
     // 660 nm is outside the table: its last band is used, and this is reported once.
-    std::fs::write(
-        at.join("red.toml"),
-        "[materials]\nm.measured.file = 't/white.pbsdf'\n",
-    )
-    .expect("a file");
-    let red = run(
-        at,
-        &["pbrdf", "eval", "red.toml", "--in", "30,0", "--out", "10,90"],
-        0,
-    );
-    assert_eq!(
-        stderr(&red).matches("660 nm uses the band at 650 nm").count(),
-        1,
-        "{}",
-        stderr(&red)
-    );
+    std::fs::write(at.join("red.toml"), "[materials]\nm.measured.file = 't/white.pbsdf'\n").expect("a file");
+    let red = run(at, &["pbrdf", "eval", "red.toml", "--in", "30,0", "--out", "10,90"], 0);
+    assert_eq!(stderr(&red).matches("660 nm uses the band at 650 nm").count(), 1, "{}", stderr(&red));
     let red: Value = serde_json::from_slice(&red.stdout).expect("JSON");
     assert!((element(&red, 2, 0, 0) - 0.75 / std::f64::consts::PI).abs() < 1e-5);
     // Pictures, and the tables as materials.
     ok(&["pbrdf", "plot", "t/rough.pbsdf", "-o", "p/plot.png"]);
-    ok(&[
-        "pbrdf",
-        "sheet",
-        "t/materials.toml",
-        "-o",
-        "p/sheet.png",
-        "--size",
-        "8",
-        "--spp",
-        "1",
-    ]);
+    ok(&["pbrdf", "sheet", "t/materials.toml", "-o", "p/sheet.png", "--size", "8", "--spp", "1"]);
     for picture in ["p/plot.png", "p/sheet.png"] {
         let image = image::open(at.join(picture)).expect("a picture");
         assert!(image.width() > 200);
@@ -209,10 +150,7 @@ fn principal_components_are_found() {
     run(at, &synth, 0);
     for (arguments, materials) in [
         ("--data t -o p/c.png --npz c.npz --prior p/prior.toml", 2),
-        (
-            "--data t -o p/plain.png --map none -n 16 --bands 550 --npz c.npz",
-            2,
-        ),
+        ("--data t -o p/plain.png --map none -n 16 --bands 550 --npz c.npz", 2),
         ("-o p/s.png --resolution 5x4x7 -n 3 --npz c.npz", 25),
     ] {
         let text = pca(arguments);
@@ -239,18 +177,11 @@ fn principal_components_are_found() {
         );
         let (shape, vectors) = array("vectors.npy");
         assert_eq!(shape, [16, 4, 4]);
-        let dot = |k: usize, l: usize| {
-            (0..16)
-                .map(|i| vectors[16 * k + i] * vectors[16 * l + i])
-                .sum::<f64>()
-        };
+        let dot =
+            |k: usize, l: usize| (0..16).map(|i| vectors[16 * k + i] * vectors[16 * l + i]).sum::<f64>();
         assert!((dot(0, 0) - 1.0).abs() < 1e-12 && dot(0, 1).abs() < 1e-12);
         let m00 = array("mean.npy").1[0];
-        let want = if arguments.contains("none") {
-            1.0
-        } else {
-            8.0_f64.atan()
-        };
+        let want = if arguments.contains("none") { 1.0 } else { 8.0_f64.atan() };
         assert!((m00 - want).abs() < 1e-12, "{m00}");
     }
     for picture in ["p/c.png", "p/plain.png", "p/s.png"] {
@@ -271,19 +202,10 @@ fn wrong_requests_are_refused() {
         ("eval m.toml --name silver --in 0,0 --mirror", "available: glass"),
         ("eval none.toml --in 0,0 --mirror", "none.toml"),
         ("eval m.toml --name gold --in 0 --mirror", "two numbers"),
-        (
-            "eval m.toml --name gold --in 0,x --mirror",
-            "`x`: expected a number",
-        ),
+        ("eval m.toml --name gold --in 0,x --mirror", "`x`: expected a number"),
         ("eval m.toml --name gold --in 0,0", "--refract"),
-        (
-            "eval m.toml --name white --in 0,0 --mirror",
-            "no specular reflection",
-        ),
-        (
-            "eval m.toml --name gold --in 0,0 --refract",
-            "no specular transmission",
-        ),
+        ("eval m.toml --name white --in 0,0 --mirror", "no specular reflection"),
+        ("eval m.toml --name gold --in 0,0 --refract", "no specular transmission"),
         ("eval m.toml --name white --directions bad.csv", "bad.csv:2"),
         ("synth m.toml -o t --name gold", "purely specular"),
         ("synth m.toml -o t --name silver", "known materials: glass"),

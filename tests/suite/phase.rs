@@ -73,9 +73,8 @@ fn every_broken_file_is_told_where_and_how_to_fix_it() {
         let from = case.1;
         // The medium with the fault: the last heading above it.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
-        let name = above
-            .rfind("[media.")
-            .map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));
+        let name =
+            above.rfind("[media.").map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));
         let name = if from.starts_with("media.") { "drink" } else { name };
         let arguments = ["phase", "eval", "m.toml", "--name", name, "-o", "out.csv"];
         fault(folder.path(), "m.toml", MEDIA, case, &arguments)
@@ -95,40 +94,22 @@ fn bad_arguments_are_refused() {
         (&["m.toml", "--name", "beer"], "no medium `beer`"),
         (&["none.toml"], "no medium"),
         (&["m.toml", "--name", "air", "--angles", "1"], "got 1"),
-        (
-            &["m.toml", "--name", "air", "--angles", "0,200"],
-            "`200`: expected an angle",
-        ),
-        (
-            &["m.toml", "--name", "air", "--wavelengths", "5"],
-            "range 100 to 100000 nm",
-        ),
-        (
-            &["m.toml", "--name", "drink", "--wavelengths", "900"],
-            "380 to 770 nm",
-        ),
+        (&["m.toml", "--name", "air", "--angles", "0,200"], "`200`: expected an angle"),
+        (&["m.toml", "--name", "air", "--wavelengths", "5"], "range 100 to 100000 nm"),
+        (&["m.toml", "--name", "drink", "--wavelengths", "900"], "380 to 770 nm"),
     ] {
         let mut all = vec!["phase", "eval"];
         all.extend(arguments);
         let shown = stderr(&run(folder.path(), &all, 2));
-        assert!(
-            shown.starts_with("error: ") && shown.contains(says),
-            "{arguments:?}: {shown}"
-        );
+        assert!(shown.starts_with("error: ") && shown.contains(says), "{arguments:?}: {shown}");
     }
 }
 
 /// Comment lines as numbers, then rows as numbers.
 fn numbers(text: &str) -> [Vec<Vec<f64>>; 2] {
-    let parse = |l: &str| -> Vec<f64> {
-        l.split(',')
-            .map(|n| n.trim().parse().expect("a number"))
-            .collect()
-    };
+    let parse = |l: &str| -> Vec<f64> { l.split(',').map(|n| n.trim().parse().expect("a number")).collect() };
     let head = text.lines().filter_map(|l| l.strip_prefix("# ")).skip(1);
-    let rows = text
-        .lines()
-        .filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
+    let rows = text.lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
     [head.map(parse).collect(), rows.map(parse).collect()]
 }
 
@@ -143,10 +124,7 @@ fn matrices_are_printed_as_csv() {
         String::from_utf8(out.stdout).expect("text")
     };
     let text = eval("air --angles 0,90,180");
-    assert!(
-        text.contains("\nangle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n"),
-        "{text}"
-    );
+    assert!(text.contains("\nangle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n"), "{text}");
     let [head, rows] = numbers(&text);
     assert_eq!((head.len(), rows.len()), (3, 9));
     assert_eq!(head[1][..4], [550.0, 1.0, 1e-5, 0.0]);
@@ -161,25 +139,14 @@ fn matrices_are_printed_as_csv() {
     assert_eq!((head.len(), rows.len()), (5, 15));
     assert_eq!(head[0][..2], [605.0, 1.0003]);
     assert!((head[0][4] - 0.65).abs() < 1e-12);
-    assert_eq!(
-        rows.iter().take(3).map(|r| r[0]).collect::<Vec<_>>(),
-        [0.0, 90.0, 180.0]
-    );
+    assert_eq!(rows.iter().take(3).map(|r| r[0]).collect::<Vec<_>>(), [0.0, 90.0, 180.0]);
     // Coefficients of particles are printed with their cross sections; those of `phase.mie` stay as given.
     let [head, _] = numbers(&eval("dust --angles 2"));
-    assert!(
-        head.iter()
-            .all(|h| h[2] > 0.0 && h[3] > 0.0 && h[5] > 0.0 && h[6] > 0.0)
-    );
+    assert!(head.iter().all(|h| h[2] > 0.0 && h[3] > 0.0 && h[5] > 0.0 && h[6] > 0.0));
     let [head, rows] = numbers(&eval("cloud --angles 1801"));
-    assert!(
-        head.iter().all(|h| h[2] == 0.02 && h[3] == 0.0 && h[4] > 0.7),
-        "{head:?}"
-    );
-    let sum: f64 = rows[..1801]
-        .iter()
-        .map(|r| r[2] * r[0].to_radians().sin() * 2.0 * pi * (0.1_f64).to_radians())
-        .sum();
+    assert!(head.iter().all(|h| h[2] == 0.02 && h[3] == 0.0 && h[4] > 0.7), "{head:?}");
+    let sum: f64 =
+        rows[..1801].iter().map(|r| r[2] * r[0].to_radians().sin() * 2.0 * pi * (0.1_f64).to_radians()).sum();
     assert!((sum - 1.0).abs() < 1e-3, "{sum}");
     for name in ["beads", "drink", "stone", "hand"] {
         assert_eq!(numbers(&eval(&format!("{name} --angles 2")))[1].len(), 6);

@@ -60,19 +60,11 @@ fn walks_from_the_light_survive_an_interruption() {
     let text = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
     let scene = scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1));
     let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
-    let target = |path: &Path, resume| Target {
-        path: path.to_owned(),
-        resume,
-        ..Target::default()
-    };
+    let target = |path: &Path, resume| Target { path: path.to_owned(), resume, ..Target::default() };
     render(&scene, &target(&whole, false), &Unwatched).expect("a render");
     let first = render(&scene, &target(&parts, false), &Impatient(AtomicU32::new(0))).expect("a part");
     assert!(!first.complete && first.tiles_done >= 7, "{first:?}");
-    assert!(
-        render(&scene, &target(&parts, true), &Unwatched)
-            .expect("the rest")
-            .complete
-    );
+    assert!(render(&scene, &target(&parts, true), &Unwatched).expect("the rest").complete);
     assert_same_store(&whole, &parts);
 }
 
@@ -81,16 +73,9 @@ fn threads_change_nothing(text: &str) {
     let scene = scene(text);
     let paths = [1, 2, 3].map(|threads| {
         let path = folder.path().join(format!("{threads}.zarr"));
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .expect("threads");
-        let target = Target {
-            path: path.clone(),
-            ..Target::default()
-        };
-        pool.install(|| render(&scene, &target, &Unwatched))
-            .expect("a render");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let target = Target { path: path.clone(), ..Target::default() };
+        pool.install(|| render(&scene, &target, &Unwatched)).expect("a render");
         path
     });
     assert_same_store(&paths[0], &paths[1]);
@@ -105,29 +90,21 @@ fn lines(store: &Path) -> usize {
 fn once_under_way(child: &mut Child, store: &Path, stop: impl FnOnce(&mut Child)) {
     let begun = Instant::now();
     while lines(store) < 5 {
-        assert!(
-            begun.elapsed() < Duration::from_mins(1),
-            "no tile was finished in a minute"
-        );
-        assert!(
-            child.try_wait().expect("a child").is_none(),
-            "the render ended before it could be stopped"
-        );
+        assert!(begun.elapsed() < Duration::from_mins(1), "no tile was finished in a minute");
+        assert!(child.try_wait().expect("a child").is_none(), "the render ended before it could be stopped");
         std::thread::sleep(Duration::from_micros(500));
     }
     stop(child);
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_killed_render_resumes_to_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), text(48)).expect("a scene");
     let begin = ["render", "scene.toml", "--threads", "2", "-o", "killed.zarr"];
-    let mut child = sunstone(at, &begin)
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("the program");
+    let mut child = sunstone(at, &begin).stderr(Stdio::null()).spawn().expect("the program");
     let store = at.join("killed.zarr");
     once_under_way(&mut child, &store, |c| c.kill().expect("a kill"));
     assert_eq!(child.wait().expect("its end").code(), None, "it was killed");
@@ -146,15 +123,12 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     assert_eq!(lines(&store), done, "what is refused changes nothing");
 
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
-    run(
-        at,
-        &["render", "scene.toml", "--threads", "1", "-o", "whole.zarr"],
-        0,
-    );
+    run(at, &["render", "scene.toml", "--threads", "1", "-o", "whole.zarr"], 0);
     assert_same_store(&store, &at.join("whole.zarr"));
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn an_interrupted_render_says_how_to_go_on() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = &folder.path().join("a folder's name");
@@ -179,19 +153,15 @@ fn an_interrupted_render_says_how_to_go_on() {
         .expect("the program");
     let store = at.join("stopped.zarr");
     once_under_way(&mut child, &store, |c| {
-        let sent = std::process::Command::new("kill")
-            .args(["-INT", &c.id().to_string()])
-            .status();
+        let sent = std::process::Command::new("kill").args(["-INT", &c.id().to_string()]).status();
         assert!(sent.expect("kill").success());
     });
     let out = child.wait_with_output().expect("its end");
     let message = stderr(&out);
     assert_eq!(out.status.code(), Some(130), "{message}");
     assert!((5..TILES).contains(&lines(&store)));
-    let command = message
-        .lines()
-        .find_map(|l| l.strip_prefix("  sunstone "))
-        .expect("a command to resume with");
+    let command =
+        message.lines().find_map(|l| l.strip_prefix("  sunstone ")).expect("a command to resume with");
 
     // As a user would paste it into a shell.
     let shell = std::process::Command::new("sh")

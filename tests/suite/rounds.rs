@@ -32,46 +32,28 @@ fn room(integrator: &str) -> Scene {
 }
 
 fn goal(error: f64, share: f64) -> Goal {
-    Goal {
-        slice: "sum".into(),
-        error,
-        share,
-        first: 32,
-        most: 1 << 14,
-    }
+    Goal { slice: "sum".into(), error, share, first: 32, most: 1 << 14 }
 }
 
 fn to_error(goal: Goal, watch: &dyn Watch) -> ToError<'_> {
-    ToError {
-        goal,
-        watch,
-        begins: &|_: &Standing| {},
-        attributes: vec![],
-        threads: 0,
-    }
+    ToError { goal, watch, begins: &|_: &Standing| {}, attributes: vec![], threads: 0 }
 }
 
 fn target(path: &Path, resume: bool) -> Target {
-    Target {
-        path: path.to_owned(),
-        resume,
-        replace: false,
-    }
+    Target { path: path.to_owned(), resume, replace: false }
 }
 
 /// A tile with any number of samples equals that of a plain render with this number, to the bit, also with
 /// light subpaths.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_tile_is_that_of_a_plain_render_of_its_samples() {
     for integrator in ["path", "caustics", "bidirectional"] {
         let mut scene = room(integrator);
         scene.settings.replicates = 2;
         scene.settings.spp = 24;
         let counts: Vec<u32> = (0..36).map(|tile| [0, 4, 16, 24][tile % 4]).collect();
-        let own = Render::new(&scene)
-            .samples(&counts)
-            .to_arrays()
-            .expect("a render");
+        let own = Render::new(&scene).samples(&counts).to_arrays().expect("a render");
         for n in [4, 16, 24] {
             scene.settings.spp = n;
             let plain = Render::new(&scene).to_arrays().expect("a render");
@@ -109,18 +91,14 @@ impl Watch for Impatient {
 
 /// Whole, repeatedly stopped, or in merged parts, with one thread or two: the same bytes.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn however_it_is_made_it_is_the_same() {
     for integrator in ["path", "caustics"] {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         let mut scene = room(integrator);
         let whole = to_error(goal(0.08, 0.9), &Unwatched);
-        assert!(
-            whole
-                .render(&mut scene, &target(&at("whole"), false))
-                .expect("a render")
-                .complete
-        );
+        assert!(whole.render(&mut scene, &target(&at("whole"), false)).expect("a render").complete);
         assert!(!folder_of(&at("whole")).exists());
         assert!(verify(&at("whole")).expect("a store").faults.is_empty());
         let store = TensorStore::open(&at("whole")).expect("a store");
@@ -129,10 +107,7 @@ fn however_it_is_made_it_is_the_same() {
         assert!(number("rounds") >= 2.0 && number("reached") <= 0.08, "{message}");
         let counts = store.read_samples([0, 0], [24, 24]).expect("counts");
         let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / 576.0;
-        assert!(
-            (mean - number("mean_samples_per_pixel")).abs() < 0.1,
-            "{mean} {message}"
-        );
+        assert!((mean - number("mean_samples_per_pixel")).abs() < 0.1, "{mean} {message}");
         assert!(counts.iter().max() > counts.iter().min());
 
         // It merges with a plain render of another seed; the result does not state the goal.
@@ -145,12 +120,8 @@ fn however_it_is_made_it_is_the_same() {
         assert!(sum.iter().zip(&counts).all(|(sum, own)| *sum == own + 4));
         assert!(!both.attributes().contains_key("target"));
 
-        let one = ToError {
-            threads: 1,
-            ..to_error(goal(0.08, 0.9), &Unwatched)
-        };
-        one.render(&mut scene, &target(&at("one"), false))
-            .expect("a render");
+        let one = ToError { threads: 1, ..to_error(goal(0.08, 0.9), &Unwatched) };
+        one.render(&mut scene, &target(&at("one"), false)).expect("a render");
         assert_same_store(&at("whole"), &at("one"));
 
         let mut stops = 0;
@@ -168,9 +139,7 @@ fn however_it_is_made_it_is_the_same() {
         assert!(stops >= 3, "{stops}");
         assert_same_store(&at("whole"), &at("stopped"));
         // A finished store is not rendered again; with another goal it is another render.
-        let again = whole
-            .render(&mut scene, &target(&at("stopped"), true))
-            .expect("a store");
+        let again = whole.render(&mut scene, &target(&at("stopped"), true)).expect("a store");
         assert!(again.complete && again.samples == 0);
         let other = to_error(goal(0.2, 0.7), &Unwatched).render(&mut scene, &target(&at("stopped"), true));
         assert!(other.is_err_and(|e| e.to_string().contains("target differs")));
@@ -185,10 +154,7 @@ fn however_it_is_made_it_is_the_same() {
             let light = at(&format!("light{round}"));
             let parts = [1, 2].map(|number| {
                 let (path, part) = (at(&format!("{round}-{number}")), Part::Share { number, of: 2 });
-                let part = RoundPart {
-                    part,
-                    light: Some(&light),
-                };
+                let part = RoundPart { part, light: Some(&light) };
                 let made = whole.part_of_round(&mut scene, &rounds, round, part, &target(&path, false));
                 assert!(made.expect("a part").complete);
                 path
@@ -197,9 +163,7 @@ fn however_it_is_made_it_is_the_same() {
             merge(&parts, &rounds.join(format!("{round}.zarr")), Options::default())
                 .unwrap_or_else(|e| panic!("{e}"));
         }
-        whole
-            .render(&mut scene, &target(&at("joined"), true))
-            .expect("a render");
+        whole.render(&mut scene, &target(&at("joined"), true)).expect("a render");
         assert_same_store(&at("whole"), &at("joined"));
     }
 }
@@ -225,18 +189,12 @@ impl Image {
     fn pooled(images: &[Self], weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         let of = |f: &dyn Fn(&Self, f64) -> f64| {
-            images
-                .iter()
-                .zip(weights)
-                .map(|(i, w)| f(i, w / sum))
-                .sum::<f64>()
+            images.iter().zip(weights).map(|(i, w)| f(i, w / sum)).sum::<f64>()
         };
         let pixels = 0..images[0].means.len();
         Self {
             means: pixels.clone().map(|p| of(&|i, w| w * i.means[p])).collect(),
-            errors: pixels
-                .map(|p| of(&|i, w| (w * i.errors[p]).powi(2)).sqrt())
-                .collect(),
+            errors: pixels.map(|p| of(&|i, w| (w * i.errors[p]).powi(2)).sqrt()).collect(),
         }
     }
 }
@@ -254,22 +212,13 @@ impl Verdict {
     fn of(renders: &[Image], truth: &[Image]) -> Self {
         let all = Image::pooled(truth, &vec![1.0; truth.len()]);
         let bright = all.means.iter().fold(0.0, |a: f64, b| a.max(*b));
-        let lit: Vec<usize> = (0..all.means.len())
-            .filter(|p| all.means[*p] > 0.01 * bright)
-            .collect();
+        let lit: Vec<usize> = (0..all.means.len()).filter(|p| all.means[*p] > 0.01 * bright).collect();
         // Pixels with small errors get the largest weights.
-        let off = |i: &Image| {
-            lit.iter()
-                .map(|p| (i.means[*p] - all.means[*p]) / all.errors[*p])
-                .sum::<f64>()
-        };
+        let off = |i: &Image| lit.iter().map(|p| (i.means[*p] - all.means[*p]) / all.errors[*p]).sum::<f64>();
         let moments = |images: &[Image]| {
             let n = images.len() as f64;
             let mean = images.iter().map(off).sum::<f64>() / n;
-            (
-                mean,
-                images.iter().map(|i| (off(i) - mean).powi(2)).sum::<f64>() / (n - 1.0) / n,
-            )
+            (mean, images.iter().map(|i| (off(i) - mean).powi(2)).sum::<f64>() / (n - 1.0) / n)
         };
         let ((mean, variance), (_, of_truth)) = (moments(renders), moments(truth));
         let z2 = |i: &Image| {
@@ -293,6 +242,7 @@ impl Verdict {
 /// the stated errors. Negative controls: if single pixels stop by their own errors, means are biased; if
 /// weights ignore the numbers of samples, errors are wrong. The same comparison detects both.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn errors_are_honest() {
     const SEEDS: u64 = 64;
     const ROUNDS: u64 = 8;
@@ -314,11 +264,7 @@ fn errors_are_honest() {
             rounds += message["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
             // Of the first pixel of each tile.
             let samples = store.read_samples([0, 0], [32, 32]).expect("counts");
-            counts.push(
-                (0..16)
-                    .map(|tile| samples[tile / 4 * 8 * 32 + tile % 4 * 8])
-                    .collect(),
-            );
+            counts.push((0..16).map(|tile| samples[tile / 4 * 8 * 32 + tile % 4 * 8]).collect());
             let [mean, error] = [Field::Mean, Field::TotalStdError].map(|f| read(&store, "sum", f).data);
             Image::of(&mean, &error)
         })
@@ -353,21 +299,14 @@ fn errors_are_honest() {
         .collect();
     let same = Verdict::of(&same, &plain);
     println!("the same numbers of other samples: {same:?}");
-    assert!(
-        same.is_honest() && (verdict.z2 - same.z2).abs() < 0.06,
-        "{verdict:?}, {same:?}"
-    );
+    assert!(same.is_honest() && (verdict.z2 - same.z2).abs() < 0.06, "{verdict:?}, {same:?}");
 
     let greedy: Vec<Image> = sets
         .clone()
         .map(|set| {
-            let upto: Vec<Image> = (1..=set.len())
-                .map(|n| Image::pooled(&set[..n], &vec![1.0; n]))
-                .collect();
+            let upto: Vec<Image> = (1..=set.len()).map(|n| Image::pooled(&set[..n], &vec![1.0; n])).collect();
             let stop = |p: usize| {
-                upto.iter()
-                    .find(|i| i.errors[p] <= 0.1 * i.means[p])
-                    .unwrap_or(&upto[set.len() - 1])
+                upto.iter().find(|i| i.errors[p] <= 0.1 * i.means[p]).unwrap_or(&upto[set.len() - 1])
             };
             let pixels = 0..set[0].means.len();
             Image {
@@ -399,35 +338,18 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
-    let words = [
-        "render",
-        "scene.toml",
-        "--integrator",
-        "path",
-        "--no-figures",
-        "--target-error",
-        "0.1",
-    ];
+    let words = ["render", "scene.toml", "--integrator", "path", "--no-figures", "--target-error", "0.1"];
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
     let out = with(&["--spp", "32", "-o", "s"], 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(
-        message.contains("median") && message.contains("rounds"),
-        "{message}"
-    );
+    assert!(message.contains("median") && message.contains("rounds"), "{message}");
     let out = run(folder.path(), &["info", "s"], 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(
-        message.contains("target") && message.contains("slice sum"),
-        "{message}"
-    );
+    assert!(message.contains("target") && message.contains("slice sum"), "{message}");
     let most = ["--most-spp", "64", "-o", "most"];
     let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(
-        message.contains("--most-spp 64") && message.contains("above the target of 0.10 %"),
-        "{message}"
-    );
+    assert!(message.contains("--most-spp 64") && message.contains("above the target of 0.10 %"), "{message}");
     for (more, fix) in [
         (&["--target-slice", "none"][..], "sum, mueller, flight"),
         (&["--target-share", "1.5"], "--target-share"),
@@ -448,22 +370,12 @@ fn nothing_else_is_removed_and_one_renders() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
-    let words = [
-        "render",
-        "scene.toml",
-        "--no-figures",
-        "--target-error",
-        "0.5",
-        "-o",
-    ];
+    let words = ["render", "scene.toml", "--no-figures", "--target-error", "0.5", "-o"];
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
     std::fs::create_dir_all(at("s.rounds")).expect("a folder");
     std::fs::write(at("s.rounds/thesis.tex"), "years of work").expect("a file");
     let message = stderr(&with(&["s", "--force"], 2));
-    assert!(
-        message.contains("thesis.tex") && message.contains("another name"),
-        "{message}"
-    );
+    assert!(message.contains("thesis.tex") && message.contains("another name"), "{message}");
     assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
     // While a process writes them, --force removes nothing.
     std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");

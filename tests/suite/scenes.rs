@@ -20,11 +20,7 @@ struct Shipped {
 }
 
 const SHIPPED: &[Shipped] = &[
-    Shipped {
-        folder: "disco_ball",
-        twin: "diffuse.toml",
-        seen: &[([0.0, 0.56, -0.1], 0.212)],
-    },
+    Shipped { folder: "disco_ball", twin: "diffuse.toml", seen: &[([0.0, 0.56, -0.1], 0.212)] },
     Shipped {
         folder: "coins_mirror",
         twin: "diffuse.toml",
@@ -46,11 +42,7 @@ const SHIPPED: &[Shipped] = &[
             ([0.085, 0.087, -0.028], 0.015),
         ],
     },
-    Shipped {
-        folder: "sss_statue",
-        twin: "diffuse.toml",
-        seen: &[([0.0, 0.025, 0.0], 0.026)],
-    },
+    Shipped { folder: "sss_statue", twin: "diffuse.toml", seen: &[([0.0, 0.025, 0.0], 0.026)] },
     Shipped {
         folder: "crystals",
         twin: "diffuse.toml",
@@ -69,10 +61,7 @@ const SHIPPED: &[Shipped] = &[
 ];
 
 fn path(folder: &str, file: &str) -> PathBuf {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
-        .join("scenes")
-        .join(folder)
-        .join(file)
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes").join(folder).join(file)
 }
 
 fn table(path: &Path) -> Table {
@@ -81,11 +70,7 @@ fn table(path: &Path) -> Table {
 }
 
 fn objects(scene: &Table) -> impl Iterator<Item = &Table> {
-    scene["objects"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .filter_map(Value::as_table)
+    scene["objects"].as_array().unwrap().iter().filter_map(Value::as_table)
 }
 
 fn name<'a>(object: &'a Table, key: &str) -> &'a str {
@@ -104,14 +89,7 @@ fn every_scene_is_known_here() {
     let mut known: Vec<_> = SHIPPED
         .iter()
         .map(|s| s.folder)
-        .chain([
-            "figures",
-            "gold_mirror",
-            "materials",
-            "mirror_room",
-            "painted_doll",
-            "statue_mirror",
-        ])
+        .chain(["figures", "gold_mirror", "materials", "mirror_room", "painted_doll", "statue_mirror"])
         .collect();
     known.sort_unstable();
     assert_eq!(found, known);
@@ -124,22 +102,14 @@ fn every_scene_is_known_here() {
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();
-    let (side, _) = device
-        .project(centre + device.right() * radius)
-        .ok_or("its side is out of the image")?;
+    let (side, _) = device.project(centre + device.right() * radius).ok_or("its side is out of the image")?;
     let width = 2.0 * DVec2::distance(at, side);
     if width < pixels {
         return Err(format!("it is {width:.1} pixels wide"));
     }
-    let mut ray = Ray {
-        origin: device.origin,
-        dir: (centre - device.origin) / distance,
-    };
+    let mut ray = Ray { origin: device.origin, dir: (centre - device.origin) / distance };
     for _ in 0..20 {
-        let hit = scene
-            .geometry
-            .intersect(&ray, f32::INFINITY)
-            .ok_or("the way to it meets nothing")?;
+        let hit = scene.geometry.intersect(&ray, f32::INFINITY).ok_or("the way to it meets nothing")?;
         let surface = scene.geometry.surface(&ray, &hit);
         if surface.p.distance(centre) <= radius {
             return Ok(());
@@ -209,17 +179,8 @@ fn twins_differ_in_materials_and_media_alone() {
             shipped.folder
         );
         assert!(twin.get("media").is_none(), "{}", shipped.folder);
-        assert!(
-            objects(&twin).all(|o| o.get("interior").is_none()),
-            "{}",
-            shipped.folder
-        );
-        assert_eq!(
-            without_materials(scene),
-            without_materials(twin),
-            "{}",
-            shipped.folder
-        );
+        assert!(objects(&twin).all(|o| o.get("interior").is_none()), "{}", shipped.folder);
+        assert_eq!(without_materials(scene), without_materials(twin), "{}", shipped.folder);
     }
 }
 
@@ -233,9 +194,7 @@ fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
         .map(|p| {
             let next = welded.len();
             // Adding zero makes -0 and 0 equal.
-            *welded
-                .entry((p + Vec3::ZERO).to_array().map(f32::to_bits))
-                .or_insert(next)
+            *welded.entry((p + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert(next)
         })
         .collect();
     let mut edges: HashMap<(usize, usize), u32> = HashMap::new();
@@ -344,11 +303,7 @@ fn check(
     cosine: f32,
 ) {
     let part = mirror_room_mesh(file);
-    assert!(
-        triangles.contains(&part.mesh.indices.len()),
-        "{file}: {}",
-        part.mesh.indices.len()
-    );
+    assert!(triangles.contains(&part.mesh.indices.len()), "{file}: {}", part.mesh.indices.len());
     let found = closed_volume(&part.mesh).unwrap_or_else(|e| panic!("{file}: {e}"));
     assert!(volume.contains(&found), "{file}: {found} m^3");
     assert_eq!(part.mesh.normals.len(), part.mesh.positions.len());
@@ -358,23 +313,14 @@ fn check(
     let high = part.mesh.positions.iter().copied().reduce(Vec3::max).unwrap();
     assert_eq!(low.y, 0.0, "{file} stands on the ground");
     assert!((high - low).abs_diff_eq(size, 5e-3), "{file}: {}", high - low);
-    assert!(
-        (low.x + high.x).abs() < 5e-3 && (low.z + high.z).abs() < 5e-3,
-        "{file} is centred"
-    );
+    assert!((low.x + high.x).abs() < 5e-3 && (low.z + high.z).abs() < 5e-3, "{file} is centred");
 }
 
 #[test]
 fn knot_is_closed() {
     // Pappus: pi a^2 L = 9.0e-3 m^3 for a tube of radius a = 34 mm around a knot of length L = 2.43 m, minus
     // 2.6 % for its sixteen flat sides.
-    check(
-        "knot.glb",
-        6000..10_000,
-        vec3(0.478, 0.5, 0.221),
-        8.7e-3..8.85e-3,
-        0.95,
-    );
+    check("knot.glb", 6000..10_000, vec3(0.478, 0.5, 0.221), 8.7e-3..8.85e-3, 0.95);
 }
 
 #[test]

@@ -62,10 +62,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     render("plain.toml", &["-o", "plain.zarr"], 0);
     render("varied.toml", &[], 0);
     let attributes = |store: &str| TensorStore::open(&at.join(store)).expect("a store").attributes();
-    assert_eq!(
-        attributes("plain.zarr")["scene_sha256"],
-        attributes("out/s.zarr")["scene_sha256"]
-    );
+    assert_eq!(attributes("plain.zarr")["scene_sha256"], attributes("out/s.zarr")["scene_sha256"]);
     assert!(!attributes("out/s.zarr").contains_key("variant"));
     assert_eq!(mean(&at.join("plain.zarr")), mean(&at.join("out/s.zarr")));
     // Light of one bounce is proportional to the albedo.
@@ -77,43 +74,22 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
         let expected =
             json!({"number": k.parse::<u64>().expect("a number"), "values": {"shade": albedo.to_string()}});
         assert_eq!(attributes(&store)["variant"], expected);
-        assert_ne!(
-            attributes(&store)["scene_sha256"],
-            attributes("plain.zarr")["scene_sha256"]
-        );
+        assert_ne!(attributes(&store)["scene_sha256"], attributes("plain.zarr")["scene_sha256"]);
     }
     // The same variant twice gives the same store.
     render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
     // Another variant neither resumes it nor merges with it.
-    let said = stderr(&render(
-        "varied.toml",
-        &["--variant", "0", "--resume", "-o", "again.zarr"],
-        2,
-    ));
+    let said = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
     assert!(said.contains("variant differs"), "{said}");
-    render(
-        "varied.toml",
-        &["--variant", "0", "--seed", "5", "-o", "other.zarr"],
-        0,
-    );
-    let said = stderr(&run(
-        at,
-        &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"],
-        2,
-    ));
+    render("varied.toml", &["--variant", "0", "--seed", "5", "-o", "other.zarr"], 0);
+    let said = stderr(&run(at, &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"], 2));
     assert!(said.contains("different scenes"), "{said}");
     // Faults of a variant are reported with their location in [vary]; there are at most four variants.
     let said = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
-    let line = format!("name = \"s\"\n{SCENE}{VARY}")
-        .lines()
-        .position(|l| l.contains("1.5"))
-        .expect("there")
-        + 1;
-    assert!(
-        said.contains(&format!("varied.toml:{line}:")) && said.contains("1.5"),
-        "{said}"
-    );
+    let line =
+        format!("name = \"s\"\n{SCENE}{VARY}").lines().position(|l| l.contains("1.5")).expect("there") + 1;
+    assert!(said.contains(&format!("varied.toml:{line}:")) && said.contains("1.5"), "{said}");
     let said = stderr(&render("varied.toml", &["--variant", "4", "-o", "no.zarr"], 2));
     assert!(said.contains("has 4"), "{said}");
     let said = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
@@ -121,16 +97,14 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     assert!(!at.join("no.zarr").exists());
     let message = run(at, &["info", "varied.toml"], 0);
     let message = String::from_utf8_lossy(&message.stdout).into_owned();
-    assert!(
-        message.contains("vary shade") && message.contains("0.25, 0.75, 0.5, 1.5"),
-        "{message}"
-    );
+    assert!(message.contains("vary shade") && message.contains("0.25, 0.75, 0.5, 1.5"), "{message}");
     let message = run(at, &["info", "out/s_variant1.zarr"], 0);
     assert!(String::from_utf8_lossy(&message.stdout).contains("\"number\":1"));
 }
 
 /// Every scene of an application has what the application requires, for every variant that it uses.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn scenes_of_applications_have_their_variants() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     for application in catalog::all() {
@@ -157,6 +131,7 @@ fn scenes_of_applications_have_their_variants() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn applications_are_listed_run_resumed_and_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -170,15 +145,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert!(stderr(&run(at, &["apply", "metamerism", "--seeds", "0"], 2)).contains("--seeds"));
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
-    let arguments = [
-        "apply",
-        "metamerism",
-        "--preview",
-        "--seeds",
-        "1",
-        "--scenes",
-        scenes,
-    ];
+    let arguments = ["apply", "metamerism", "--preview", "--seeds", "1", "--scenes", scenes];
     let first = run(at, &arguments, 0);
     let first = String::from_utf8_lossy(&first.stdout).into_owned();
     assert!(first.contains("(20 new renders)"), "{first}");
@@ -189,19 +156,13 @@ fn applications_are_listed_run_resumed_and_refused() {
     // The bound is above all methods, and colour gives little information: the fruits are metamers.
     let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
     let area = |method: &str| -> f64 {
-        let line = table
-            .lines()
-            .find(|l| l.contains(&format!("\"{method}\"")))
-            .expect("a row");
+        let line = table.lines().find(|l| l.contains(&format!("\"{method}\""))).expect("a row");
         line.split(',')
             .nth(if method.contains(',') { 5 } else { 4 })
             .and_then(|v| v.parse().ok())
             .expect("a number")
     };
-    assert!(
-        area("all epipolar elements") > 0.98 && area("RGB") < 0.7,
-        "{table}"
-    );
+    assert!(area("all epipolar elements") > 0.98 && area("RGB") < 0.7, "{table}");
     assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
     // Repeated: nothing is rendered, and the result is the same.
     let again = run(at, &arguments, 0);
@@ -209,12 +170,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
     // A lost render is repeated, with the same numbers.
     let renders = at.join("out/apply/renders");
-    let one = std::fs::read_dir(&renders)
-        .expect("renders")
-        .next()
-        .expect("one")
-        .expect("one")
-        .path();
+    let one = std::fs::read_dir(&renders).expect("renders").next().expect("one").expect("one").path();
     std::fs::remove_dir_all(one).expect("removes");
     let third = run(at, &arguments, 0);
     let third = String::from_utf8_lossy(&third.stdout).into_owned();
@@ -230,11 +186,7 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     std::fs::write(at.join("f.toml"), figure).expect("writes");
     let fit = at.join("out/apply/renders/metamerism_48px_16spp_1seeds.fit");
     let draw = || {
-        run(
-            at,
-            &["figure", "f.toml", "--preview", "--scenes", scenes, "-o", "f.svg"],
-            0,
-        );
+        run(at, &["figure", "f.toml", "--preview", "--scenes", scenes, "-o", "f.svg"], 0);
         let picture = std::fs::read(at.join("f.svg")).expect("a picture");
         let written = std::fs::metadata(&fit).and_then(|m| m.modified()).expect("a fit");
         (picture, written, std::fs::read(&fit).expect("a fit"))
@@ -261,20 +213,13 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
 /// equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with an array, and 0.5e-3 √(196/16) for 36
 /// captures of DRR.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
-    let arguments = [
-        "apply",
-        "ellipsometry",
-        "--preview",
-        "--seeds",
-        "1",
-        "--scenes",
-        scenes,
-    ];
+    let arguments = ["apply", "ellipsometry", "--preview", "--seeds", "1", "--scenes", scenes];
     let said = String::from_utf8_lossy(&run(at, &arguments, 0).stdout).into_owned();
     assert!(said.contains("(20 new renders)"), "{said}");
     let table =
@@ -283,18 +228,12 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
         let start = format!("\"{metric}\",\"1e-3 of the mean M00\",\"{method}\",\"");
         let line = table.lines().find_map(|l| l.strip_prefix(&start)).expect("a row");
         let rest = line.split_once("\",").expect("a source").1;
-        rest.split(',')
-            .next()
-            .and_then(|v| v.parse().ok())
-            .expect("a number")
+        rest.split(',').next().and_then(|v| v.parse().ok()).expect("a number")
     };
     // Ten variants of 48 x 36 x 3 matrices: a relative spread of at most 1e-3, where few directions carry
     // most of the error.
     let near = |found: f64, variance: f64| (found / (0.5 * (variance / 16.0).sqrt()) - 1.0).abs() < 5e-3;
-    assert!(
-        near(mean("error, 15 captures", "L-QRPR-P"), 440.0 / 15.0),
-        "{table}"
-    );
+    assert!(near(mean("error, 15 captures", "L-QRPR-P"), 440.0 / 15.0), "{table}");
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
@@ -338,10 +277,7 @@ material = "ball"
     let ball: f64 = truth::material(&built, &["ball"]).data.iter().sum();
     assert!((ball / area - 1.0).abs() < 0.02, "{ball} {area}");
     let wall = truth::material(&built, &["wall", "ball"]);
-    assert!(
-        wall.data.iter().all(|v| *v == 1.0),
-        "all rays end at one of the two"
-    );
+    assert!(wall.data.iter().all(|v| *v == 1.0), "all rays end at one of the two");
     // In the pane a ray at θ continues at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer
     // to the axis.
     let texture = truth::texture(&built);
@@ -357,19 +293,9 @@ material = "ball"
         }
     }
     // As layers: the ball's nearest point is 0.45 m away, at the position from the calibration.
-    let set = layers(
-        &built,
-        Options {
-            side: 4,
-            through: true,
-        },
-    );
+    let set = layers(&built, Options { side: 4, through: true });
     let depth = truth::layer(&set, "depth").expect("a layer");
-    assert!(
-        (depth.at(32, 32)[0] - 0.45).abs() < 1e-3,
-        "{}",
-        depth.at(32, 32)[0]
-    );
+    assert!((depth.at(32, 32)[0] - 0.45).abs() < 1e-3, "{}", depth.at(32, 32)[0]);
     let at = truth::layer(&set, "position").expect("a layer");
     let seen: [f64; 3] = at.at(32, 32).try_into().expect("a position");
     let camera = truth::rig(&built).expect("a rig").camera;
@@ -407,9 +333,7 @@ fn variants_of_one_seed_have_their_own_noise() {
     let mut noise = |variant: usize, number: Option<u64>| -> Vec<f64> {
         let size = Size { pixels: 32, spp: 4 };
         let [a, b] = [1, 2].map(|seed| {
-            let store = studio
-                .render(number, &variants[variant], seed, size, &["photo"])
-                .expect("a render");
+            let store = studio.render(number, &variants[variant], seed, size, &["photo"]).expect("a render");
             read(&store, "photo", Field::Mean).data
         });
         a.iter().zip(&b).map(|(a, b)| f64::from(a - b)).collect()

@@ -41,10 +41,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     let folder = Path::new(MIRROR_ROOM).parent().expect("a folder");
     for name in ["pedestal.obj", "knot.glb", "vase.ply"] {
         let path = folder.join(name);
-        text = text.replace(
-            &format!("file = \"{name}\""),
-            &format!("file = \"{}\"", path.display()),
-        );
+        text = text.replace(&format!("file = \"{name}\""), &format!("file = \"{}\"", path.display()));
     }
     text + slices
 }
@@ -89,15 +86,9 @@ pub fn scene_of(text: &str) -> Scene {
 #[must_use]
 pub fn render_scene(scene: &Scene) -> Rendered {
     let folder = tempfile::tempdir().unwrap();
-    let target = Target {
-        path: folder.path().join("store"),
-        ..Target::default()
-    };
+    let target = Target { path: folder.path().join("store"), ..Target::default() };
     let summary = render(scene, &target, &Unwatched).unwrap();
     assert!(summary.complete);
     assert_eq!(summary.discarded, 0, "samples that are not finite");
-    Rendered {
-        store: TensorStore::open(&target.path).unwrap(),
-        _folder: folder,
-    }
+    Rendered { store: TensorStore::open(&target.path).unwrap(), _folder: folder }
 }

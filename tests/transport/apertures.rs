@@ -46,11 +46,7 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     // The mean over the four pixels.
     [0, 4, 8].map(|i| {
         let of = |data: &[f32]| -> Vec<f64> {
-            data.iter()
-                .skip(i)
-                .step_by(16)
-                .map(|v| f64::from(*v) / 4.0)
-                .collect()
+            data.iter().skip(i).step_by(16).map(|v| f64::from(*v) / 4.0).collect()
         };
         let squares: f64 = of(&error).iter().map(|e| e * e).sum();
         [of(&mean).iter().sum(), squares.sqrt()]
@@ -83,14 +79,8 @@ fn shrinking_lights_become_points() {
         println!(
             "S{i}: radius 0.2 {a:.5} ± {x:.5}, 0.1 {b:.5} ± {y:.5}, none {want:.5} ± {error:.5}; connected {c:.5} ± {z:.5}"
         );
-        assert!(
-            (c - want).abs() < 5.0 * error.hypot(z),
-            "S{i}: {c} ± {z} is not {want} ± {error}"
-        );
+        assert!((c - want).abs() < 5.0 * error.hypot(z), "S{i}: {c} ± {z} is not {want} ± {error}");
     }
     let [[b, y], [c, z]] = [small[0], connected[0]];
-    assert!(
-        y < 0.04 * b && z < 0.04 * c,
-        "too few samples to mean anything: {y} of {b}, {z} of {c}"
-    );
+    assert!(y < 0.04 * b && z < 0.04 * c, "too few samples to mean anything: {y} of {b}, {z} of {c}");
 }

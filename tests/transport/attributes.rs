@@ -38,17 +38,11 @@ fn colours_of_vertices_are_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
     for (more, mirrored) in [
         ("", false),
-        (
-            "transform = { scale = [-1, 1, 1], translate = [1, 0, 0] }\nflip_normals = true\n",
-            true,
-        ),
+        ("transform = { scale = [-1, 1, 1], translate = [1, 0, 0] }\nflip_normals = true\n", true),
     ] {
-        let text = scene(
-            folder.path(),
-            "m.diffuse.albedo = { attribute = \"vertex_color\", scale = 0.5 }",
-            more,
-        )
-        .replace("spp = 4", "spp = 4096");
+        let text =
+            scene(folder.path(), "m.diffuse.albedo = { attribute = \"vertex_color\", scale = 0.5 }", more)
+                .replace("spp = 4", "spp = 4096");
         for pixel in [[6, 6], [5, 7], [7, 3]] {
             // Below the diagonal: (0, 0) + x ((1, 0) - (0, 0)) + y ((1, 1) - (1, 0)).
             let [x, y] = [(pixel[0] as f32 + 0.5) / 8.0, (7.5 - pixel[1] as f32) / 8.0];
@@ -59,10 +53,7 @@ fn colours_of_vertices_are_mixed() {
             let column = if mirrored { 7 - pixel[0] } else { pixel[0] };
             let found = seen(&text, [column, pixel[1]]);
             let near = found.iter().zip(want).all(|(a, b)| (a - b).abs() < 2e-3);
-            assert!(
-                near,
-                "{pixel:?}, mirrored {mirrored}: {found:?}, closed form {want:?}"
-            );
+            assert!(near, "{pixel:?}, mirrored {mirrored}: {found:?}, closed form {want:?}");
         }
     }
 }
@@ -71,17 +62,10 @@ fn colours_of_vertices_are_mixed() {
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");
-    let text = scene(
-        folder.path(),
-        "m.diffuse.albedo = { attribute = \"face_color\" }",
-        "",
-    );
+    let text = scene(folder.path(), "m.diffuse.albedo = { attribute = \"face_color\" }", "");
     for (pixel, want) in [([6, 6], [0.2, 0.4, 0.6]), ([1, 1], [0.7, 0.1, 0.3])] {
         let found = seen(&text, pixel);
-        assert!(
-            found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-5),
-            "{pixel:?}: {found:?}"
-        );
+        assert!(found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-5), "{pixel:?}: {found:?}");
     }
     let blend = "m.blend = { a = \"black\", b = \"white\", weight = { attribute = \"vertex_weight\" } }";
     let text = scene(folder.path(), blend, "").replace("spp = 4", "spp = 4096");
@@ -100,59 +84,27 @@ fn what_no_mesh_can_give_is_refused() {
     let own = "k.diffuse.albedo = { attribute = \"face_color\" }";
     let board = "k.diffuse.albedo = { checkerboard = [0.2, 0.4] }";
     let cases = [
+        (with("m.diffuse.albedo = { attribute = \"vertex_tint\" }"), "no attribute \"vertex_tint\""),
+        (with("m.diffuse.albedo = { attribute = \"tint\" }"), "invalid attribute name"),
+        (with(&blend(own, "{ attribute = \"vertex_weight\" }")), "uses the mesh attributes"),
+        (with(&blend(board, "{ attribute = \"vertex_weight\" }")), "together with an image"),
+        (with(&blend("k.diffuse.albedo = 0", "{ attribute = \"vertex_color\" }")), "is a colour"),
+        (with(colours).replace("shape.ply = { file", "shape.obj = { file"), "requires the mesh attribute"),
         (
-            with("m.diffuse.albedo = { attribute = \"vertex_tint\" }"),
-            "no attribute \"vertex_tint\"",
-        ),
-        (
-            with("m.diffuse.albedo = { attribute = \"tint\" }"),
-            "invalid attribute name",
-        ),
-        (
-            with(&blend(own, "{ attribute = \"vertex_weight\" }")),
-            "uses the mesh attributes",
-        ),
-        (
-            with(&blend(board, "{ attribute = \"vertex_weight\" }")),
-            "together with an image",
-        ),
-        (
-            with(&blend("k.diffuse.albedo = 0", "{ attribute = \"vertex_color\" }")),
-            "is a colour",
-        ),
-        (
-            with(colours).replace("shape.ply = { file", "shape.obj = { file"),
+            with(&format!("{colours}\n[[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1")),
             "requires the mesh attribute",
         ),
-        (
-            with(&format!(
-                "{colours}\n[[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1"
-            )),
-            "requires the mesh attribute",
-        ),
-        (
-            with("m.diffuse.albedo = { attribute = \"vertex_color\", raw = true }"),
-            "expected a texture",
-        ),
+        (with("m.diffuse.albedo = { attribute = \"vertex_color\", raw = true }"), "expected a texture"),
     ];
     for (text, what) in cases {
-        let message = from_text(&folder.path().join("scene.toml"), &text)
-            .err()
-            .map(|e| e.to_string());
-        assert!(
-            message.as_ref().is_some_and(|m| m.contains(what)),
-            "{what}: {message:?}"
-        );
+        let message = from_text(&folder.path().join("scene.toml"), &text).err().map(|e| e.to_string());
+        assert!(message.as_ref().is_some_and(|m| m.contains(what)), "{what}: {message:?}");
     }
     let file = folder.path().join("square.ply");
-    let bad = std::fs::read_to_string(&file)
-        .expect("a file")
-        .replace("0 0 0 0.1", "0 0 0 -0.1");
+    let bad = std::fs::read_to_string(&file).expect("a file").replace("0 0 0 0.1", "0 0 0 -0.1");
     let text = with(colours);
     std::fs::write(&file, bad).expect("a file");
-    let fault = from_text(&folder.path().join("scene.toml"), &text)
-        .err()
-        .map(|e| e.to_string());
+    let fault = from_text(&folder.path().join("scene.toml"), &text).err().map(|e| e.to_string());
     let message = fault.unwrap_or_default();
     assert!(message.contains("has the value -0.1"), "{message}");
 }

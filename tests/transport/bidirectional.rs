@@ -106,17 +106,7 @@ fn every_strategy_alone() {
     let path = with(&text, Integrator::Path, None);
     let whole = path.mean("m");
     let bounces = whole.extent(AxisKind::Bounces);
-    for [s, t] in [
-        [1, 2],
-        [2, 1],
-        [1, 3],
-        [2, 2],
-        [3, 1],
-        [1, 4],
-        [2, 3],
-        [3, 2],
-        [4, 1],
-    ] {
+    for [s, t] in [[1, 2], [2, 1], [1, 3], [2, 2], [3, 1], [1, 4], [2, 3], [3, 2], [4, 1]] {
         let alone = with(&text, Integrator::Bidirectional, Some([s, t]));
         let (mean, error) = (alone.mean("m"), alone.std_error("m"));
         let errors = path.std_error("m");
@@ -126,12 +116,7 @@ fn every_strategy_alone() {
             let sigma = error.data[i].hypot(errors.data[i]);
             if of as u32 == s + t - 2 {
                 let diff = (mean.data[i] - whole.data[i]).abs();
-                assert!(
-                    diff < 5.0 * sigma + 1e-7,
-                    "{s}, {t}: {} {} ± {sigma}",
-                    mean.data[i],
-                    whole.data[i]
-                );
+                assert!(diff < 5.0 * sigma + 1e-7, "{s}, {t}: {} {} ± {sigma}", mean.data[i], whole.data[i]);
                 compared += usize::from(whole.data[i].abs() > 3.0 * sigma);
             } else {
                 assert_eq!(mean.data[i], 0.0, "{s}, {t} makes paths of {of} interactions");
@@ -176,11 +161,11 @@ pub const FOG: &str =
 
 /// A medium in the whole box around a diffuse ball, with Rayleigh's and with a forward-peaked phase function.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn media_without_boundary() {
-    for phase in [
-        "phase.rayleigh = {}",
-        "phase.henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }",
-    ] {
+    for phase in
+        ["phase.rayleigh = {}", "phase.henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }"]
+    {
         let text = devices(256, 6, 5)
             + DIFFUSE
             + "none.null = {}\n"
@@ -234,12 +219,7 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
            [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 100, bins = 400 }\n";
     let r = with(&text, Integrator::Bidirectional, None);
-    assert_eq!(
-        with(&text, Integrator::Path, None)
-            .mean("m")
-            .at(&[(AxisKind::Bounces, 2)]),
-        0.0
-    );
+    assert_eq!(with(&text, Integrator::Path, None).mean("m").at(&[(AxisKind::Bounces, 2)]), 0.0);
     // Over the pixel, everything is constant within 0.1 %, except the falloff of the light: quadrature.
     let (mut want, n) = (M::zeros(), 40);
     for k in 0..n * n {
@@ -264,24 +244,15 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     let (got, error) = (r.mean("m"), r.std_error("m"));
     let at = [(AxisKind::Bounces, 2)];
     let (got, error) = (mueller(&got, &at), mueller(&error, &at));
-    assert!(
-        error[(0, 0)] < 0.03 * want[(0, 0)],
-        "{}",
-        error[(0, 0)] / want[(0, 0)]
-    );
+    assert!(error[(0, 0)] < 0.03 * want[(0, 0)], "{}", error[(0, 0)] / want[(0, 0)]);
     for j in 0..4 {
         let sigma = error[(0, j)].max(1e-6 * want[(0, 0)]);
-        assert!(
-            (got[(0, j)] - want[(0, j)]).abs() < 5.0 * sigma,
-            "{j}: {got} is not {want} ± {error}"
-        );
+        assert!((got[(0, j)] - want[(0, j)]).abs() < 5.0 * sigma, "{j}: {got} is not {want} ± {error}");
     }
     let t = r.mean("t");
     let whole: f32 = (0..400).map(|i| t.at(&[(AxisKind::T, i), at[0]])).sum();
     let time = (camera.origin.distance(point) + point.distance(image.origin)) / C / 100.0;
-    let near: f32 = (0..25)
-        .map(|i| t.at(&[(AxisKind::T, time as usize + i - 12), at[0]]))
-        .sum();
+    let near: f32 = (0..25).map(|i| t.at(&[(AxisKind::T, time as usize + i - 12), at[0]])).sum();
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
@@ -303,15 +274,12 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
 /// Plain paths, plus a few samples of light redirected by mirrors and glass, find all light of bidirectional
 /// paths; neither part alone does.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn redirected_light_and_plain_paths_are_all_light() {
     let text = redirecting(2048, 8);
     assert_eq!(scene_of(&text).settings.integrator, Integrator::Caustics);
     let parts = with(&text, Integrator::Caustics, None);
-    let whole = with(
-        &text.replace("seed = 8", "seed = 9"),
-        Integrator::Bidirectional,
-        None,
-    );
+    let whole = with(&text.replace("seed = 8", "seed = 9"), Integrator::Bidirectional, None);
     let most = assert_agree(&parts, &whole, 0.05, 20);
     println!("largest deviation {most:.2} sigma");
     // Negative control: the comparison detects the light that plain paths miss.
@@ -325,29 +293,17 @@ fn redirected_light_and_plain_paths_are_all_light() {
 fn lenses() {
     let lens = |focus: f64| format!("aperture = {{ radius = 0.2, focus = {focus} }}\n");
     let sharp = devices(256, 4, 7) + DIFFUSE + WALLS;
-    let text = sharp
-        .replacen(
-            "fov_x_deg = 42\n",
-            &("fov_x_deg = 42\n".to_owned() + &lens(3.0)),
-            1,
-        )
-        .replacen(
-            "fov_x_deg = 38\n",
-            &("fov_x_deg = 38\n".to_owned() + &lens(5.0)),
-            1,
-        );
+    let text = sharp.replacen("fov_x_deg = 42\n", &("fov_x_deg = 42\n".to_owned() + &lens(3.0)), 1).replacen(
+        "fov_x_deg = 38\n",
+        &("fov_x_deg = 38\n".to_owned() + &lens(5.0)),
+        1,
+    );
     compare(&text, 0.02, 15);
     // Negative control: the lenses blur, so that the light of each projector pixel covers more of the image.
     let lit = |text: &str| {
-        let text = text.replace(
-            "projector = { binned = 8 }",
-            "projector = { block = [7, 7, 1, 1] }",
-        );
-        let r = with(
-            &text.replace("camera = { binned = 8 }", "camera = { binned = 1 }"),
-            Integrator::Path,
-            None,
-        );
+        let text = text.replace("projector = { binned = 8 }", "projector = { block = [7, 7, 1, 1] }");
+        let r =
+            with(&text.replace("camera = { binned = 8 }", "camera = { binned = 1 }"), Integrator::Path, None);
         r.mean("p").data.iter().filter(|v| **v > 1e-3).count()
     };
     let (blurred, sharp) = (lit(&text), lit(&sharp));
@@ -358,19 +314,14 @@ fn lenses() {
 /// projector in the camera's place: T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with
 /// camera subpaths.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn exchanged_devices_find_the_same() {
     let wall = DVec3::new(0.0, 0.0, -0.6);
     let behind = Device::look_at([0.25, 0.1, 1.2], wall, [1, 1], 9.0);
     let beside = Device::look_at([1.4, -0.7, -0.1], wall, [1, 1], 3.0);
     for (material, shape) in [
-        (
-            "dielectric = { ior = 1.5 }",
-            "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.4] }",
-        ),
-        (
-            "dielectric = { ior = [1.4, 1.5, 1.6] }",
-            "sphere = { center = [0.1, 0, 0.2], radius = 0.3 }",
-        ),
+        ("dielectric = { ior = 1.5 }", "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.4] }"),
+        ("dielectric = { ior = [1.4, 1.5, 1.6] }", "sphere = { center = [0.1, 0, 0.2], radius = 0.3 }"),
         (
             "rough_dielectric = { ior = [1.4, 1.5, 1.6], alpha = 0.2 }",
             "sphere = { center = [0.1, 0, 0.2], radius = 0.3 }",

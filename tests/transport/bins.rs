@@ -46,10 +46,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
             bounces.map_or(all.clone(), |n| all.select(Bounces, n))
         };
         let wide = |t: Tensor| t.data.iter().map(|v| f64::from(*v)).collect();
-        Bins {
-            mean: wide(of(Field::Mean)),
-            error: wide(of(Field::StdError)),
-        }
+        Bins { mean: wide(of(Field::Mean)), error: wide(of(Field::StdError)) }
     })
 }
 
@@ -93,11 +90,7 @@ fn quadrature(
     see: &impl Fn(f64, f64, &mut dyn FnMut(Share)),
 ) -> ([Vec<f64>; 2], Vec<f64>) {
     let pixels = (SIZE * SIZE) as usize;
-    let (mut t, mut p, mut hits) = (
-        vec![0.0; pixels * BINS],
-        vec![0.0; pixels * pixels],
-        vec![0.0; pixels],
-    );
+    let (mut t, mut p, mut hits) = (vec![0.0; pixels * BINS], vec![0.0; pixels * pixels], vec![0.0; pixels]);
     let at = |i: u32, k: u32| f64::from(i) + (f64::from(k) + 0.5) / f64::from(n);
     for pixel in 0..SIZE * SIZE {
         let k = pixel as usize;
@@ -171,10 +164,7 @@ fn against(
     let (fine, hits) = quadrature(points, start_ps, fault, &see);
     [0, 1].map(|k| {
         let (got, want, rough) = (&of[k], &fine[k], &rough[k]);
-        let mut found = Found {
-            bins: want.len(),
-            ..Found::default()
-        };
+        let mut found = Found { bins: want.len(), ..Found::default() };
         let inner = want.len() / hits.len();
         for i in 0..want.len() {
             if want[i] == 0.0 && got.mean[i] == 0.0 {
@@ -188,11 +178,7 @@ fn against(
             let sigma2 = f64::max(got.error[i].powi(2), hit * hit * likely);
             let unsure = want[i] - rough[i];
             let sigma = (sigma2 + unsure * unsure).sqrt();
-            found.add(
-                got.mean[i] - want[i],
-                sigma,
-                expected > MANY && unsure.abs() < got.error[i],
-            );
+            found.add(got.mean[i] - want[i], sigma, expected > MANY && unsure.abs() < got.error[i]);
         }
         found
     })
@@ -211,19 +197,10 @@ fn holds(
     let found = against(of, spp, start_ps, points, NONE, &see);
     println!("{what}: {found:?}");
     assert!(found.iter().all(Found::agrees), "{what}: {found:?}");
-    for fault in [
-        Fault {
-            ps: BIN_PS / 2.0,
-            ..NONE
-        },
-        Fault { px: 1.0, ..NONE },
-    ] {
+    for fault in [Fault { ps: BIN_PS / 2.0, ..NONE }, Fault { px: 1.0, ..NONE }] {
         let found = against(of, spp, start_ps, points, fault, &see);
         println!("{what}, planted {} ps, {} px: {found:?}", fault.ps, fault.px);
-        assert!(
-            !found.iter().all(Found::agrees),
-            "{what}: a planted error is not found"
-        );
+        assert!(!found.iter().all(Found::agrees), "{what}: a planted error is not found");
     }
 }
 
@@ -260,12 +237,7 @@ fn through_glass_as_quadrature_says() {
         let (radiance, far, at) = wall(&projector, p);
         let [a, b] = transmission(-d.z, 1.5);
         let radiance = radiance * (a * a + b * b);
-        put(Share {
-            radiance,
-            time_ps: (air + 0.15 / inner + far) / C,
-            at,
-            hit: radiance,
-        });
+        put(Share { radiance, time_ps: (air + 0.15 / inner + far) / C, at, hit: radiance });
     });
 }
 
@@ -288,12 +260,7 @@ fn over_a_mirror_as_quadrature_says() {
         let (radiance, far, at) = wall(&projector, on + e * back);
         let [s, p] = amplitudes(d.x, GOLD).map(|r| r.norm_sqr());
         let radiance = radiance * (s + p) / 2.0;
-        put(Share {
-            radiance,
-            time_ps: (there + back + far) / C,
-            at,
-            hit: radiance,
-        });
+        put(Share { radiance, time_ps: (there + back + far) / C, at, hit: radiance });
     });
 }
 
@@ -348,21 +315,14 @@ fn hits(of: &Bins) -> Vec<f64> {
     const AROUND: usize = 8;
     let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
     let n = of.mean.len();
-    let most = |i: usize| {
-        (i.saturating_sub(AROUND)..(i + AROUND + 1).min(n))
-            .map(one)
-            .fold(0.0, f64::max)
-    };
+    let most = |i: usize| (i.saturating_sub(AROUND)..(i + AROUND + 1).min(n)).map(one).fold(0.0, f64::max);
     (0..n).map(most).collect()
 }
 
 /// Compares two renders bin by bin. Each error is at least that of the number of hits that the more precise
 /// mean implies, and of one hit.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
-    let mut found = Found {
-        bins: a.mean.len(),
-        ..Found::default()
-    };
+    let mut found = Found { bins: a.mean.len(), ..Found::default() };
     let (one, other) = (hits(a), hits(b));
     for (i, one) in one.iter().enumerate() {
         let j = (i + fault) % a.mean.len();
@@ -387,11 +347,7 @@ fn agree(what: &str, path: &str, both: &str) {
     let start = |by: f64| format!("start_ps = {:?}", START + by);
     let a = bins(path, Integrator::Path, None);
     let b = bins(both, Integrator::Bidirectional, None);
-    let late = bins(
-        &both.replace(&start(0.0), &start(BIN_PS / 2.0)),
-        Integrator::Bidirectional,
-        None,
-    );
+    let late = bins(&both.replace(&start(0.0), &start(BIN_PS / 2.0)), Integrator::Bidirectional, None);
     for (name, [x, y], fault, well) in [
         ("time", [&a[0], &b[0]], 0, true),
         ("s'", [&a[1], &b[1]], 0, true),
@@ -426,9 +382,7 @@ fn paths_agree_between_walls() {
 
 #[test]
 fn paths_agree_in_a_medium() {
-    let fog = FOG
-        .replace("[0.4, 0.7, 1.0]", "0.7")
-        .replace("[0.1, 0.05, 0.2]", "0.1");
+    let fog = FOG.replace("[0.4, 0.7, 1.0]", "0.7").replace("[0.1, 0.05, 0.2]", "0.1");
     let fog = fog + "phase.rayleigh = {}\n[materials.none.null]\n";
     let ball = "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\n\
                 shape.sphere = { center = [0, 0, 0], radius = 0.8 }\n";
@@ -442,16 +396,8 @@ fn paths_agree_in_a_medium() {
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";
     for (what, shape, seed) in [
-        (
-            "glass",
-            "cube = { min = [0.1, 0.1, 2.9], max = [0.6, 0.7, 2.95] }",
-            5,
-        ),
-        (
-            "mirror",
-            "rectangle = { corner = [0.5, -0.2, 2.9], u = [0, 0, -0.9], v = [0, 0.9, 0] }",
-            7,
-        ),
+        ("glass", "cube = { min = [0.1, 0.1, 2.9], max = [0.6, 0.7, 2.95] }", 5),
+        ("mirror", "rectangle = { corner = [0.5, -0.2, 2.9], u = [0, 0, -0.9], v = [0, 0.9, 0] }", 7),
     ] {
         let object = format!("[[objects]]\nmaterial = \"{what}\"\nshape.{shape}\n");
         let of = |seed| boxed(256, 5, seed, [more, &object]);

@@ -14,9 +14,7 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     let file = folder.join("ramp.exr");
     let mid = |i: u32| (f64::from(i) + 0.5) / 64.0;
     let height = |i, j| (a * mid(i) + b * (1.0 - mid(j))) as f32;
-    image::Rgb32FImage::from_fn(64, 64, |i, j| image::Rgb([height(i, j); 3]))
-        .save(&file)
-        .expect("a file");
+    image::Rgb32FImage::from_fn(64, 64, |i, j| image::Rgb([height(i, j); 3])).save(&file).expect("a file");
     file
 }
 
@@ -46,10 +44,7 @@ fn lambert(normal: DVec3) -> f64 {
 
 fn check(found: f64, normal: DVec3, what: &str) {
     let want = lambert(normal);
-    assert!(
-        (found - want).abs() < 2e-3 * want,
-        "{what}: {found}, closed form {want}"
-    );
+    assert!((found - want).abs() < 2e-3 * want, "{what}: {found}, closed form {want}");
 }
 
 /// A rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v) have the slopes 0.25 a and b
@@ -87,10 +82,9 @@ fn ramps_tilt_a_ball() {
     let folder = tempfile::tempdir().expect("a folder");
     let [a, b] = [0.7, 0.5];
     let r = 0.8;
-    for shape in [
-        format!("shape.sphere.radius = {r}"),
-        format!("shape.sphere.radius = 1\ntransform.scale = {r}"),
-    ] {
+    for shape in
+        [format!("shape.sphere.radius = {r}"), format!("shape.sphere.radius = 1\ntransform.scale = {r}")]
+    {
         for (theta, phi) in [(0.5_f64, 1.9_f64), (0.9, 4.0), (0.2, 2.5)] {
             let n = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
             let (east, south) = (
@@ -122,12 +116,7 @@ fn heights_that_have_no_slopes_are_refused() {
         (text(", scale = 0.5", "sphere.radius = 1"), "scale"),
         (text("", "disk.radius = 1"), "a disk has no texture coordinates"),
     ] {
-        let message = from_text("scene.toml".as_ref(), &text)
-            .err()
-            .map(|e| e.to_string());
-        assert!(
-            message.as_ref().is_some_and(|m| m.contains(what)),
-            "{what}: {message:?}"
-        );
+        let message = from_text("scene.toml".as_ref(), &text).err().map(|e| e.to_string());
+        assert!(message.as_ref().is_some_and(|m| m.contains(what)), "{what}: {message:?}");
     }
 }

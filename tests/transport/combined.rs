@@ -51,15 +51,13 @@ fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> M
 
 /// Largest difference of elements.
 fn off(a: &Mueller, b: &Mueller) -> f32 {
-    (0..16)
-        .map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs()))
-        .fold(0.0, f32::max)
+    (0..16).map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs())).fold(0.0, f32::max)
 }
 
 fn weighted(terms: &[(f32, Mueller)]) -> Mueller {
-    terms.iter().fold(Mueller::ZERO, |sum, (w, m)| {
-        sum + m.scaled(sunstone::optics::spectrum::Spectral::splat(*w))
-    })
+    terms
+        .iter()
+        .fold(Mueller::ZERO, |sum, (w, m)| sum + m.scaled(sunstone::optics::spectrum::Spectral::splat(*w)))
 }
 
 /// Directions above the surface.
@@ -101,27 +99,16 @@ fn mixtures_of_mirrors_keep_shares() {
     let at = flat([0.5; 2]);
     let wo = Vec3A::new(0.6, 0.0, 0.8);
     let lobe = |name: &str| {
-        set.materials
-            .specular(set.names[name], &at, wo, Lobe::Reflected, 0)
-            .unwrap()
-            .scatter
-            .m00()
-            .to_array()[0]
+        set.materials.specular(set.names[name], &at, wo, Lobe::Reflected, 0).unwrap().scatter.m00().to_array()
+            [0]
     };
     assert!((lobe("sheen") - 0.75 * lobe("mirror")).abs() < 1e-6);
-    assert!(
-        set.materials
-            .specular(set.names["white"], &at, wo, Lobe::Reflected, 0)
-            .is_none()
-    );
+    assert!(set.materials.specular(set.names["white"], &at, wo, Lobe::Reflected, 0).is_none());
     let n = 40_000;
     let (mut deltas, mut sum) = (0.0, 0.0);
     for i in 0..n {
         let mut stream = Stream::new(9, i, 0);
-        let s = set
-            .materials
-            .sample(set.names["sheen"], &at, wo, &mut Lanes::first(3), &mut stream)
-            .unwrap();
+        let s = set.materials.sample(set.names["sheen"], &at, wo, &mut Lanes::first(3), &mut stream).unwrap();
         deltas += f64::from(u8::from(s.delta));
         sum += f64::from(s.scatter.m00().to_array()[0]);
     }
@@ -136,9 +123,7 @@ fn mixtures_of_mirrors_keep_shares() {
 /// An image of one colour; returns the PNG file's name for TOML.
 fn picture(folder: &Path, name: &str, rgb: [u8; 3]) -> String {
     let path = folder.join(name);
-    image::RgbImage::from_pixel(4, 4, image::Rgb(rgb))
-        .save(&path)
-        .unwrap();
+    image::RgbImage::from_pixel(4, 4, image::Rgb(rgb)).save(&path).unwrap();
     format!("{:?}", path.to_str().unwrap())
 }
 
@@ -160,15 +145,8 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
     let at = flat([0.3, 0.8]);
     for [wo, wi] in directions(200, 2) {
         let get = |name| value(&set, name, &at, wo, wi);
-        for (a, b) in [
-            ("plain", "image"),
-            ("plainmix", "imagemix"),
-            ("plaindull", "imagedull"),
-        ] {
-            assert!(
-                off(&get(a), &get(b)) < 1e-4 * max_lane(get(a).m[0][0]).max(1e-3),
-                "{b}"
-            );
+        for (a, b) in [("plain", "image"), ("plainmix", "imagemix"), ("plaindull", "imagedull")] {
+            assert!(off(&get(a), &get(b)) < 1e-4 * max_lane(get(a).m[0][0]).max(1e-3), "{b}");
         }
     }
 }
@@ -178,13 +156,7 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
 #[test]
 fn a_normal_map_tilts_the_normal() {
     let folder = tempfile::tempdir().unwrap();
-    for rgb in [
-        [128_u8, 128, 255],
-        [191, 128, 237],
-        [64, 128, 237],
-        [128, 191, 237],
-        [100, 70, 230],
-    ] {
+    for rgb in [[128_u8, 128, 255], [191, 128, 237], [64, 128, 237], [128, 191, 237], [100, 70, 230]] {
         let map = picture(folder.path(), "normal.png", rgb);
         let text = format!(
             r#"
@@ -215,10 +187,7 @@ name = "image"
         let cos: f64 = n.iter().zip(light).map(|(a, b)| a / length * b).sum();
         let want = 0.5 / std::f64::consts::PI * cos;
         for got in &mean.data {
-            assert!(
-                (f64::from(*got) - want).abs() < 2e-3 * want,
-                "{rgb:?}: {got}, expected {want}"
-            );
+            assert!((f64::from(*got) - want).abs() < 2e-3 * want, "{rgb:?}: {got}, expected {want}");
         }
     }
 }

@@ -22,16 +22,9 @@ pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 /// Fresnel transmission of power into index `eta` relative to the index on the incident side, in the s-frame.
 fn transmission(cos_i: f64, eta: f64) -> M {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
-    let (ts, tp) = (
-        2.0 * cos_i / (cos_i + eta * cos_t),
-        2.0 * cos_i / (eta * cos_i + cos_t),
-    );
+    let (ts, tp) = (2.0 * cos_i / (cos_i + eta * cos_t), 2.0 * cos_i / (eta * cos_i + cos_t));
     let f = eta * cos_t / cos_i;
-    let (a, b, c) = (
-        f * (ts * ts + tp * tp) / 2.0,
-        f * (ts * ts - tp * tp) / 2.0,
-        f * ts * tp,
-    );
+    let (a, b, c) = (f * (ts * ts + tp * tp) / 2.0, f * (ts * ts - tp * tp) / 2.0, f * ts * tp);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
@@ -111,11 +104,7 @@ impl Slab {
         let (d, inside, mean) = (self.d, self.inside, f64::midpoint(n_o, n_e));
         let d_in = (self.target - self.lamp.origin).normalize();
         let x = project(self.camera.right, d);
-        let s = if d.z > 1.0 - 1e-9 {
-            DVec3::Y
-        } else {
-            DVec3::Z.cross(d).normalize()
-        };
+        let s = if d.z > 1.0 - 1e-9 { DVec3::Y } else { DVec3::Z.cross(d).normalize() };
         let (retardance, frame) = way(inside, axis, THICK / inside.z, [n_o, n_e], nm);
         turn(d, s, x)
             * transmission(inside.z, 1.0 / mean)
@@ -134,16 +123,10 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
     let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);
     let r = slab.render(axis, &keys, "[550]");
-    let (got, want) = (
-        mueller(&r.mean("m"), &[(Bounces, 3)]),
-        slab.expected(axis, n, 550.0),
-    );
+    let (got, want) = (mueller(&r.mean("m"), &[(Bounces, 3)]), slab.expected(axis, n, 550.0));
     let sigma = f64::from(r.std_error("m").at(&[(Bounces, 3)]));
     let (g, w) = (got[(0, 0)], want[(0, 0)]);
-    assert!(
-        (g - w).abs() < 5.0 * sigma + 1e-4 * w && sigma < 0.02 * w,
-        "{what}: {g} is not {w} ± {sigma}"
-    );
+    assert!((g - w).abs() < 5.0 * sigma + 1e-4 * w && sigma < 0.02 * w, "{what}: {g} is not {w} ± {sigma}");
     assert_close(&(got / g), &(want / w), tolerance, what);
 }
 
@@ -152,10 +135,7 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
     let turns = THICK * (QUARTZ[1] - QUARTZ[0]) / 550e-9;
-    assert!(
-        turns > 16.0 && (turns.fract() - 0.25).abs() < 0.2,
-        "{turns} turns"
-    );
+    assert!(turns > 16.0 && (turns.fract() - 0.25).abs() < 0.2, "{turns} turns");
     check(DVec3::Z, axis, QUARTZ, 3e-4, "quartz");
     // Negative crystals, and the axis at other angles, out of the face.
     let axis = DVec3::new(0.6, -0.2, 0.5).normalize();
@@ -168,22 +148,12 @@ fn a_quartz_slab_is_a_wave_plate() {
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
     let slab = Slab::new(DVec3::Z, 1.5);
-    let mean = slab
-        .render(axis, "name = \"Quartz\"", "[450, 550, 660]")
-        .mean("m");
+    let mean = slab.render(axis, "name = \"Quartz\"", "[450, 550, 660]").mean("m");
     let mut phases = vec![];
     for (lane, nm) in [450.0, 550.0, 660.0].into_iter().enumerate() {
         let n = ["quartz_o", "quartz_e"].map(|name| lookup(name, nm).expect("quartz").0);
-        let (got, want) = (
-            mueller(&mean, &[(Bounces, 3), (Wavelength, lane)]),
-            slab.expected(axis, n, nm),
-        );
-        assert_close(
-            &(got / got[(0, 0)]),
-            &(want / want[(0, 0)]),
-            1e-3,
-            &format!("{nm} nm"),
-        );
+        let (got, want) = (mueller(&mean, &[(Bounces, 3), (Wavelength, lane)]), slab.expected(axis, n, nm));
+        assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, &format!("{nm} nm"));
         phases.push(want[(2, 1)] / want[(0, 0)]);
     }
     assert!(
@@ -210,10 +180,7 @@ fn no_retardance_along_the_axis() {
     check(DVec3::Z, DVec3::Z, QUARTZ, 1e-5, "along the axis");
     let slab = Slab::new(DVec3::Z, 1.55);
     let [glass, plate] = [DVec3::Z, DVec3::X].map(|axis| slab.expected(axis, QUARTZ, 550.0));
-    assert!(
-        (glass - plate).abs().max() > 0.1 * glass[(0, 0)],
-        "the test cannot tell"
-    );
+    assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
 /// Two inner reflections: three paths through the slab, each a retarder in its own direction.
@@ -223,13 +190,8 @@ fn inner_reflections_cross_again() {
     let axis = DVec3::new(0.5, 1.0, 0.0).normalize();
     let (top, target) = (AT, AT - DVec3::Z * (THICK + 0.5));
     let camera = Device::ray((AT + DVec3::Z * 1.5).to_array(), top).rolled(0.4);
-    let lamp = Device::look_at(
-        (target + DVec3::new(0.8, 0.3, 0.2)).to_array(),
-        target,
-        [3, 3],
-        20.0,
-    )
-    .rolled(-0.3);
+    let lamp =
+        Device::look_at((target + DVec3::new(0.8, 0.3, 0.2)).to_array(), target, [3, 3], 20.0).rolled(-0.3);
     let d_in = (target - lamp.origin).normalize();
     let normal = (DVec3::Z - d_in).normalize();
     let text = head(4000, 7, 22)
@@ -244,10 +206,8 @@ fn inner_reflections_cross_again() {
         + &plate(target, normal, 0.002, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
     let (up, down) = (DVec3::Z, -DVec3::Z);
-    let ((rise, f), (fall, _)) = (
-        way(up, axis, THICK, [n_o, n_e], 550.0),
-        way(down, axis, THICK, [n_o, n_e], 550.0),
-    );
+    let ((rise, f), (fall, _)) =
+        (way(up, axis, THICK, [n_o, n_e], 550.0), way(down, axis, THICK, [n_o, n_e], 550.0));
     let face = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0));
     let want = turn(up, f, project(camera.right, up))
         * rise
@@ -300,10 +260,7 @@ fn crystals(text: &str) -> MaterialSet {
 }
 
 fn inside_of(set: &MaterialSet, name: &str) -> Filling {
-    Filling {
-        index: 1.5,
-        crystal: set.names[name],
-    }
+    Filling { index: 1.5, crystal: set.names[name] }
 }
 
 /// Realizable, lossless, and with the same eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
@@ -351,10 +308,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     ));
     let sigma = FWHM / (8.0 * 2_f64.ln()).sqrt();
     for length in [0.0, 1e-4, 2e-3, 6e-3, 0.012, 0.1] {
-        let s = set
-            .materials
-            .propagate(inside_of(&set, "a"), Vec3A::Z, length)
-            .expect("a crystal");
+        let s = set.materials.propagate(inside_of(&set, "a"), Vec3A::Z, length).expect("a crystal");
         // Fast axis along y = k × c.
         let m = s.between(Vec3A::Z, Vec3A::Y, -Vec3A::Z, Vec3A::Y).lane(1);
         let (mut want, mut weight) = ([0.0; 2], 0.0);
@@ -403,43 +357,23 @@ fn faces_are_those_of_the_mean_index() {
                     && (s.scatter.m00() - glass.scatter.m00()).to_array()[0].abs() < 1e-6
             );
             let through = lobe == Lobe::Transmitted;
-            let want = if wo.z > 0.0 {
-                a
-            } else {
-                sunstone::transport::material::NO_CRYSTAL
-            };
+            let want = if wo.z > 0.0 { a } else { sunstone::transport::material::NO_CRYSTAL };
             assert_eq!(s.filling.map(|m| m.crystal), through.then_some(want));
         }
-        let reflected = set
-            .materials
-            .specular(a, &at, wo, Lobe::Reflected, 0)
-            .expect("a lobe");
+        let reflected = set.materials.specular(a, &at, wo, Lobe::Reflected, 0).expect("a lobe");
         for _ in 0..4000 {
-            let s = set
-                .materials
-                .sample(a, &at, wo, &mut Lanes::first(4), &mut stream)
-                .expect("a sample");
+            let s = set.materials.sample(a, &at, wo, &mut Lanes::first(4), &mut stream).expect("a sample");
             let through = s.wi.z * wo.z < 0.0;
             seen[usize::from(through)] += 1;
-            let lobe = if through {
-                Lobe::Transmitted
-            } else {
-                Lobe::Reflected
-            };
+            let lobe = if through { Lobe::Transmitted } else { Lobe::Reflected };
             let r = reflected.scatter.m00().to_array()[0];
             let p = if through { 1.0 - r } else { r };
             let whole = set.materials.specular(a, &at, wo, lobe, 0).expect("a lobe");
-            let (got, want) = (
-                s.scatter.m00().to_array()[0] * p,
-                whole.scatter.m00().to_array()[0],
-            );
+            let (got, want) = (s.scatter.m00().to_array()[0] * p, whole.scatter.m00().to_array()[0]);
             assert!((got - want).abs() < 1e-6 && s.delta && s.filling == whole.filling);
         }
         let r = f64::from(reflected.scatter.m00().to_array()[0]);
         let spread = (4000.0 * r * (1.0 - r)).sqrt();
-        assert!(
-            (f64::from(seen[0]) - 4000.0 * r).abs() < 5.0 * spread,
-            "{seen:?} for {r}"
-        );
+        assert!((f64::from(seen[0]) - 4000.0 * r).abs() < 5.0 * spread, "{seen:?} for {r}");
     }
 }

@@ -57,12 +57,7 @@ fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32)
 
 /// Points of a closed grid over a pixel, including its border.
 fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
-    (0..81).map(move |k| {
-        (
-            f64::from(x) + f64::from(k % 9) / 8.0,
-            f64::from(y) + f64::from(k / 9) / 8.0,
-        )
-    })
+    (0..81).map(move |k| (f64::from(x) + f64::from(k % 9) / 8.0, f64::from(y) + f64::from(k / 9) / 8.0))
 }
 
 /// Checks radiance and time bins of every camera pixel; returns the number of pixels with a single lit bin.
@@ -80,9 +75,8 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
             (got - want).abs() <= 5.0 * sigma + 2e-5 * want,
             "pixel {x} {y}: radiance {got}, closed form {want}, standard error {sigma:.1e}"
         );
-        let times: Vec<f64> = closed_grid(x, y)
-            .map(|(px, py)| see(camera, projector, normal, px, py).time_ps)
-            .collect();
+        let times: Vec<f64> =
+            closed_grid(x, y).map(|(px, py)| see(camera, projector, normal, px, py).time_ps).collect();
         // The grid can miss extremes inside by a few fs, f32 distances by about 10 fs.
         let first = ((times.iter().copied().fold(f64::MAX, f64::min) - 0.05) / BIN_PS) as usize;
         let last = ((times.iter().copied().fold(0.0, f64::max) + 0.05) / BIN_PS) as usize;
@@ -95,10 +89,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
             );
             total += value;
         }
-        assert!(
-            (total - got).abs() <= 1e-6 * got,
-            "pixel {x} {y}: bins hold {total} of {got}"
-        );
+        assert!((total - got).abs() <= 1e-6 * got, "pixel {x} {y}: bins hold {total} of {got}");
         single += u32::from(first == last);
     }
     single
@@ -143,16 +134,8 @@ fn coaxial_plane_is_one_bin() {
     let lit = (2.0 * d / C / BIN_PS) as usize;
     for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
         for bin in 0..BINS {
-            let want = if bin == lit {
-                sum.at(&[(Y, y), (X, x)])
-            } else {
-                0.0
-            };
-            assert_eq!(
-                time.at(&[(Y, y), (X, x), (T, bin)]),
-                want,
-                "pixel {x} {y} bin {bin}"
-            );
+            let want = if bin == lit { sum.at(&[(Y, y), (X, x)]) } else { 0.0 };
+            assert_eq!(time.at(&[(Y, y), (X, x), (T, bin)]), want, "pixel {x} {y} bin {bin}");
         }
     }
 }
@@ -164,10 +147,7 @@ fn offset_projector(camera: &Device, projector: &Device, seed: u32) {
     let text = head(64, 2, seed) + &camera.keys("camera") + &light + &plane(normal) + SLICES;
     let r = render_text(&text);
     let single = check_radiance_and_time(&r, camera, projector, normal);
-    assert!(
-        single >= 60,
-        "only {single} pixels light a single bin; the test would be weak"
-    );
+    assert!(single >= 60, "only {single} pixels light a single bin; the test would be weak");
     let (sum, all) = (r.mean("sum"), r.mean("all"));
     let [w, h] = camera.resolution;
     let [pw, ph] = projector.resolution;
@@ -193,21 +173,14 @@ fn offset_projector(camera: &Device, projector: &Device, seed: u32) {
                 "camera ({x}, {y}) is lit by projector ({u}, {v}), geometry says {touched:?}"
             );
         }
-        assert!(
-            (total - got).abs() <= 1e-6 * got,
-            "camera ({x}, {y}): {total} of {got}"
-        );
+        assert!((total - got).abs() <= 1e-6 * got, "camera ({x}, {y}): {total} of {got}");
         if touched.len() == 1 {
             unique += 1;
             used.extend(touched);
         }
     }
     assert!(unique >= 300, "only {unique} pixels have a single s'");
-    assert!(
-        used.len() >= 12,
-        "only {} projector pixels are distinguished",
-        used.len()
-    );
+    assert!(used.len() >= 12, "only {} projector pixels are distinguished", used.len());
 }
 
 fn devices() -> (Device, Device) {

@@ -27,12 +27,7 @@ fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let bottom = entry - DVec3::Z * THICK + shift;
     let target = bottom - d * (0.1 / d.z);
     let camera = Device::ray((entry + d * 1.001).to_array(), entry);
-    let lamp = Device::look_at(
-        (target + DVec3::new(0.9, 0.1, 0.05)).to_array(),
-        target,
-        [1, 1],
-        5.0,
-    );
+    let lamp = Device::look_at((target + DVec3::new(0.9, 0.1, 0.05)).to_array(), target, [1, 1], 5.0);
     let text = head(20_000, 4, 31)
         + &camera.keys("camera")
         + &lamp.keys("projector")
@@ -60,30 +55,21 @@ fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, 
     let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
     let sigma = f64::from(r.std_error("m").at(&[(Bounces, 3)]));
     let (g, w) = (got[(0, 0)], radiance * pass);
-    assert!(
-        (g - w).abs() < 5.0 * sigma && sigma < 0.05 * w,
-        "{what}: {g} is not {w} ± {sigma}"
-    );
+    assert!((g - w).abs() < 5.0 * sigma && sigma < 0.05 * w, "{what}: {g} is not {w} ± {sigma}");
     let state = [got[(1, 0)] / g, got[(2, 0)] / g, got[(3, 0)] / g];
     for (got, want) in state.into_iter().zip([s1, 0.0, 0.0]) {
         assert!((got - want).abs() < 1e-4, "{what}: {state:?}");
     }
     let time = r.mean("t");
     let bin = ((outer + optical) / C) as usize;
-    let lit: Vec<usize> = (0..12000)
-        .filter(|t| time.at(&[(T, *t), (Bounces, 3)]) > 0.0)
-        .collect();
+    let lit: Vec<usize> = (0..12000).filter(|t| time.at(&[(T, *t), (Bounces, 3)]) > 0.0).collect();
     assert_eq!(lit, [bin], "{what}: {} ps", (outer + optical) / C);
 }
 
 /// Transmittance of s or p power through two faces of index n, at cosines c (outside) and e (inside).
 fn faces(n: f64, c: f64, p: bool) -> f64 {
     let e = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
-    let r = if p {
-        (n * c - e) / (n * c + e)
-    } else {
-        (c - n * e) / (c + n * e)
-    };
+    let r = if p { (n * c - e) / (n * c + e) } else { (c - n * e) / (c + n * e) };
     (1.0 - r * r).powi(2)
 }
 
@@ -119,15 +105,7 @@ fn slanting_rays_refract_with_their_own_index() {
         let cos = f64::sqrt(1.0 - sin * sin);
         let shift = DVec3::new(-sin / cos * THICK, 0.0, 0.0);
         let pass = 0.5 * faces(n, 0.8, p);
-        check(
-            d,
-            DVec3::Y,
-            shift,
-            pass,
-            s1,
-            n * THICK / cos,
-            &format!("index {n}"),
-        );
+        check(d, DVec3::Y, shift, pass, s1, n * THICK / cos, &format!("index {n}"));
     }
 }
 
@@ -165,11 +143,8 @@ fn faces_of_a_splitting_crystal() {
         // Light sampled by its intensity has a weight of 1, except for the compression of radiance by an
         // index between the two.
         let weight = f64::from(sampled.scatter.m00().to_array()[0]);
-        let range = if sampled.filling.is_some() {
-            0.97 / (N_O * N_O)..1.03 / (N_E * N_E)
-        } else {
-            0.999..1.001
-        };
+        let range =
+            if sampled.filling.is_some() { 0.97 / (N_O * N_O)..1.03 / (N_E * N_E) } else { 0.999..1.001 };
         assert!(range.contains(&weight), "{weight} at {wo}");
         let x = sunstone::optics::polarization::frame::perpendicular(wo);
         let y = sunstone::optics::polarization::frame::perpendicular(sampled.wi);
@@ -182,9 +157,7 @@ fn faces_of_a_splitting_crystal() {
         entered += 1;
         // The same ray, hit from inside on its way out: one of the two candidates leads back to the start.
         for _ in 0..8 {
-            let Some(out) = set
-                .materials
-                .sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
+            let Some(out) = set.materials.sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
             else {
                 continue;
             };
@@ -216,9 +189,6 @@ fn balls_nearly_vanish() {
         let variance: f64 = error.data.iter().map(|e| f64::from(*e).powi(2)).sum();
         let sigma = variance.sqrt() / 16.0;
         assert!(sigma < 0.006, "± {sigma}");
-        assert!(
-            off.abs() < missing + 5.0 * sigma,
-            "{n_o} and {n_e}: off by {off} ± {sigma}"
-        );
+        assert!(off.abs() < missing + 5.0 * sigma, "{n_o} and {n_e}: off by {off} ± {sigma}");
     }
 }

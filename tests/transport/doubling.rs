@@ -29,10 +29,7 @@ struct Square {
 
 impl Square {
     fn from_fn(n: usize, f: impl Fn(usize, usize) -> f64) -> Self {
-        Self {
-            n,
-            v: (0..n * n).map(|k| f(k / n, k % n)).collect(),
-        }
+        Self { n, v: (0..n * n).map(|k| f(k / n, k % n)).collect() }
     }
 
     fn at(&self, i: usize, j: usize) -> f64 {
@@ -247,11 +244,7 @@ impl Slab {
         let along = |which: usize, weighted: bool| {
             Square::from_fn(4 * self.nodes.len(), |i, j| {
                 let weight = if weighted { self.nodes[i / 4].1 } else { 1.0 };
-                if i / 4 == j / 4 {
-                    weight * panes[i / 4][which][(i % 4, j % 4)]
-                } else {
-                    0.0
-                }
+                if i / 4 == j / 4 { weight * panes[i / 4][which][(i % 4, j % 4)] } else { 0.0 }
             })
         };
         let (back, through) = (along(0, true), along(1, false));
@@ -263,11 +256,7 @@ impl Slab {
                 transmit: mode.transmit.clone(),
             }
         });
-        Self {
-            nodes: self.nodes.clone(),
-            tau: self.tau,
-            modes: modes.collect(),
-        }
+        Self { nodes: self.nodes.clone(), tau: self.tau, modes: modes.collect() }
     }
 
     /// Power that leaves upward and downward (diffuse and unscattered light) over incident power.
@@ -278,10 +267,7 @@ impl Slab {
             let flux = |(i, (mu, w)): (usize, &(f64, f64))| mu * w * k.at(4 * i, j);
             self.nodes.iter().enumerate().map(flux).sum::<f64>() / mu_in
         };
-        [
-            share(&zeroth.reflect),
-            share(&zeroth.transmit) + (-self.tau / mu_in).exp(),
-        ]
+        [share(&zeroth.reflect), share(&zeroth.transmit) + (-self.tau / mu_in).exp()]
     }
 }
 
@@ -356,10 +342,7 @@ fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     Mode {
         order: layer.order,
         reflect: r.plus(&up.times(|i, _| e(i))).plus(&t_from_below.dot(&up)),
-        transmit: down
-            .times(|i, _| e(i))
-            .plus(&t.times(|_, j| e(j)))
-            .plus(&t.times(|_, j| w(j)).dot(&down)),
+        transmit: down.times(|i, _| e(i)).plus(&t.times(|_, j| e(j))).plus(&t.times(|_, j| w(j)).dot(&down)),
     }
 }
 

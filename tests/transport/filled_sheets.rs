@@ -20,11 +20,7 @@ struct Sheet {
 }
 
 const fn straight(keys: &'static str) -> Sheet {
-    Sheet {
-        keys,
-        passes: [1.0, 1.0],
-        reflects: 0.0,
-    }
+    Sheet { keys, passes: [1.0, 1.0], reflects: 0.0 }
 }
 
 /// Reflectance at normal incidence of a plate of index 1.5: 2r/(1 + r) with r = 0.04.
@@ -32,17 +28,9 @@ const PLATE: f64 = 0.08 / 1.04;
 
 const SHEETS: [Sheet; 10] = [
     straight("s.null = {}\n"),
-    Sheet {
-        keys: "s.thin_dielectric.ior = 1.5\n",
-        passes: [1.0 - PLATE, 1.0 - PLATE],
-        reflects: PLATE,
-    },
+    Sheet { keys: "s.thin_dielectric.ior = 1.5\n", passes: [1.0 - PLATE, 1.0 - PLATE], reflects: PLATE },
     straight("s.retarder = { retardance_deg = 70, angle_deg = 30 }\n"),
-    Sheet {
-        keys: "s.polarizer = { axis = [0, 1, 0] }\n",
-        passes: [0.5, 1.0],
-        reflects: 0.0,
-    },
+    Sheet { keys: "s.polarizer = { axis = [0, 1, 0] }\n", passes: [0.5, 1.0], reflects: 0.0 },
     straight("a.null = {}\nb.null = {}\ns.blend = { a = \"a\", b = \"b\", weight = 0.3 }\n"),
     straight("a.null = {}\ns.two_sided = { front = \"a\", back = \"a\" }\n"),
     straight("a.null = {}\ns.partial_depolarizer = { material = \"a\", fraction = 0.5 }\n"),
@@ -88,10 +76,7 @@ fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
 fn check([mean, error]: [M; 2], want: f64, what: &str) {
     let (got, sigma) = (mean[(0, 0)], error[(0, 0)]);
     println!("{what}: {got:.5} ± {sigma:.5}, expected {want:.5}");
-    assert!(
-        (got - want).abs() < 5.0 * sigma + 2e-5 * want,
-        "{what}: {got} ± {sigma} is not {want}"
-    );
+    assert!((got - want).abs() < 5.0 * sigma + 2e-5 * want, "{what}: {got} ± {sigma} is not {want}");
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
 
@@ -143,11 +128,8 @@ fn connections_to_points_of_light_through_filled_sheets() {
             let r = sheet.reflects;
             let direct = 3.0 * passed / (distance * distance) * 0.5 / PI;
             for integrator in ["path", "bidirectional"] {
-                let text = head(
-                    8000 * samples_factor(),
-                    if r > 0.0 { faces + 2 } else { 20 },
-                    seed as u32,
-                ) + &format!("integrator = \"{integrator}\"\n")
+                let text = head(8000 * samples_factor(), if r > 0.0 { faces + 2 } else { 20 }, seed as u32)
+                    + &format!("integrator = \"{integrator}\"\n")
                     + &camera.keys("camera")
                     + &rest
                     + SLICE;
@@ -161,6 +143,7 @@ fn connections_to_points_of_light_through_filled_sheets() {
 
 /// Sheets without an effect bound a scattering medium like a null boundary.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn scattering_media_do_not_notice_idle_sheets() {
     let medium = "absorption = 0.4\nscattering = 3.0\nphase.henyey_greenstein = { g = 0.4, linear = 0.6, circular = 0.5 }";
     let lights = [

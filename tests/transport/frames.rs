@@ -27,37 +27,14 @@ fn rolls_are_rotation_matrices() {
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);
     let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [3, 3], 20.0);
     let at = |c: f64, p: f64| {
-        single(
-            &camera.rolled(-c.to_radians()),
-            &projector.rolled(p.to_radians()).keys("projector"),
-        )
+        single(&camera.rolled(-c.to_radians()), &projector.rolled(p.to_radians()).keys("projector"))
     };
     let rest = at(0.0, 0.0);
     // The test needs a matrix in which every wrong sign is visible.
-    for (i, j) in [
-        (0, 1),
-        (0, 2),
-        (1, 0),
-        (2, 0),
-        (1, 2),
-        (2, 3),
-        (3, 1),
-        (1, 3),
-        (3, 2),
-    ] {
-        assert!(
-            rest[(i, j)].abs() > 1e-3 * rest[(0, 0)],
-            "[{i}][{j}] is too small:\n{rest}"
-        );
+    for (i, j) in [(0, 1), (0, 2), (1, 0), (2, 0), (1, 2), (2, 3), (3, 1), (1, 3), (3, 2)] {
+        assert!(rest[(i, j)].abs() > 1e-3 * rest[(0, 0)], "[{i}][{j}] is too small:\n{rest}");
     }
-    for (c, p) in [
-        (17.0, 0.0),
-        (0.0, 31.0),
-        (45.0, -20.0),
-        (-70.0, 110.0),
-        (90.0, 90.0),
-        (180.0, 12.5),
-    ] {
+    for (c, p) in [(17.0, 0.0), (0.0, 31.0), (45.0, -20.0), (-70.0, 110.0), (90.0, 90.0), (180.0, 12.5)] {
         let want = rotation(f64::to_radians(c)) * rest * rotation(-f64::to_radians(p));
         assert_close(&at(c, p), &want, 1e-4, &format!("rolls {c}° and {p}°"));
     }
@@ -74,21 +51,12 @@ fn a_point_emitter_is_a_projector_without_lens() {
         projector.right.to_array()
     );
     let lamp = projector.keys("projector") + "irradiance = 2.5\n";
-    for target in [
-        DVec3::ZERO,
-        DVec3::new(0.02, 0.01, 0.0),
-        DVec3::new(0.1, -0.15, 0.0),
-    ] {
+    for target in [DVec3::ZERO, DVec3::new(0.02, 0.01, 0.0), DVec3::new(0.1, -0.15, 0.0)] {
         let camera = Device::ray([0.5, 0.3, 0.8], target);
         let to = (target - projector.origin).normalize();
         let cos3 = to.dot(projector.forward).powi(3);
         let want = single(&camera, &lamp) * cos3;
         assert!(want[(0, 0)] > 0.0);
-        assert_close(
-            &single(&camera, &point),
-            &want,
-            2e-6,
-            &format!("point at {target}"),
-        );
+        assert_close(&single(&camera, &point), &want, 2e-6, &format!("point at {target}"));
     }
 }

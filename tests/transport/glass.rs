@@ -38,10 +38,7 @@ fn wall(x: f64) -> (f64, f64) {
 /// Mean and standard error of element [i][0] after `bounces` interactions.
 fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     let at = [(Bounces, bounces), (StokesOut, i), (StokesIn, 0)];
-    (
-        f64::from(r.mean("m").at(&at)),
-        f64::from(r.std_error("m").at(&at)),
-    )
+    (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
 /// Normal incidence, index 3: R = 1/4. Every order of inter-reflection has its closed form T²R²ᵏ and its own
@@ -72,31 +69,16 @@ fn slab_at_normal_incidence() {
         );
         for i in 1..4 {
             let (polarized, _) = element(&r, i, bounces);
-            assert!(
-                polarized.abs() < 1e-5 * want,
-                "order {k} is polarized at normal incidence"
-            );
+            assert!(polarized.abs() < 1e-5 * want, "order {k} is polarized at normal incidence");
         }
         let path = 2.0 - FRONT + BACK + to_lamp + N * (FRONT - BACK) * (1 + 2 * k) as f64;
         let bin = f64::from(time.at(&[(T, (path / C / 25.0) as usize), (Bounces, bounces)]));
-        assert!(
-            (bin / got - 1.0).abs() < 1e-4,
-            "order {k}: optical path {path} m: {bin} of {got}"
-        );
+        assert!((bin / got - 1.0).abs() < 1e-4, "order {k}: optical path {path} m: {bin} of {got}");
     }
-    let (got, sigma) = (
-        f64::from(r.mean("all").data[0]),
-        f64::from(r.std_error("all").data[0]),
-    );
+    let (got, sigma) = (f64::from(r.mean("all").data[0]), f64::from(r.std_error("all").data[0]));
     let want = radiance * pass / (1.0 - reflectance * reflectance);
-    assert!(
-        (got - want).abs() < 5.0 * sigma + 1e-4 * want,
-        "{got} is not {want} ± {sigma:.1e}"
-    );
-    assert!(
-        5.0 * sigma < 0.2 * (want - radiance * pass),
-        "too few samples to see inter-reflections"
-    );
+    assert!((got - want).abs() < 5.0 * sigma + 1e-4 * want, "{got} is not {want} ± {sigma:.1e}");
+    assert!(5.0 * sigma < 0.2 * (want - radiance * pass), "too few samples to see inter-reflections");
 }
 
 /// A slab rotated to Brewster's angle of 1.5: p is transmitted completely, s with its squared transmittance;
@@ -127,18 +109,13 @@ fn slab_at_brewster_angle() {
     let (s0, s1) = ((1.0 + ts) / 2.0 * radiance, (1.0 - ts) / 2.0 * radiance);
     for (i, want) in [(0, s0), (1, s1), (2, 0.0), (3, 0.0)] {
         let (got, sigma) = element(&r, i, 3);
-        assert!(
-            (got - want).abs() < 5.0 * sigma + 1e-5 * s0,
-            "s{i}: {got} is not {want} ± {sigma:.1e}"
-        );
+        assert!((got - want).abs() < 5.0 * sigma + 1e-5 * s0, "s{i}: {got} is not {want} ± {sigma:.1e}");
         assert!(sigma < 0.01 * s0);
     }
     // Along z the path inside covers inside·cos(θ - θ_t).
     let path = 2.0 - inside * (cos * cos_t + sin * sin_t) + N * inside + to_lamp;
     let time = r.mean("t");
-    let lit: Vec<usize> = (0..20000)
-        .filter(|t| time.at(&[(T, *t), (Bounces, 3)]) > 0.0)
-        .collect();
+    let lit: Vec<usize> = (0..20000).filter(|t| time.at(&[(T, *t), (Bounces, 3)]) > 0.0).collect();
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
@@ -162,10 +139,7 @@ fn radiance_leaves_a_dense_medium() {
     let (got, sigma) = element(&r, 0, 2);
     let pass = 1.0 - ((N - 1.0) / (N + 1.0)).powi(2);
     let want = radiance * pass / (N * N);
-    assert!(
-        (got - want).abs() < 5.0 * sigma + 1e-5 * want,
-        "{got} is not {want} ± {sigma:.1e}"
-    );
+    assert!((got - want).abs() < 5.0 * sigma + 1e-5 * want, "{got} is not {want} ± {sigma:.1e}");
     assert!(sigma < 2e-3 * want);
     let path = 2.0 - FRONT + N * (FRONT + to_lamp);
     let time = r.mean("t");
@@ -175,6 +149,7 @@ fn radiance_leaves_a_dense_medium() {
 
 /// Three wavelengths with separate refracted paths equal three renders of one wavelength each.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn dispersion_is_unbiased() {
     const INDEX: [f64; 3] = [1.9, 1.5, 1.15];
     let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
@@ -203,9 +178,6 @@ fn dispersion_is_unbiased() {
     }
     for pair in values.windows(2) {
         let apart = (pair[0].0 - pair[1].0).abs();
-        assert!(
-            apart > 10.0 * pair[0].1,
-            "wavelengths are too similar to distinguish"
-        );
+        assert!(apart > 10.0 * pair[0].1, "wavelengths are too similar to distinguish");
     }
 }

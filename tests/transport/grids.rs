@@ -40,10 +40,7 @@ fn what_passes_is_the_exponential_of_the_integral() {
         (", box = [[0, 0, 0], [1, 1, 0.5]]".into(), 1.0),
         (", filter = \"nearest\"".into(), 2.0),
         // The ramp along x: at 0.3 it is 1.2.
-        (
-            ", transform = { rotate_deg = [0, 90, 0], translate = [0, 0, 1] }".into(),
-            1.2,
-        ),
+        (", transform = { rotate_deg = [0, 90, 0], translate = [0, 0, 1] }".into(), 1.2),
         (", transform = { translate = [0.4, 0, 0] }".into(), 0.0),
     ];
     for (more, depth) in cases {
@@ -112,10 +109,7 @@ fn uneven_clouds_are_the_same_from_both_ends() {
     let [path, both] =
         ["path", "bidirectional"].map(|i| m00(&render_text(&dark(text(i, 20_000, &medium, more)))));
     let sigma = path.1.hypot(both.1);
-    assert!(
-        (path.0 - both.0).abs() <= 5.0 * sigma && sigma < 0.01 * path.0,
-        "{path:?}, {both:?}"
-    );
+    assert!((path.0 - both.0).abs() <= 5.0 * sigma && sigma < 0.01 * path.0, "{path:?}, {both:?}");
 }
 
 #[test]
@@ -135,26 +129,12 @@ fn grids_that_are_none_are_refused() {
         (with(format!("{pairs:?}"), ""), "per point, got 2"),
         (with(format!("{short:?}"), ""), "the 1 values"),
         (with("\"none.vol\"".into(), ""), "none.vol"),
-        (
-            with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""),
-            "no volume",
-        ),
-        (
-            with(format!("{good:?}"), &format!(", albedo = {{ file = {good:?} }}")),
-            "the value 2",
-        ),
-        (
-            text("path", 1, "m.heterogeneous = { scattering = 1 }", ""),
-            "density",
-        ),
+        (with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""), "no volume"),
+        (with(format!("{good:?}"), &format!(", albedo = {{ file = {good:?} }}")), "the value 2"),
+        (text("path", 1, "m.heterogeneous = { scattering = 1 }", ""), "density"),
     ];
     for (text, what) in cases {
-        let message = from_text("scene.toml".as_ref(), &text)
-            .err()
-            .map(|e| e.to_string());
-        assert!(
-            message.as_ref().is_some_and(|m| m.contains(what)),
-            "{what}: {message:?}"
-        );
+        let message = from_text("scene.toml".as_ref(), &text).err().map(|e| e.to_string());
+        assert!(message.as_ref().is_some_and(|m| m.contains(what)), "{what}: {message:?}");
     }
 }

@@ -71,10 +71,7 @@ fn mitsuba(bsdf: &str) -> [f64; 3] {
 #[track_caller]
 fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
     for (got, want) in got.into_iter().zip(want) {
-        assert!(
-            (got - want).abs() <= off * want.max(0.05),
-            "{what}: {got:.4}, not {want}"
-        );
+        assert!((got - want).abs() <= off * want.max(0.05), "{what}: {got:.4}, not {want}");
     }
 }
 
@@ -108,17 +105,11 @@ fn mtl_colours_are_those_of_the_whole_surface() {
         ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
         ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
         // Half metal of α 0.5 (`gltf` of `validation/import_albedo.py`), half base and mirror.
-        (
-            "Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5",
-            [0.5 * METAL + 0.5 * 0.9; 3],
-        ),
+        ("Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5", [0.5 * METAL + 0.5 * 0.9; 3]),
         // sRGB 188 is 0.503.
         ("map_Kd grey.png", [0.503; 3]),
         ("Kd .5 .25 1\nmap_Kd grey.png", [0.503, 0.1257, 0.2515]),
-        (
-            "Kd .5 .5 .5\nmap_d grey.png",
-            [(1.0 - 188.0 / 255.0) + 0.5 * 188.0 / 255.0; 3],
-        ),
+        ("Kd .5 .5 .5\nmap_d grey.png", [(1.0 - 188.0 / 255.0) + 0.5 * 188.0 / 255.0; 3]),
     ] {
         near(text, mtl(text), want, NOISE);
     }
@@ -187,10 +178,7 @@ fn clipping_planes_that_cut_are_refused() {
     };
     assert!(imported("0.1", "100").is_ok());
     let error = imported("5", "100").expect_err("in front of the near plane");
-    assert!(
-        error.contains("near_clip = 5 clips") && error.contains("scene.xml:1"),
-        "{error}"
-    );
+    assert!(error.contains("near_clip = 5 clips") && error.contains("scene.xml:1"), "{error}");
     let error = imported("0.1", "3").expect_err("behind the far plane");
     assert!(error.contains("far_clip = 3 clips"), "{error}");
 }

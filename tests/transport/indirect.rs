@@ -31,10 +31,7 @@ fn diffuse_corner() {
     // Radiance of a diffuse point with normal n under the projector.
     let lit = |p: DVec3, n: DVec3, albedo: f64| {
         let ([u, v], factor) = lamp.project(p);
-        assert!(
-            u > 0.0 && v > 0.0 && u < 64.0 && v < 64.0,
-            "the projector must see all of the wall"
-        );
+        assert!(u > 0.0 && v > 0.0 && u < 64.0 && v < 64.0, "the projector must see all of the wall");
         albedo / PI * factor * (lamp.origin - p).normalize().dot(n).max(0.0)
     };
     let (mut sum, mut moment) = (0.0, 0.0);
@@ -61,18 +58,10 @@ fn diffuse_corner() {
     };
     let ((mean, mean_bin), (error, error_bin)) = (get(Rendered::mean), get(Rendered::std_error));
     let direct = lit(point, DVec3::Z, floor);
-    assert!(
-        (mean(1) / direct - 1.0).abs() < 1e-5,
-        "first bounce {} is not {direct}",
-        mean(1)
-    );
+    assert!((mean(1) / direct - 1.0).abs() < 1e-5, "first bounce {} is not {direct}", mean(1));
     assert_eq!(mean(0), 0.0);
     let sigma = error(2);
-    assert!(
-        (mean(2) - sum).abs() < 5.0 * sigma,
-        "second bounce {} is not {sum} ± {sigma:.1e}",
-        mean(2)
-    );
+    assert!((mean(2) - sum).abs() < 5.0 * sigma, "second bounce {} is not {sum} ± {sigma:.1e}", mean(2));
     assert!(sigma < 3e-3 * sum, "too few samples to mean anything");
     // Every bin with at least 1 % separately, the others together.
     let (mut compared, mut rest, mut rest_sigma2, mut got_moment, mut moment_sigma2) =
@@ -85,33 +74,21 @@ fn diffuse_corner() {
         moment_sigma2 += (sigma * (time - centre)).powi(2);
         if *want > 0.01 * sum {
             compared += 1;
-            assert!(
-                (got - want).abs() < 5.0 * sigma,
-                "bin {i}: {got} is not {want} ± {sigma:.1e}"
-            );
+            assert!((got - want).abs() < 5.0 * sigma, "bin {i}: {got} is not {want} ± {sigma:.1e}");
         } else {
             rest += got - want;
             rest_sigma2 += sigma * sigma;
         }
     }
     assert!(compared >= 15, "only {compared} bins");
-    assert!(
-        rest.abs() < 5.0 * rest_sigma2.sqrt(),
-        "faint bins are off by {rest}"
-    );
+    assert!(rest.abs() < 5.0 * rest_sigma2.sqrt(), "faint bins are off by {rest}");
     // Bins assign light to their centres, and so does the expected moment.
-    let binned: f64 = histogram
-        .iter()
-        .enumerate()
-        .map(|(i, v)| v * ((i as f64 + 0.5) * BIN_PS - centre))
-        .sum();
+    let binned: f64 =
+        histogram.iter().enumerate().map(|(i, v)| v * ((i as f64 + 0.5) * BIN_PS - centre)).sum();
     assert!((binned / sum).abs() < BIN_PS / 2.0);
     let off = (got_moment - binned) / sum;
     let sigma = moment_sigma2.sqrt() / sum;
-    assert!(
-        off.abs() < 5.0 * sigma,
-        "mean travel time is off by {off} ± {sigma} ps"
-    );
+    assert!(off.abs() < 5.0 * sigma, "mean travel time is off by {off} ± {sigma} ps");
     assert!(sigma < 10.0);
 }
 
@@ -135,10 +112,7 @@ fn integrating_sphere() {
         let (mean, error) = (r.mean("b"), r.std_error("b"));
         for k in [2, 3, 4, 6, 10, 15] {
             let want = RHO.powi(k as i32) * 2.0 / (PI * RADIUS * RADIUS);
-            let (got, sigma) = (
-                f64::from(mean.at(&[(Bounces, k)])),
-                f64::from(error.at(&[(Bounces, k)])),
-            );
+            let (got, sigma) = (f64::from(mean.at(&[(Bounces, k)])), f64::from(error.at(&[(Bounces, k)])));
             assert!(
                 (got - want).abs() < 5.0 * sigma,
                 "roulette after {roulette}, bounce {k}: {got} is not {want} ± {sigma:.1e}"
@@ -148,10 +122,7 @@ fn integrating_sphere() {
         let indirect = f64::from(r.mean("all").data[0] - mean.at(&[(Bounces, 1)]));
         let want = RHO * RHO / (1.0 - RHO) * 2.0 / (PI * RADIUS * RADIUS);
         let sigma = f64::from(r.std_error("all").data[0]);
-        assert!(
-            (indirect - want).abs() < 5.0 * sigma,
-            "{indirect} is not {want} ± {sigma:.1e}"
-        );
+        assert!((indirect - want).abs() < 5.0 * sigma, "{indirect} is not {want} ± {sigma:.1e}");
     }
 }
 
@@ -182,17 +153,9 @@ fn roulette_is_unbiased_in_a_box() {
         )
     };
     let (a, b) = (render("1000000", 24), render("1", 25));
-    let total = |r: &Rendered| {
-        (
-            f64::from(r.mean("all").data[0]),
-            f64::from(r.std_error("all").data[0]),
-        )
-    };
+    let total = |r: &Rendered| (f64::from(r.mean("all").data[0]), f64::from(r.std_error("all").data[0]));
     let ((x, sx), (y, sy)) = (total(&a), total(&b));
-    assert!(
-        (x - y).abs() < 5.0 * sx.hypot(sy),
-        "{x} without roulette, {y} with"
-    );
+    assert!((x - y).abs() < 5.0 * sx.hypot(sy), "{x} without roulette, {y} with");
     assert!(sx.hypot(sy) < 0.01 * x);
     let (ma, mb, ea, eb) = (a.mean("b"), b.mean("b"), a.std_error("b"), b.std_error("b"));
     // Elements 16·k + 4·i + j. Standard errors are reliable up to the tenth bounce.

@@ -76,10 +76,7 @@ const GROUPS: [(&str, &[&str]); 3] = [
             "shape.disk = { center = [0, 0.8, 0], normal = [0.3, 0.2, 1], radius = 0.3 }\nmaterial = \"gold\"",
         ],
     ),
-    (
-        "lens",
-        &["shape.obj = { file = \"ball.obj\" }\nmaterial = \"glass\"\ninterior = \"fog\""],
-    ),
+    ("lens", &["shape.obj = { file = \"ball.obj\" }\nmaterial = \"glass\"\ninterior = \"fog\""]),
     (
         "cloud",
         &[
@@ -90,23 +87,11 @@ const GROUPS: [(&str, &[&str]); 3] = [
 
 const PLACES: [(&str, &str); 6] = [
     ("things", "scale = 0.8, translate = [-1.1, 0.9, 0.2]"),
-    (
-        "things",
-        "scale = [-0.8, 1.1, 0.5], rotate_deg = [20, 40, 70], translate = [1.2, 1.0, -0.3]",
-    ),
-    (
-        "things",
-        "matrix = [[0.6, 0.2, 0, -1.2], [0, -0.7, 0.3, -1.1], [0.1, 0, 0.9, 0.1], [0, 0, 0, 1]]",
-    ),
-    (
-        "lens",
-        "scale = [1.2, 1, 0.7], rotate_deg = [0, 30, 0], translate = [0.1, 0, 0.8]",
-    ),
+    ("things", "scale = [-0.8, 1.1, 0.5], rotate_deg = [20, 40, 70], translate = [1.2, 1.0, -0.3]"),
+    ("things", "matrix = [[0.6, 0.2, 0, -1.2], [0, -0.7, 0.3, -1.1], [0.1, 0, 0.9, 0.1], [0, 0, 0, 1]]"),
+    ("lens", "scale = [1.2, 1, 0.7], rotate_deg = [0, 30, 0], translate = [0.1, 0, 0.8]"),
     ("lens", "scale = [1, 1, -1], translate = [1.4, -0.2, 0.5]"),
-    (
-        "cloud",
-        "scale = 1.3, rotate_deg = [10, 20, 30], translate = [0.8, -1.3, 0.2]",
-    ),
+    ("cloud", "scale = 1.3, rotate_deg = [10, 20, 30], translate = [0.8, -1.3, 0.2]"),
 ];
 
 fn instanced(head: &str) -> String {
@@ -117,10 +102,7 @@ fn instanced(head: &str) -> String {
         }
     }
     for (name, place) in PLACES {
-        let _ = writeln!(
-            text,
-            "[[instances]]\ngroup = \"{name}\"\ntransform = {{ {place} }}"
-        );
+        let _ = writeln!(text, "[[instances]]\ngroup = \"{name}\"\ntransform = {{ {place} }}");
     }
     text
 }

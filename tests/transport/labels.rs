@@ -93,12 +93,7 @@ fn lobes_of_plastic_are_parted_exactly() {
         let without = made(&plastic(0.7, 0.0)).mean("m");
         assert_close(&at(&t, BODY), &at(&without, BODY), 1e-5, &what);
         if of != "blend" {
-            assert_close(
-                &at(&t, BODY),
-                &mueller(&made(&plastic(0.7, 0.0)).mean("all"), &[]),
-                1e-5,
-                &what,
-            );
+            assert_close(&at(&t, BODY), &mueller(&made(&plastic(0.7, 0.0)).mean("all"), &[]), 1e-5, &what);
         }
         let sum = at(&t, GLOSSY) + at(&t, BODY);
         assert_close(&sum, &mueller(&both.mean("all"), &[]), 1e-6, &what);
@@ -135,12 +130,7 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let mut want = M::zeros();
     (0..4).for_each(|i| want[(i, 0)] = fresnel[(i, 0)] * lambert);
     assert_only(&t, &[SPECULAR | BODY], "mirror");
-    assert_close(
-        &mueller(&t, &[(Label, (SPECULAR | BODY).into())]),
-        &want,
-        1e-4,
-        "mirror",
-    );
+    assert_close(&mueller(&t, &[(Label, (SPECULAR | BODY).into())]), &want, 1e-4, "mirror");
 }
 
 /// A slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) / (8 π
@@ -201,6 +191,7 @@ fn total(r: &Rendered, slice: &str) -> (f64, f64) {
 /// A scene with every feature, rendered by each integrator: parts add up to the whole, element by element, up
 /// to rounding.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn parts_add_up_to_the_whole() {
     let slices = || {
         [
@@ -250,17 +241,11 @@ fn parts_add_up_to_the_whole() {
                 // Coaxial slices use separate paths.
                 let (a, da) = total(&r, "whole1");
                 let (b, db) = total(&r, "parts1");
-                assert!(
-                    (a - b).abs() < 5.0 * da.hypot(db),
-                    "{integrator:?}: {a} ± {da}, {b} ± {db}"
-                );
+                assert!((a - b).abs() < 5.0 * da.hypot(db), "{integrator:?}: {a} ± {da}, {b} ± {db}");
                 continue;
             }
             for (k, (a, b)) in whole.data.iter().zip(&sum.data).enumerate() {
-                assert!(
-                    (a - b).abs() <= 2e-6 * top.max(a.abs()),
-                    "{integrator:?} {i} [{k}]: {a} {b}"
-                );
+                assert!((a - b).abs() <= 2e-6 * top.max(a.abs()), "{integrator:?} {i} [{k}]: {a} {b}");
             }
             for (set, kind) in kinds.iter_mut().enumerate() {
                 *kind |= parts.select(Label, set).data.iter().any(|v| *v != 0.0);
@@ -308,6 +293,7 @@ fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usiz
 /// Camera paths and bidirectional paths, label by label, 5 standard errors. The planted error must be
 /// detected.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn integrators_agree_label_by_label() {
     let labels = |text: String| text.replacen("bounces = true", "labels = true", 1);
     let boxed = "[materials]\nwall.plastic = { albedo = 0.6, alpha = 0.3, ior = 1.5 }\n\
@@ -317,18 +303,9 @@ fn integrators_agree_label_by_label() {
     let fog = "[[objects]]\nmaterial = \"bound\"\ninterior = \"fog\"\n\
                shape.cube = { min = [-0.95, -0.95, -0.5], max = [0.95, 0.95, 0.95] }\n";
     for (text, pair) in [
-        (
-            devices(512, 5, 11) + boxed + WALLS,
-            [Integrator::Path, Integrator::Bidirectional],
-        ),
-        (
-            devices(512, 5, 12) + boxed + FOG + WALLS + fog,
-            [Integrator::Path, Integrator::Bidirectional],
-        ),
-        (
-            redirecting(1024, 8),
-            [Integrator::Caustics, Integrator::Bidirectional],
-        ),
+        (devices(512, 5, 11) + boxed + WALLS, [Integrator::Path, Integrator::Bidirectional]),
+        (devices(512, 5, 12) + boxed + FOG + WALLS + fog, [Integrator::Path, Integrator::Bidirectional]),
+        (redirecting(1024, 8), [Integrator::Caustics, Integrator::Bidirectional]),
     ] {
         let text = labels(text);
         let [a, b] = [(0, "seed = "), (1, "seed = 7")]
@@ -360,15 +337,10 @@ fn what_is_seen_straight_has_no_bits() {
     assert_only(&t, &[0], "sky");
     assert_eq!(light(&t, 0), 2.0);
     // A plate of glass shows the sky behind it and in front of it.
-    let t = render_text(&text(
-        &(far + &plate(DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0), 0.2, "sheet")),
-    ))
-    .mean("m");
+    let t =
+        render_text(&text(&(far + &plate(DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0), 0.2, "sheet")))).mean("m");
     assert_only(&t, &[0, SPECULAR], "sheet");
     let (through, back) = (light(&t, 0), light(&t, SPECULAR));
-    assert!(
-        (through + back - 2.0).abs() < 1e-5 && back > 0.1 && through > 1.0,
-        "{through} {back}"
-    );
+    assert!((through + back - 2.0).abs() < 1e-5 && back > 0.1 && through > 1.0, "{through} {back}");
     assert_eq!(t.extent(Wavelength), 1);
 }

@@ -26,19 +26,14 @@ fn scene(body: &str) -> String {
 }
 
 fn made(body: &str, through: bool) -> LayerSet {
-    let options = Options {
-        through,
-        ..Options::default()
-    };
+    let options = Options { through, ..Options::default() };
     layers(&scene_of(&scene(body)), options)
 }
 
 /// The directions of a pixel's rays.
 fn rays(camera: &Device, x: u32, y: u32) -> Vec<DVec3> {
     let part = |i: u32| (f64::from(i) + 0.5) / 4.0;
-    (0..RAYS)
-        .map(|i| camera.direction(f64::from(x) + part(i % 4), f64::from(y) + part(i / 4)))
-        .collect()
+    (0..RAYS).map(|i| camera.direction(f64::from(x) + part(i % 4), f64::from(y) + part(i / 4))).collect()
 }
 
 fn pixels() -> impl Iterator<Item = (u32, u32)> {
@@ -107,58 +102,33 @@ fn a_ball_has_its_depth_normals_and_rim() {
         let normal = mean(&normals).normalize();
         // Near the rim a small change of the direction moves the point far.
         let loose = if share < 1.0 { 100.0 } else { 1.0 };
-        assert!(
-            (one(&set, "depth", x, y) - mean(&depths)).abs() < 1e-5 * loose,
-            "({x}, {y})"
-        );
+        assert!((one(&set, "depth", x, y) - mean(&depths)).abs() < 1e-5 * loose, "({x}, {y})");
         assert_eq!(one(&set, "depth", x, y), one(&set, "optical_length", x, y));
-        assert!(is_near(
-            vector(&set, "position", x, y),
-            mean(&points),
-            1e-5 * loose
-        ));
+        assert!(is_near(vector(&set, "position", x, y), mean(&points), 1e-5 * loose));
         for name in ["geometric_normal", "shading_normal"] {
-            assert!(
-                is_near(vector(&set, name, x, y), normal, 2e-5 * loose),
-                "{name} ({x}, {y})"
-            );
+            assert!(is_near(vector(&set, name, x, y), normal, 2e-5 * loose), "{name} ({x}, {y})");
         }
         let albedo = set.real("albedo", x, y).expect("albedo");
-        assert!(
-            albedo
-                .iter()
-                .zip([0.1, 0.2, 0.7])
-                .all(|(a, b)| (a - b).abs() < 1e-6)
-        );
+        assert!(albedo.iter().zip([0.1, 0.2, 0.7]).all(|(a, b)| (a - b).abs() < 1e-6));
         if share < 1.0 {
             rim += 1;
         } else {
             inside += 1;
         }
     }
-    assert!(
-        inside > 30 && rim > 8 && outside > 100,
-        "{inside} {rim} {outside}"
-    );
+    assert!(inside > 30 && rim > 8 && outside > 100, "{inside} {rim} {outside}");
 }
 
 /// A tilted metal rectangle in front of a wall: edges are not mixed, metal has no albedo, normals face the
 /// camera on both sides.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
-    let (corner, u, v) = (
-        DVec3::new(-0.63, -0.61, 0.4),
-        DVec3::new(1.1, 0.1, 0.5),
-        DVec3::new(0.2, 1.3, -0.3),
-    );
+    let (corner, u, v) =
+        (DVec3::new(-0.63, -0.61, 0.4), DVec3::new(1.1, 0.1, 0.5), DVec3::new(0.2, 1.3, -0.3));
     let normal = u.cross(v).normalize();
     // One faces away from the camera.
-    let mirrored = format!(
-        "corner = {:?}, u = {:?}, v = {:?}",
-        corner.to_array(),
-        v.to_array(),
-        u.to_array()
-    );
+    let mirrored =
+        format!("corner = {:?}, u = {:?}, v = {:?}", corner.to_array(), v.to_array(), u.to_array());
     let set = made(
         &format!(
             "[materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor.metal = \"Au\"\n\
@@ -180,20 +150,13 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
         };
         let all = rays(&camera(), x, y);
         let sheet: Vec<f64> = all.iter().filter_map(|d| of_plane(*d)).collect();
-        let wall: Vec<f64> = all
-            .iter()
-            .filter(|d| of_plane(**d).is_none())
-            .map(|d| -7.0 / d.z)
-            .collect();
+        let wall: Vec<f64> = all.iter().filter(|d| of_plane(**d).is_none()).map(|d| -7.0 / d.z).collect();
         if sheet.len() == wall.len() {
             continue;
         }
         edges += usize::from(!sheet.is_empty() && !wall.is_empty());
-        let (name, depths, n) = if sheet.len() > wall.len() {
-            ("sheet", sheet, normal)
-        } else {
-            ("objects[0]", wall, DVec3::Z)
-        };
+        let (name, depths, n) =
+            if sheet.len() > wall.len() { ("sheet", sheet, normal) } else { ("objects[0]", wall, DVec3::Z) };
         assert_eq!(set.label("object", x, y), Some(name), "({x}, {y})");
         assert_eq!(one(&set, "coverage", x, y), depths.len() as f64 / f64::from(RAYS));
         let got = one(&set, "depth", x, y);
@@ -227,11 +190,7 @@ fn pictures_and_normal_maps_are_seen() {
     );
     let linear = |c: u8| {
         let c = f64::from(c) / 255.0;
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
     };
     // u is the camera's right, v its up, and the front faces it.
     let local = [204.0, 64.0, 230.0].map(|c| 2.0 * c / 255.0 - 1.0);
@@ -240,10 +199,7 @@ fn pictures_and_normal_maps_are_seen() {
         let albedo = set.real("albedo", x, y).expect("albedo");
         for (lane, k) in [(0, 2), (1, 1), (2, 0)] {
             let want = linear(texel(x, y, k));
-            assert!(
-                (f64::from(albedo[lane]) - want).abs() < 1e-5,
-                "({x}, {y}): {albedo:?} {want}"
-            );
+            assert!((f64::from(albedo[lane]) - want).abs() < 1e-5, "({x}, {y}): {albedo:?} {want}");
         }
         assert_eq!(set.label("material", x, y), Some("turned"));
         assert!(is_near(vector(&set, "geometric_normal", x, y), DVec3::Z, 1e-6));
@@ -285,11 +241,7 @@ fn normals_of_a_mesh_are_interpolated() {
         let want = mean(&all).normalize();
         let got = vector(&set, "shading_normal", x, y);
         assert!(is_near(got, want, 1e-5), "({x}, {y}): {got} {want}");
-        assert!(is_near(
-            vector(&set, "geometric_normal", x, y),
-            flat.normalize(),
-            1e-6
-        ));
+        assert!(is_near(vector(&set, "geometric_normal", x, y), flat.normalize(), 1e-6));
     }
 }
 
@@ -328,21 +280,12 @@ fn copies_are_told_apart() {
         assert_eq!(set.number("copy", x, y), Some(copy));
         let material = if name.ends_with("clasp") { "black" } else { "white" };
         assert_eq!(set.label("material", x, y), Some(material));
-        assert!(
-            (one(&set, "depth", x, y) - mean(&depths)).abs() < 2e-5,
-            "({x}, {y})"
-        );
+        assert!((one(&set, "depth", x, y) - mean(&depths)).abs() < 2e-5, "({x}, {y})");
     }
     assert!(seen.iter().all(|n| *n > 0), "{seen:?}");
     let LayerSet { layers, .. } = &set;
-    let objects = layers
-        .iter()
-        .find(|l| l.name == "object")
-        .and_then(|l| l.labels.clone());
-    assert_eq!(
-        objects.expect("names"),
-        ["wall", "pearls/objects[0]", "pearls/clasp"]
-    );
+    let objects = layers.iter().find(|l| l.name == "object").and_then(|l| l.labels.clone());
+    assert_eq!(objects.expect("names"), ["wall", "pearls/objects[0]", "pearls/clasp"]);
 }
 
 /// A tilted pane of glass: it is the first visible object; looking through it shows the wall behind, at the
@@ -377,14 +320,8 @@ fn glass_is_looked_through() {
         }
         assert!((one(&first, "depth", x, y) - mean(&fronts)).abs() < 1e-5);
         assert!(is_near(vector(&first, "geometric_normal", x, y), normal, 1e-6));
-        assert!(
-            (one(&behind, "depth", x, y) - mean(&depths)).abs() < 1e-5,
-            "({x}, {y})"
-        );
-        assert!(
-            (one(&behind, "optical_length", x, y) - mean(&lengths)).abs() < 1e-5,
-            "({x}, {y})"
-        );
+        assert!((one(&behind, "depth", x, y) - mean(&depths)).abs() < 1e-5, "({x}, {y})");
+        assert!((one(&behind, "optical_length", x, y) - mean(&lengths)).abs() < 1e-5, "({x}, {y})");
         let got = vector(&behind, "position", x, y);
         assert!(is_near(got, mean(&points), 1e-5), "({x}, {y}): {got}");
     }
@@ -410,13 +347,7 @@ fn what_stands_in_water_is_found_by_one_bend() {
             depths.push(before + within);
             lengths.push(before + 1.33 * within);
         }
-        assert!(
-            (one(&behind, "depth", x, y) - mean(&depths)).abs() < 1e-5,
-            "({x}, {y})"
-        );
-        assert!(
-            (one(&behind, "optical_length", x, y) - mean(&lengths)).abs() < 2e-5,
-            "({x}, {y})"
-        );
+        assert!((one(&behind, "depth", x, y) - mean(&depths)).abs() < 1e-5, "({x}, {y})");
+        assert!((one(&behind, "optical_length", x, y) - mean(&lengths)).abs() < 2e-5, "({x}, {y})");
     }
 }

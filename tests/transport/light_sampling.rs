@@ -51,20 +51,13 @@ fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (
 
 fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, what: &str) {
     let (z, total) = chi2(&sample, &density);
-    assert!(
-        z < 5.0 && (total - 1.0).abs() < 0.005,
-        "{what}: z = {z:.1}, density of {total} in all"
-    );
+    assert!(z < 5.0 && (total - 1.0).abs() < 0.005, "{what}: z = {z:.1}, density of {total} in all");
     // Negative control: a tenth of the samples, rotated by 3 degrees, must be detected.
     let turned = Quat::from_rotation_y(0.05);
     let (z, _) = chi2(
         |u| {
             let w = sample(u);
-            if (u[0] * 1000.0).fract() < 0.1 {
-                turned * w
-            } else {
-                w
-            }
+            if (u[0] * 1000.0).fract() < 0.1 { turned * w } else { w }
         },
         &density,
     );
@@ -72,10 +65,7 @@ fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, wha
 }
 
 fn environment([w, h]: [usize; 2], value: impl Fn(usize, usize) -> f32, rows: Rows, to_world: Mat3A) -> Sky {
-    let light = Polarized {
-        axis: Vec3A::X,
-        filter: None,
-    };
+    let light = Polarized { axis: Vec3A::X, filter: None };
     let texels = (0..w * h).map(|k| {
         let v = value(k % w, k / w);
         [v, 0.5 * v, 0.0, 0.0]
@@ -93,17 +83,9 @@ fn chi2_sky() {
     };
     let rotated = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
     let mirrored = rotated * Mat3A::from_diagonal(glam::Vec3::new(1.0, -1.0, 1.0));
-    for (rows, to_world) in [
-        (Rows::Centres, rotated),
-        (Rows::Centres, mirrored),
-        (Rows::Poles, rotated),
-    ] {
+    for (rows, to_world) in [(Rows::Centres, rotated), (Rows::Centres, mirrored), (Rows::Poles, rotated)] {
         let sky = environment([24, 12], value, rows, to_world);
-        agree(
-            |u| sky.sample(u),
-            |d| sky.density(d),
-            &format!("{rows:?} {to_world}"),
-        );
+        agree(|u| sky.sample(u), |d| sky.density(d), &format!("{rows:?} {to_world}"));
     }
 }
 
@@ -123,10 +105,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
         let value = |i, j| f32::from(u8::from([i, j] == lit));
         let sky = environment([w, h], value, Rows::Poles, to_world);
         let step = PI / (h - 1) as f32;
-        let (theta, phi) = (
-            lit[1] as f32 * step,
-            std::f32::consts::TAU * (lit[0] as f32 + 0.5) / w as f32,
-        );
+        let (theta, phi) = (lit[1] as f32 * step, std::f32::consts::TAU * (lit[0] as f32 + 0.5) / w as f32);
         let dir = Vec3A::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
         let peak = sky.radiance(to_world * dir).to_array()[0];
         // At a pole, rounding determines the column.
@@ -197,11 +176,7 @@ fn a_frustum_has_its_solid_angle() {
 #[test]
 fn a_spot_has_its_solid_angle() {
     let (beam, cutoff) = (0.3_f32, 0.9_f32);
-    let spot = Profile::Spot {
-        axis: Vec3A::new(0.0, 0.6, 0.8),
-        beam,
-        cutoff,
-    };
+    let spot = Profile::Spot { axis: Vec3A::new(0.0, 0.6, 0.8), beam, cutoff };
     let (b, c) = (f64::from(beam), f64::from(cutoff));
     // ∫ (c - θ)/(c - b) sinθ dθ from b to c, by parts: cos b - (sin c - sin b)/(c - b).
     let want = std::f64::consts::TAU * (1.0 - b.cos() + b.cos() - (c.sin() - b.sin()) / (c - b));

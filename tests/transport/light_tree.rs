@@ -17,11 +17,7 @@ const BOTH: [&str; 2] = ["path", "bidirectional"];
 fn lights(stream: &mut Stream) -> Vec<Bounds> {
     let one = |i: usize, stream: &mut Stream| {
         let [x, y] = stream.uniform2();
-        let centre = if i < 10 {
-            Vec3A::splat(0.5)
-        } else {
-            Vec3A::new(x, y, stream.uniform()) * 4.0
-        };
+        let centre = if i < 10 { Vec3A::splat(0.5) } else { Vec3A::new(x, y, stream.uniform()) * 4.0 };
         let half = Vec3A::splat(0.3 * stream.uniform().powi(4));
         let intensity = stream.uniform().powi(3) * 10.0;
         let axis = warp::sphere(stream.uniform2());
@@ -29,12 +25,7 @@ fn lights(stream: &mut Stream) -> Vec<Bounds> {
             0 => Bounds::all_around(centre - half, centre + half, intensity),
             1 => Bounds::flat(centre - half, centre + half, axis, false, intensity),
             2 => Bounds::flat(centre - half, centre + half, axis, true, intensity),
-            _ => Bounds {
-                axis,
-                spread: 0.2,
-                reach: 0.3,
-                ..Bounds::all_around(centre, centre, intensity)
-            },
+            _ => Bounds { axis, spread: 0.2, reach: 0.3, ..Bounds::all_around(centre, centre, intensity) },
         }
     };
     (0..300).map(|i| one(i, stream)).collect()
@@ -46,14 +37,12 @@ fn receiver(stream: &mut Stream) -> Receiver {
     if stream.uniform() < 0.2 {
         return Receiver::anywhere(p);
     }
-    Receiver {
-        p,
-        normal: warp::sphere(stream.uniform2()),
-    }
+    Receiver { p, normal: warp::sphere(stream.uniform2()) }
 }
 
 /// The fractions of evenly spaced numbers that select each light equal the stated probabilities.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn lights_are_chosen_with_the_stated_probabilities() {
     const N: u32 = 40_000;
     let mut stream = Stream::new(8, 0, 0);
@@ -78,9 +67,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
                 None => none += 1.0 / f64::from(N),
             }
         }
-        let chances: Vec<f64> = (0..lights.len())
-            .map(|light| f64::from(tree.chance(&at, light)))
-            .collect();
+        let chances: Vec<f64> = (0..lights.len()).map(|light| f64::from(tree.chance(&at, light))).collect();
         assert!((chances.iter().sum::<f64>() + none - 1.0).abs() < 2e-3);
         let worst = |chances: &[f64]| {
             let off = counts.iter().zip(chances).map(|(a, b)| (a - b).abs());
@@ -90,13 +77,9 @@ fn lights_are_chosen_with_the_stated_probabilities() {
         assert!(worst(&chances) < 3.0 / f64::from(N), "{}", worst(&chances));
         // Negative control: probabilities of another point do not agree.
         let other = Receiver::anywhere(at.p + Vec3A::splat(0.5));
-        let planted: Vec<f64> = (0..lights.len())
-            .map(|light| f64::from(tree.chance(&other, light)))
-            .collect();
-        assert!(
-            worst(&planted) > 3.0 / f64::from(N),
-            "a planted error is not found"
-        );
+        let planted: Vec<f64> =
+            (0..lights.len()).map(|light| f64::from(tree.chance(&other, light))).collect();
+        assert!(worst(&planted) > 3.0 / f64::from(N), "a planted error is not found");
     }
 }
 
@@ -147,10 +130,7 @@ fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
             let want = 0.6 / PI * (2.0 * irradiance(far, 2.0) + irradiance(near, 0.05));
             let text = text(integrator, 4096, 2, at, &light);
             let (got, sigma) = m00(&render_text(&text));
-            assert!(
-                (got - want).abs() <= 5.0 * sigma + 3e-5 * want,
-                "{got} ± {sigma}, closed form {want}"
-            );
+            assert!((got - want).abs() <= 5.0 * sigma + 3e-5 * want, "{got} ± {sigma}, closed form {want}");
             // For 64 samples.
             let variance = (sigma / want).powi(2) * 4096.0 / 64.0;
             assert!(variance <= 0.005, "{integrator}: relative variance {variance}");
@@ -166,20 +146,12 @@ fn many_spheres_light_a_plane() {
     for k in 0..300 {
         let centre = DVec3::new(0.3 * f64::from(k % 20) - 3.0, 0.3 * f64::from(k / 20) - 2.0, 3.0);
         let r = 0.01 * f64::from(1 + k % 7);
-        light += &shining(
-            &format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()),
-            "",
-        );
+        light += &shining(&format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()), "");
         let to = centre - DVec3::new(at[0], at[1], 0.0);
         irradiance += 2.0 * PI * r * r * to.z / to.length().powi(3);
     }
     for integrator in BOTH {
-        check(
-            &text(integrator, 4000, 2, at, &light),
-            irradiance,
-            0.01,
-            integrator,
-        );
+        check(&text(integrator, 4000, 2, at, &light), irradiance, 0.01, integrator);
     }
 }
 
@@ -189,18 +161,11 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     const N: i32 = 20;
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("lamp.obj");
-    let (corner, u, v) = (
-        DVec3::new(-0.2, -0.3, 0.4),
-        DVec3::new(0.0, 6.0, 1.0),
-        DVec3::new(5.0, 0.0, 0.5),
-    );
+    let (corner, u, v) = (DVec3::new(-0.2, -0.3, 0.4), DVec3::new(0.0, 6.0, 1.0), DVec3::new(5.0, 0.0, 0.5));
     let place = |a: f64, b: f64| corner + u * a + v * b;
     let mut obj = String::new();
     for k in 0..(N + 1) * (N + 1) {
-        let p = place(
-            f64::from(k % (N + 1)) / f64::from(N),
-            f64::from(k / (N + 1)) / f64::from(N),
-        );
+        let p = place(f64::from(k % (N + 1)) / f64::from(N), f64::from(k / (N + 1)) / f64::from(N));
         let _ = writeln!(obj, "v {} {} {}", p.x, p.y, p.z);
     }
     for k in 0..N * N {

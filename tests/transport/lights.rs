@@ -26,10 +26,7 @@ pub fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -
 
 pub fn m00(r: &Rendered) -> (f64, f64) {
     let at = [(StokesOut, 0), (StokesIn, 0)];
-    (
-        f64::from(r.mean("m").at(&at)),
-        f64::from(r.std_error("m").at(&at)),
-    )
+    (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
 /// Checks the plane's radiance for an irradiance, within five standard errors, which must be below `error` of
@@ -62,12 +59,7 @@ fn disks_light_a_plane() {
                 "",
             );
             let text = text(integrator, 4000, 2, [0.2, 0.1 + d], &light);
-            check(
-                &text,
-                2.0 * PI * factor,
-                0.02,
-                &format!("{integrator}, disk {d} m off"),
-            );
+            check(&text, 2.0 * PI * factor, 0.02, &format!("{integrator}, disk {d} m off"));
         }
     }
 }
@@ -81,16 +73,9 @@ fn spheres_light_a_plane() {
             let to = centre - DVec3::new(at[0], at[1], 0.0);
             let d2 = to.length_squared();
             let irradiance = 2.0 * PI * r * r / d2 * (to.z / d2.sqrt());
-            let light = shining(
-                &format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()),
-                "",
-            );
-            check(
-                &text(integrator, 4000, 2, at, &light),
-                irradiance,
-                0.02,
-                &format!("{integrator}, sphere"),
-            );
+            let light =
+                shining(&format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()), "");
+            check(&text(integrator, 4000, 2, at, &light), irradiance, 0.02, &format!("{integrator}, sphere"));
         }
     }
 }
@@ -121,11 +106,7 @@ fn rectangles_with_images_light_a_plane() {
         .expect("four pixels")
         .save(&image)
         .expect("a file");
-    let (corner, u, v) = (
-        DVec3::new(-0.4, 0.2, 1.0),
-        DVec3::new(0.0, 0.9, 0.3),
-        DVec3::new(0.8, 0.0, 0.1),
-    );
+    let (corner, u, v) = (DVec3::new(-0.4, 0.2, 1.0), DVec3::new(0.0, 0.9, 0.3), DVec3::new(0.8, 0.0, 0.1));
     let shape = format!(
         "rectangle = {{ corner = {:?}, u = {:?}, v = {:?} }}",
         corner.to_array(),
@@ -133,10 +114,7 @@ fn rectangles_with_images_light_a_plane() {
         v.to_array()
     );
     let place = |a: f64, b: f64| (corner + u * a + v * b, u.cross(v));
-    let (at, more) = (
-        [0.4, -0.3],
-        format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"),
-    );
+    let (at, more) = ([0.4, -0.3], format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"));
     let plain = quadrature(at, |a, b| (place(a, b).0, place(a, b).1, 1.0));
     let squares = quadrature(at, |a, b| {
         // The upper left and the lower right squares are white.
@@ -145,18 +123,8 @@ fn rectangles_with_images_light_a_plane() {
     });
     assert!((squares / plain - 0.5).abs() > 0.01, "the image must show");
     for integrator in BOTH {
-        check(
-            &text(integrator, 4000, 2, at, &shining(&shape, "")),
-            plain,
-            0.02,
-            integrator,
-        );
-        check(
-            &text(integrator, 8000, 2, at, &shining(&shape, &more)),
-            squares,
-            0.04,
-            integrator,
-        );
+        check(&text(integrator, 4000, 2, at, &shining(&shape, "")), plain, 0.02, integrator);
+        check(&text(integrator, 8000, 2, at, &shining(&shape, &more)), squares, 0.04, integrator);
     }
 }
 
@@ -164,11 +132,8 @@ fn rectangles_with_images_light_a_plane() {
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
-    let m = DMat3::from_cols(
-        DVec3::new(0.5, 0.2, 0.0),
-        DVec3::new(-0.1, 0.9, 0.1),
-        DVec3::new(0.1, 0.0, 0.3),
-    );
+    let m =
+        DMat3::from_cols(DVec3::new(0.5, 0.2, 0.0), DVec3::new(-0.1, 0.9, 0.1), DVec3::new(0.1, 0.0, 0.3));
     let centre = DVec3::new(-0.2, 0.4, 1.1);
     let c = m.transpose();
     let matrix = format!(
@@ -189,29 +154,16 @@ fn ellipsoids_and_tubes_light_a_plane() {
     let normals = m.inverse().transpose() * m.determinant();
     let ellipsoid = quadrature(at, |a, b| {
         let (z, phi) = (1.0 - 2.0 * a, TAU * b);
-        let o = DVec3::new(
-            (1.0 - z * z).sqrt() * phi.cos(),
-            (1.0 - z * z).sqrt() * phi.sin(),
-            z,
-        );
+        let o = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
         (centre + m * o, normals * o * 4.0 * PI, 1.0)
     });
     let tube = quadrature(at, |a, b| {
         let (s, c) = (TAU * a).sin_cos();
-        (
-            centre + m * DVec3::new(c, s, b),
-            normals * DVec3::new(c, s, 0.0) * TAU,
-            1.0,
-        )
+        (centre + m * DVec3::new(c, s, b), normals * DVec3::new(c, s, 0.0) * TAU, 1.0)
     });
     for integrator in BOTH {
         let sphere = shining("sphere.radius = 1", "") + &matrix;
-        check(
-            &text(integrator, 8000, 2, at, &sphere),
-            ellipsoid,
-            0.03,
-            "ellipsoid",
-        );
+        check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
         // Open at its ends: its inside is dark and occludes nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
@@ -223,10 +175,7 @@ fn ellipsoids_and_tubes_light_a_plane() {
 fn lights_are_seen_as_they_are() {
     let seen = |more: &str, from: f64, integrator: &str| {
         let camera = Device::ray([0.0, 0.0, from], DVec3::new(0.0, 0.0, 1.0));
-        let light = shining(
-            "disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }",
-            more,
-        );
+        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", more);
         let slices = SLICE.to_owned()
             + "[[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 10, bins = 2000 }\n";
         let render = format!("integrator = \"{integrator}\"\n");
@@ -241,10 +190,7 @@ fn lights_are_seen_as_they_are() {
         assert!((m00(&r).0 - 2.0).abs() < 1e-5);
         let t = r.mean("t");
         let bin = (2.0 / C / 10.0) as usize;
-        assert!(
-            (f64::from(t.at(&[(T, bin)])) - 2.0).abs() < 1e-5,
-            "light after the way of 2 m"
-        );
+        assert!((f64::from(t.at(&[(T, bin)])) - 2.0).abs() < 1e-5, "light after the way of 2 m");
         assert_eq!(m00(&seen("", -1.0, integrator).1), (0.0, 0.0), "the back is dark");
         assert!((m00(&seen(", two_sided = true", -1.0, integrator).1).0 - 2.0).abs() < 1e-5);
 
@@ -278,19 +224,12 @@ fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
         let camera = Device::ray([0.0, 0.0, 3.0], DVec3::new(0.0, 0.0, 1.0));
         let more = format!(", polarizer_deg = {degrees}");
-        let light = shining(
-            "disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }",
-            &more,
-        );
+        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", &more);
         let sheet = "[materials]\nblack.diffuse.albedo = 0\npol.polarizer = { axis = [1, 0, 0] }\n[[objects]]\n\
                      material = \"pol\"\nshape.disk = { center = [0, 0, 2], normal = [0, 0, 1], radius = 0.5 }\n";
         let r = render_text(&(head(16, 6, 1) + &camera.keys("camera") + sheet + &light + SLICE));
         let want = 2.0 * 0.5 * degrees.to_radians().cos().powi(2);
-        assert!(
-            (m00(&r).0 - want).abs() < 1e-5,
-            "{degrees}°: {}, Malus {want}",
-            m00(&r).0
-        );
+        assert!((m00(&r).0 - want).abs() < 1e-5, "{degrees}°: {}, Malus {want}", m00(&r).0);
     }
 }
 
@@ -298,10 +237,7 @@ fn light_through_two_polarizers_obeys_malus() {
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
     let (h, r) = (1.0, 0.5);
-    let light = shining(
-        &format!("disk = {{ center = [0, 0, {h}], normal = [0, 0, -1], radius = {r} }}"),
-        "",
-    );
+    let light = shining(&format!("disk = {{ center = [0, 0, {h}], normal = [0, 0, -1], radius = {r} }}"), "");
     let factor = r * r / (h * h + r * r);
     let sheet = "[[objects]]\nmaterial = \"p\"\nshape.rectangle = { corner = [-5, -5, 0.5], u = [10, 0, 0], v = [0, 10, 0] }\n";
     // Ideal polarizers transmit half of unpolarized light in each direction.
@@ -316,10 +252,7 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
         // small.
         let plain = m00(&render_text(&text(integrator, "")));
         let want = ALBEDO / PI * 2.0 * PI * factor;
-        assert!(
-            (plain.0 - want).abs() <= 5.0 * plain.1,
-            "{integrator}: {plain:?}, {want}"
-        );
+        assert!((plain.0 - want).abs() <= 5.0 * plain.1, "{integrator}: {plain:?}, {want}");
         let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
         // The sheet's underside returns nothing: it absorbs.
         assert!(
@@ -402,16 +335,11 @@ fn suns_are_found_and_stand_where_they_should() {
     let file = folder.path().join("sun.exr");
     let (w, h) = (256_u32, 128_u32);
     let (i, j) = (40, 50);
-    image::Rgb32FImage::from_fn(w, h, |x, y| {
-        image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3])
-    })
-    .save(&file)
-    .expect("a file");
+    image::Rgb32FImage::from_fn(w, h, |x, y| image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3]))
+        .save(&file)
+        .expect("a file");
     // Column i runs with atan2(x, -z), row j from +y down.
-    let (phi, theta) = (
-        TAU * (f64::from(i) + 0.5) / 256.0,
-        PI * (f64::from(j) + 0.5) / 128.0,
-    );
+    let (phi, theta) = (TAU * (f64::from(i) + 0.5) / 256.0, PI * (f64::from(j) + 0.5) / 128.0);
     let sun = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
     let plate = crate::optics::plate(DVec3::ZERO, sun, 1.0, "m");
     let camera = Device::ray((sun * 2.0 + DVec3::new(0.3, 0.1, 0.2)).to_array(), DVec3::ZERO);
@@ -424,11 +352,7 @@ fn suns_are_found_and_stand_where_they_should() {
     let camera = Device::ray([0.0; 3], sun);
     let far = crate::optics::plate(DVec3::new(0.0, -50.0, 0.0), DVec3::Y, 1.0, "m");
     let r = render_text(&(head(4, 2, 3) + &camera.keys("camera") + &matter + &far + &sky + SLICE));
-    assert!(
-        (m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3,
-        "the sun itself: {}",
-        m00(&r).0
-    );
+    assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
 }
 
 /// Directional and point lights: irradiances at single points, exact up to rounding.
@@ -493,10 +417,7 @@ fn spots_luminaires_directional_light_and_beams() {
             "directional = { direction = [0.3, 0.1, -1], irradiance = 2 }".to_owned(),
             2.0 / DVec3::new(0.3, 0.1, -1.0).length(),
         ),
-        (
-            "directional = { direction = [0.3, 0.1, 1], irradiance = 2 }".to_owned(),
-            0.0,
-        ),
+        ("directional = { direction = [0.3, 0.1, 1], irradiance = 2 }".to_owned(), 0.0),
         (
             format!(
                 "beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8 }}",
@@ -548,12 +469,9 @@ fn spots_luminaires_directional_light_and_beams() {
 /// far above.
 #[test]
 fn a_beam_loses_no_power() {
-    for more in [
-        "",
-        ", gaussian = true",
-        ", divergence_mrad = 200",
-        ", gaussian = true, divergence_mrad = 200",
-    ] {
+    for more in
+        ["", ", gaussian = true", ", divergence_mrad = 200", ", gaussian = true, divergence_mrad = 200"]
+    {
         let light = format!(
             "[[emitters]]\nbeam = {{ origin = [0, 0, 1.5], direction = [0.2, 0, -1], power = 5, radius = 0.1{more} }}\n"
         );
@@ -572,10 +490,7 @@ fn a_beam_loses_no_power() {
 #[test]
 fn light_takes_its_time() {
     let from = DVec3::new(0.3, -4.0, 2.5);
-    let small = shining(
-        "disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }",
-        "",
-    );
+    let small = shining("disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }", "");
     let cases = [
         (small, Some(2.0)),
         (
@@ -588,10 +503,7 @@ fn light_takes_its_time() {
                 .into(),
             Some(3.0),
         ),
-        (
-            "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1 }\n".into(),
-            None,
-        ),
+        ("[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1 }\n".into(), None),
     ];
     for (light, way) in cases {
         for integrator in BOTH {
@@ -618,6 +530,7 @@ fn light_takes_its_time() {
 /// Both integrators agree in the same room: a box with a lamp under its ceiling, a ball of glass, a rough
 /// metal one, fog in a corner and a projector, pixel by pixel.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn both_integrators_agree_in_a_room() {
     let room = |integrator: &str| {
         let camera = Device::look_at([0.0, 0.0, 3.2], DVec3::ZERO, [8, 8], 9.0);
@@ -657,10 +570,7 @@ fn both_integrators_agree_in_a_room() {
     let n = f64::from(count);
     // Elements of a pixel are correlated: five sigma of chi-squared with a quarter of them.
     let bound = n + 5.0 * (2.0 * n * 4.0).sqrt();
-    assert!(
-        count > 400 && chi2 < bound,
-        "chi² {chi2:.0} of {count} elements, at most {bound:.0}"
-    );
+    assert!(count > 400 && chi2 < bound, "chi² {chi2:.0} of {count} elements, at most {bound:.0}");
     let total = |r: &Rendered| r.mean("m").data.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
     let (ta, tb) = (total(&a), total(&b));
     assert!((ta / tb - 1.0).abs() < 0.01, "{ta} and {tb} in all");

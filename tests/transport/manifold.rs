@@ -92,11 +92,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     let time = (optical + camera.origin.distance(point)) / C;
     let t = r.mean("t").select(Bounces, 3);
     let bin = (0..30000).find(|i| t.at(&[(T, *i)]) > 0.0).expect("light");
-    assert!(
-        (bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52,
-        "{bin} {}",
-        time / BIN_PS
-    );
+    assert!((bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52, "{bin} {}", time / BIN_PS);
 }
 
 /// A plane-parallel slab between light and wall, at several angles.
@@ -125,14 +121,7 @@ fn flat_slab_bends_light_as_snell_says() {
 /// Light through a pane arrives at the right time, to 0.01 ps in scenes of every size.
 #[test]
 fn light_through_a_pane_is_on_time() {
-    for (scale, rho) in [
-        (1.0, 0.05),
-        (1.0, 0.5),
-        (10.0, 0.05),
-        (10.0, 0.5),
-        (100.0, 0.05),
-        (100.0, 0.5),
-    ] {
+    for (scale, rho) in [(1.0, 0.05), (1.0, 0.5), (10.0, 0.05), (10.0, 0.5), (100.0, 0.05), (100.0, 0.5)] {
         let trace = |theta: f64| {
             let (sin, cos) = theta.sin_cos();
             let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
@@ -145,12 +134,7 @@ fn light_through_a_pane_is_on_time() {
         let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5) * scale;
         let (_, _, optical, _) = expected(trace, scale * rho);
         // So narrow that its width does not affect the time.
-        let camera = Device::look_at(
-            (DVec3::new(0.4, -0.3, 0.0) * scale).to_array(),
-            point,
-            [1, 1],
-            9e8,
-        );
+        let camera = Device::look_at((DVec3::new(0.4, -0.3, 0.0) * scale).to_array(), point, [1, 1], 9e8);
         let lamp = Device::look_at([0.0, 0.0, scale], DVec3::ZERO, [64, 48], 60.0);
         let way = optical + camera.origin.distance(point);
         let (bin, bins) = (0.001, 400);
@@ -177,15 +161,9 @@ fn light_through_a_pane_is_on_time() {
         let t = render_scene(&scene).mean("t").select(Bounces, 3);
         let lit: Vec<usize> = (0..bins).filter(|i| t.at(&[(T, *i)]) > 0.0).collect();
         let tolerance = 0.01;
-        let off: Vec<f64> = lit
-            .iter()
-            .map(|i| (*i as f64 + 0.5 - bins as f64 / 2.0) * bin)
-            .collect();
+        let off: Vec<f64> = lit.iter().map(|i| (*i as f64 + 0.5 - bins as f64 / 2.0) * bin).collect();
         println!("{scale} {rho}: {off:?} ps, tolerance {tolerance:.3}");
-        assert!(
-            !off.is_empty() && off.iter().all(|o| o.abs() <= tolerance),
-            "{scale} {rho}: {off:?}"
-        );
+        assert!(!off.is_empty() && off.iter().all(|o| o.abs() <= tolerance), "{scale} {rho}: {off:?}");
     }
 }
 
@@ -204,17 +182,9 @@ fn ball_bends_light_as_rays_say() {
             let b = o[0] * d[0] + o[1] * d[1];
             let disc = b * b - (o[0] * o[0] + o[1] * o[1] - radius * radius);
             if disc < 0.0 {
-                return Meridian {
-                    rho: 9.0,
-                    optical: 0.0,
-                    passed,
-                };
+                return Meridian { rho: 9.0, optical: 0.0, passed };
             }
-            let t = if index == 1.0 {
-                -b - disc.sqrt()
-            } else {
-                -b + disc.sqrt()
-            };
+            let t = if index == 1.0 { -b - disc.sqrt() } else { -b + disc.sqrt() };
             p = [p[0] + t * d[0], p[1] + t * d[1]];
             optical += index * t;
             let side = if index == 1.0 { 1.0 } else { -1.0 };
@@ -230,11 +200,7 @@ fn ball_bends_light_as_rays_say() {
             passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
         }
         let t = (-0.5 - p[1]) / d[1];
-        Meridian {
-            rho: (p[0] + t * d[0]).abs(),
-            optical: optical + t,
-            passed,
-        }
+        Meridian { rho: (p[0] + t * d[0]).abs(), optical: optical + t, passed }
     };
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
     // The focus of the ball is beyond the wall, so near the axis there is one path.
@@ -280,6 +246,7 @@ fn manifolds_and_walks_agree() {
 
 /// The same through a wave plate of quartz, in front of metal that preserves polarization.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn manifolds_and_walks_agree_through_crystals() {
     let text = head(20_000, 5, 5)
         + &Device::look_at([0.11, 0.02, -0.02], DVec3::new(0.0, 0.0, -0.05), [2, 2], 4.0).keys("camera")
@@ -288,12 +255,7 @@ fn manifolds_and_walks_agree_through_crystals() {
             "[materials]\ngold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.5 }}\n\
              quartz.crystal = {{ name = \"quartz\", axis = [0.8, 0.6, 0] }}\n"
         )
-        + &plate(
-            DVec3::new(0.0, 0.0, -0.05),
-            DVec3::new(0.5, 0.1, 0.8),
-            0.3,
-            "gold",
-        )
+        + &plate(DVec3::new(0.0, 0.0, -0.05), DVec3::new(0.5, 0.1, 0.8), 0.3, "gold")
         + "[[objects]]\nmaterial = \"quartz\"\nshape.cube = { min = [-0.04, -0.04, 0.01], max = [0.04, 0.04, 0.01002] }\n\
            [[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\ncamera = { binned = 2 }\n";
     walks_agree(&text, 12);
@@ -335,8 +297,5 @@ fn wall_behind_glass_is_seen_and_lit_through_it() {
     let (a, b) = (clear(1), glazed(5));
     let ratio = b.0 / a.0;
     let sigma = ratio * (b.1 / b.0).hypot(a.1 / a.0);
-    assert!(
-        (ratio - 0.96_f64.powi(4)).abs() < 0.012 + 5.0 * sigma,
-        "{ratio} ± {sigma}"
-    );
+    assert!((ratio - 0.96_f64.powi(4)).abs() < 0.012 + 5.0 * sigma, "{ratio} ± {sigma}");
 }

@@ -18,10 +18,7 @@ use sunstone::transport::material::{Lanes, Material, Materials};
 
 /// A table of one material, with index 0.
 pub fn table(material: Material) -> Materials {
-    Materials {
-        list: vec![material],
-        ..Materials::default()
-    }
+    Materials { list: vec![material], ..Materials::default() }
 }
 
 fn rough(alpha: f32) -> Materials {
@@ -38,9 +35,7 @@ fn rough(alpha: f32) -> Materials {
 }
 
 fn diffuse() -> Materials {
-    table(Material::Diffuse(Diffuse {
-        albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])),
-    }))
+    table(Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])) }))
 }
 
 /// A frame in general position: columns x, y, normal.
@@ -125,11 +120,7 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
         })
         .collect();
     let inside: f64 = expected.iter().sum();
-    assert!(
-        inside < N as f64 * 1.003,
-        "{name}: density integrates to {}",
-        inside / N as f64
-    );
+    assert!(inside < N as f64 * 1.003, "{name}: density integrates to {}", inside / N as f64);
     expected.push((N as f64 - inside).max(0.0));
     pearson(name, &observed, &expected);
 }
@@ -147,19 +138,14 @@ pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
         }
     }
     let [o, e] = faint;
-    assert!(
-        (o - e).abs() < 5.0 * e.sqrt() + 10.0,
-        "{name}: {o} samples where {e} belong"
-    );
+    assert!((o - e).abs() < 5.0 * e.sqrt() + 10.0, "{name}: {o} samples where {e} belong");
     // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
     let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
-    assert!(
-        z < 5.0,
-        "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}"
-    );
+    assert!(z < 5.0, "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}");
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
         follow_density(&name, &materials, toward(cos, 1.4), case as u32, 24);
@@ -189,9 +175,8 @@ pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, to
             continue;
         }
         let pdf = materials.pdf(0, &at, wo, wi);
-        let value = materials
-            .eval(0, &at, wo, wi)
-            .unwrap_or_else(|| panic!("{name}: sampled {wi} has no value"));
+        let value =
+            materials.eval(0, &at, wo, wi).unwrap_or_else(|| panic!("{name}: sampled {wi} has no value"));
         let got = elements(&sampled.scatter, wo, wi);
         let want = elements(&value.scaled(Spectral::splat(1.0 / pdf)), wo, wi);
         for (lane, (got, want)) in got.iter().zip(&want).enumerate() {
@@ -224,9 +209,7 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
     let (fo, fi) = match &s {
         Scatter::Depolarize(_) => (o.any_orthonormal_vector(), i.any_orthonormal_vector()),
         Scatter::Fresnel { s, .. } => (*s, *s),
-        Scatter::Full {
-            frame_out, frame_in, ..
-        } => (*frame_out, *frame_in),
+        Scatter::Full { frame_out, frame_in, .. } => (*frame_out, *frame_in),
     };
     let m = s.between(o, fo, i, fi).lane(0);
     let m = M::from_fn(|r, c| f64::from(m[r][c])) / f64::from(at.ns.dot(i).abs());
@@ -268,10 +251,7 @@ pub fn is_reciprocal(
         let want = delta * forth.transpose() * delta;
         let scale = want[(0, 0)].max(1e-12);
         let off = (back - want).abs().max() / scale;
-        assert!(
-            off < tolerance,
-            "{name}, {a} and {b}: off by {off}\n{back}\n{want}"
-        );
+        assert!(off < tolerance, "{name}, {a} and {b}: off by {off}\n{back}\n{want}");
         strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
         pairs += 1;
     }

@@ -157,10 +157,7 @@ fn tables_converge_to_their_source_at_second_order() {
     let fine = error([33, 19, 19]);
     println!("rms, worst: {coarse:?} {fine:?}");
     let order = (coarse[0] / fine[0]).log2();
-    assert!(
-        (1.8..2.2).contains(&order),
-        "order {order} from {coarse:?} to {fine:?}"
-    );
+    assert!((1.8..2.2).contains(&order), "order {order} from {coarse:?} to {fine:?}");
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
@@ -173,11 +170,7 @@ fn entries_are_the_source() {
     let mut compared = 0;
     for (i, j, k) in (0..13).flat_map(|i| (0..7).flat_map(move |j| (0..10).map(move |k| (i, j, k)))) {
         let [p, d, h] = table.tables[0].angles();
-        let c = Coordinates {
-            phi_d: p[i],
-            theta_d: d[j],
-            theta_h: h[k],
-        };
+        let c = Coordinates { phi_d: p[i], theta_d: d[j], theta_h: h[k] };
         let (wi, wo, _) = directions(c);
         if wi.z < 0.05 || wo.z < 0.05 {
             continue;
@@ -212,10 +205,7 @@ fn reciprocity_is_inherited() {
         let (forth, back) = (brdf(a, b), brdf(b, a));
         let want = delta * forth.transpose() * delta;
         let scale = want[(0, 0)].max(1e-3);
-        assert!(
-            (back - want).abs().max() < 5e-4 * scale,
-            "{a} {b}\n{back}\n{want}"
-        );
+        assert!((back - want).abs().max() < 5e-4 * scale, "{a} {b}\n{back}\n{want}");
         strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
     }
     assert!(strongest > 0.1, "no case in which the sign flip matters");
@@ -249,11 +239,7 @@ fn realizability_is_inherited() {
 fn the_azimuth_of_the_difference_goes_round() {
     let bench = Bench::new();
     let wave = |phi: f32, e: usize| {
-        if e == 0 {
-            2.0 + phi.cos() + 0.5 * (2.0 * phi).sin()
-        } else {
-            0.0
-        }
+        if e == 0 { 2.0 + phi.cos() + 0.5 * (2.0 * phi).sin() } else { 0.0 }
     };
     let mut half_open = Axes::even([48, 4, 4], vec![550]);
     for (i, p) in half_open.phi_d.iter_mut().enumerate() {
@@ -263,21 +249,12 @@ fn the_azimuth_of_the_difference_goes_round() {
         let phi = axes.phi_d.clone();
         let materials = bench.of(&axes, &[550.0], |at, e| wave(phi[at[0]], e));
         let m00 = |phi_d: f32| {
-            let at = Coordinates {
-                phi_d,
-                theta_d: 0.5,
-                theta_h: 0.4,
-            };
+            let at = Coordinates { phi_d, theta_d: 0.5, theta_h: 0.4 };
             materials.tables[0].eval(at).m[0][0].to_array()[0]
         };
         for k in 0..=400 {
             let p = PI * (k as f32 / 200.0 - 1.0);
-            assert!(
-                (m00(p) - wave(p, 0)).abs() < 0.01,
-                "{p}: {} is not {}",
-                m00(p),
-                wave(p, 0)
-            );
+            assert!((m00(p) - wave(p, 0)).abs() < 0.01, "{p}: {} is not {}", m00(p), wave(p, 0));
         }
         assert!((m00(PI) - m00(-PI)).abs() < 1e-5);
     }
@@ -294,11 +271,7 @@ fn holes_are_bridged() {
     for bad in [f32::NAN, f32::INFINITY] {
         for element in [0, 9] {
             let materials = bench.of(&axes, &[450.0, 500.0, 550.0], |at, e| {
-                if at[3] == 1 && hole(at) && e == element {
-                    bad
-                } else {
-                    constant(e)
-                }
+                if at[3] == 1 && hole(at) && e == element { bad } else { constant(e) }
             });
             let table = &materials.tables[0];
             let (mut stream, mut dark) = (Stream::new(14, 0, 0), 0);
@@ -338,11 +311,7 @@ fn values_keep_to_the_ends() {
     };
     let materials = bench.of(&axes, &[400.0, 475.0, 550.0, 660.0], slope);
     let eval = |theta_d: f32, theta_h: f32| {
-        let at = Coordinates {
-            phi_d: 0.3,
-            theta_d,
-            theta_h,
-        };
+        let at = Coordinates { phi_d: 0.3, theta_d, theta_h };
         materials.tables[0].eval(at).m
     };
     let near = |got: Spectral, want: [f32; 4]| {
@@ -374,10 +343,7 @@ fn samples_follow_their_density() {
     const COLUMNS: usize = 24;
     const SUB: usize = 40;
     for (case, (name, materials)) in sampled().into_iter().enumerate() {
-        for cos in [&[1.0_f32, 0.3, 0.05][..], &[0.7, 0.1], &[1.0, 0.05]][case]
-            .iter()
-            .copied()
-        {
+        for cos in [&[1.0_f32, 0.3, 0.05][..], &[0.7, 0.1], &[1.0, 0.05]][case].iter().copied() {
             let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
             let mut stream = Stream::new(15, case as u32, 0);
             let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
@@ -430,16 +396,11 @@ fn weights_are_values_over_densities() {
                     continue;
                 };
                 let pdf = materials.pdf(0, &at, wo, s.wi);
-                let value = materials
-                    .eval(0, &at, wo, s.wi)
-                    .expect("a sampled direction has a value");
+                let value = materials.eval(0, &at, wo, s.wi).expect("a sampled direction has a value");
                 let want = value.scaled(Spectral::splat(1.0 / pdf));
                 for lane in 0..2 {
                     let [g, w] = [&s.scatter, &want].map(|x| matrix(x, wo, s.wi, lane));
-                    assert!(
-                        (g - w).abs().max() <= 1e-5 * w[(0, 0)].max(1e-6),
-                        "{name}: {g} is not {w}"
-                    );
+                    assert!((g - w).abs().max() <= 1e-5 * w[(0, 0)].max(1e-6), "{name}: {g} is not {w}");
                 }
                 compared += 1;
             }

@@ -21,34 +21,19 @@ use sunstone::transport::medium::{Media, Phase};
 
 fn media(phase: PhaseOptics) -> Media {
     let mut media = Media::default();
-    media.push(&Optics {
-        bulk: vec![
-            Bulk {
-                index: 1.3,
-                scattering: 1.0,
-                ..Bulk::default()
-            };
-            4
-        ],
-        phase,
-    });
+    media.push(&Optics { bulk: vec![Bulk { index: 1.3, scattering: 1.0, ..Bulk::default() }; 4], phase });
     media
 }
 
 fn henyey_greenstein(g: [f32; 4], linear: f32, circular: f32) -> Media {
-    media(PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(
-        Spectral::new(g),
-        linear,
-        circular,
-    )))
+    media(PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::new(g), linear, circular)))
 }
 
 /// Spheres of given sizes in a host of index 1.33, at four wavelengths.
 fn spheres(sizes: &SizeDistribution, [n, k]: [f64; 2]) -> Vec<Ensemble> {
     let ensemble = |nm: f64| {
         let mut e = Ensemble::new(1.33, nm);
-        e.add(sizes, [n, k], Amount::VolumeFraction(0.01))
-            .expect("admitted particles");
+        e.add(sizes, [n, k], Amount::VolumeFraction(0.01)).expect("admitted particles");
         e.finish();
         e
     };
@@ -56,10 +41,7 @@ fn spheres(sizes: &SizeDistribution, [n, k]: [f64; 2]) -> Vec<Ensemble> {
 }
 
 fn mie(radius: f64, n: f64, k: f64) -> Media {
-    media(PhaseOptics::Particles(spheres(
-        &SizeDistribution::Single { radius },
-        [n, k],
-    )))
+    media(PhaseOptics::Particles(spheres(&SizeDistribution::Single { radius }, [n, k])))
 }
 
 /// Every phase function that the tests below cover.
@@ -70,10 +52,7 @@ fn cases() -> &'static [(&'static str, Media)] {
 
 fn make_cases() -> Vec<(&'static str, Media)> {
     let rayleigh = |rho| media(PhaseOptics::Rayleigh(Rayleigh::new(rho)));
-    let fog = SizeDistribution::Gamma {
-        effective_radius: 2e-6,
-        effective_variance: 0.1,
-    };
+    let fog = SizeDistribution::Gamma { effective_radius: 2e-6, effective_variance: 0.1 };
     vec![
         ("isotropic", media(PhaseOptics::Isotropic)),
         ("Rayleigh", rayleigh(0.0)),
@@ -208,14 +187,7 @@ fn matrices_can_exist() {
         }
     }
     // The limit is exact: slightly beyond it, at some angle light would be created.
-    let m = |f: f64| {
-        [
-            [1.0, 0.0, 0.0, 0.0],
-            [0.0, 0.52, 0.0, 0.0],
-            [0.0, 0.0, 0.52 * f, 0.0],
-            [0.0; 4],
-        ]
-    };
+    let m = |f: f64| [[1.0, 0.0, 0.0, 0.0], [0.0, 0.52, 0.0, 0.0], [0.0, 0.0, 0.52 * f, 0.0], [0.0; 4]];
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
@@ -249,10 +221,7 @@ fn rayleigh_has_its_closed_form() {
         assert!((ratio - rho).abs() < 1e-6, "{ratio}");
     }
     // Spheres of 1 nm are dipoles.
-    let (tiny, dipole) = (
-        mie(1e-9, 1.59, 0.0),
-        media(PhaseOptics::Rayleigh(Rayleigh::new(0.0))),
-    );
+    let (tiny, dipole) = (mie(1e-9, 1.59, 0.0), media(PhaseOptics::Rayleigh(Rayleigh::new(0.0))));
     for i in 0..=50 {
         let (wo, wi) = at(f64::from(i) / 25.0, 1.0);
         let [a, b] = [&tiny, &dipole].map(|m| elements(&m.eval(0, wo, wi), wo, wi)[1]);
@@ -286,6 +255,7 @@ fn the_plane_does_not_matter_where_there_is_none() {
 
 /// Pearson's chi² of 10⁵ samples in 64 rings of equal probability times 8 sectors.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
     const N: usize = 100_000;
     const RINGS: usize = 64;
@@ -322,10 +292,8 @@ fn samples_follow_their_density() {
                 let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
                 observed[ring * SECTORS + sector] += 1.0;
             }
-            let expected: Vec<f64> = shares
-                .iter()
-                .flat_map(|s| [s * N as f64 / SECTORS as f64; SECTORS])
-                .collect();
+            let expected: Vec<f64> =
+                shares.iter().flat_map(|s| [s * N as f64 / SECTORS as f64; SECTORS]).collect();
             pearson(&format!("{name}, lanes {:b}", lanes.mask), &observed, &expected);
         }
     }
@@ -350,16 +318,9 @@ fn weights_are_values_over_densities() {
                     // Near the forward direction, single-precision directions do not determine the plane.
                     for (e, (g, w)) in got[lane].iter().zip(want[lane]).enumerate() {
                         let tolerance = if e == 0 { 3e-4 } else { 2e-3 };
-                        assert!(
-                            (g - w).abs() < tolerance * want[lane][0].max(0.01),
-                            "{name}, {e}: {g} {w}"
-                        );
+                        assert!((g - w).abs() < tolerance * want[lane][0].max(0.01), "{name}, {e}: {g} {w}");
                     }
-                    assert!(
-                        got[lane][0] < 1.1 * lanes.count() as f32,
-                        "{name}: {}",
-                        got[lane][0]
-                    );
+                    assert!(got[lane][0] < 1.1 * lanes.count() as f32, "{name}: {}", got[lane][0]);
                 }
             }
         }
@@ -441,11 +402,7 @@ fn tables_meet_the_theory() {
                 backward: (2.0 * (theta / 2.0).cos().powi(2)) as f32,
             };
             let small = f64::from(angle.forward.min(angle.backward));
-            let cos = if angle.forward < angle.backward {
-                1.0 - small
-            } else {
-                small - 1.0
-            };
+            let cos = if angle.forward < angle.backward { 1.0 - small } else { small - 1.0 };
             let want = ensembles[0].matrix(cos, &mut scratch);
             let f = media.tables[0].block(angle);
             for (got, want_e) in [f.a, f.b, f.c, f.d].into_iter().zip(want) {
@@ -453,10 +410,7 @@ fn tables_meet_the_theory() {
             }
         }
         let cells = media.tables[0].cells();
-        assert!(
-            worst < bound * TOLERANCE,
-            "{radius} m: {worst:.2e} with {cells} cells"
-        );
+        assert!(worst < bound * TOLERANCE, "{radius} m: {worst:.2e} with {cells} cells");
     }
 }
 
@@ -467,53 +421,33 @@ fn bulk_properties_add_up() {
     let (radius, f) = (3e-7, 0.02);
     let sizes = SizeDistribution::Single { radius };
     let volume = 4.0 / 3.0 * PI * radius.powi(3);
-    let kind = |sizes: &SizeDistribution, amount| Kind {
-        sizes: sizes.clone(),
-        index: vec![[1.5, 1e-3]],
-        amount,
-    };
-    let of = |kinds: &[Kind]| {
-        Optics::particles(&[500.0], &[1.33], &[0.7], kinds)
-            .expect("admitted")
-            .bulk[0]
-    };
+    let kind =
+        |sizes: &SizeDistribution, amount| Kind { sizes: sizes.clone(), index: vec![[1.5, 1e-3]], amount };
+    let of = |kinds: &[Kind]| Optics::particles(&[500.0], &[1.33], &[0.7], kinds).expect("admitted").bulk[0];
     let one = of(&[kind(&sizes, Amount::VolumeFraction(f))]);
     let close = |a: f64, b: f64, what: &str| assert!((a / b - 1.0).abs() < 1e-12, "{what}: {a} {b}");
     close(one.scattering, one.c_sca * f / volume, "scattering");
     close(one.absorption, 0.7 + one.c_abs * f / volume, "absorption");
-    for amount in [
-        Amount::NumberDensity(f / volume),
-        Amount::Mass {
-            concentration: f * 1050.0,
-            density: 1050.0,
-        },
-    ] {
+    for amount in
+        [Amount::NumberDensity(f / volume), Amount::Mass { concentration: f * 1050.0, density: 1050.0 }]
+    {
         close(of(&[kind(&sizes, amount)]).scattering, one.scattering, "amount");
     }
     let other = SizeDistribution::Single { radius: 1e-7 };
     let alone = of(&[kind(&other, Amount::NumberDensity(1e18))]);
-    let both = of(&[
-        kind(&sizes, Amount::VolumeFraction(f)),
-        kind(&other, Amount::NumberDensity(1e18)),
-    ]);
+    let both = of(&[kind(&sizes, Amount::VolumeFraction(f)), kind(&other, Amount::NumberDensity(1e18))]);
     close(both.scattering, one.scattering + alone.scattering, "mixture");
     let g = (one.scattering * one.asymmetry + alone.scattering * alone.asymmetry) / both.scattering;
     close(both.asymmetry, g, "mean cosine of a mixture");
     let listed = SizeDistribution::List(vec![[radius, 1.0], [1e-7, 3.0]]);
     let listed = of(&[kind(&listed, Amount::NumberDensity(4e15))]);
-    let apart = of(&[
-        kind(&sizes, Amount::NumberDensity(1e15)),
-        kind(&other, Amount::NumberDensity(3e15)),
-    ]);
+    let apart = of(&[kind(&sizes, Amount::NumberDensity(1e15)), kind(&other, Amount::NumberDensity(3e15))]);
     close(listed.scattering, apart.scattering, "a list");
     for bad in [
         Amount::VolumeFraction(1.1),
         Amount::VolumeFraction(-0.1),
         Amount::NumberDensity(f64::NAN),
-        Amount::Mass {
-            concentration: 1.0,
-            density: 0.0,
-        },
+        Amount::Mass { concentration: 1.0, density: 0.0 },
     ] {
         assert!(bad.number_density(&sizes).is_err(), "{bad:?}");
     }
@@ -525,31 +459,18 @@ fn bulk_properties_add_up() {
 #[test]
 fn milk_is_like_milk() {
     let milk = |fat_percent, concentration| {
-        let milk = Milk {
-            fat_percent,
-            protein_percent: 3.4,
-            homogenization_mpa: 20.0,
-            concentration,
-        };
-        milk.optics(&Wavelengths::new(vec![450.0, 550.0, 650.0]).expect("three"))
-            .expect("milk")
-            .bulk
+        let milk = Milk { fat_percent, protein_percent: 3.4, homogenization_mpa: 20.0, concentration };
+        milk.optics(&Wavelengths::new(vec![450.0, 550.0, 650.0]).expect("three")).expect("milk").bulk
     };
     let reduced = |b: &Bulk| b.scattering * (1.0 - b.asymmetry) / 1000.0;
     for (fat, measured, most) in [(3.5, [3.77, 3.21, 2.55], 1.7), (0.1, [1.90, 1.22, 0.70], 1.3)] {
         let bulk = milk(fat, 1.0);
         for (b, want) in bulk.iter().zip(measured) {
             let ratio = reduced(b) / want;
-            assert!(
-                ratio < most && ratio > 1.0 / most,
-                "{fat} % fat: {ratio} of {want}"
-            );
+            assert!(ratio < most && ratio > 1.0 / most, "{fat} % fat: {ratio} of {want}");
         }
         assert!(bulk[0].absorption > 4.0 * bulk[1].absorption, "yellowish");
-        assert!(
-            reduced(&bulk[0]) > reduced(&bulk[1]) && reduced(&bulk[1]) > reduced(&bulk[2]),
-            "bluish"
-        );
+        assert!(reduced(&bulk[0]) > reduced(&bulk[1]) && reduced(&bulk[1]) > reduced(&bulk[2]), "bluish");
     }
     assert!(milk(3.5, 1.0)[1].asymmetry > 0.85 && milk(0.1, 1.0)[1].asymmetry < 0.35);
     // Dilution scales the scatterers and leaves the water.
@@ -574,8 +495,6 @@ fn presets_say_what_their_papers_say() {
     // Ma et al. 2003 at the wavelength of the helium–neon laser.
     assert!((polystyrene_index(632.8) - 1.582_43).abs() < 1e-5);
     let sizes = SizeDistribution::Single { radius: 2.5e-7 };
-    let beads = polystyrene(sizes, Amount::VolumeFraction(0.01), &w)
-        .expect("beads")
-        .bulk;
+    let beads = polystyrene(sizes, Amount::VolumeFraction(0.01), &w).expect("beads").bulk;
     assert!(beads[1].scattering > 1e4 && (beads[1].absorption - 0.0565).abs() < 1e-9);
 }

@@ -107,11 +107,7 @@ fn a_mesh_takes_200_bytes_a_triangle_at_most() {
     assert!(doubled > 200.0, "{doubled}");
     let mut many = text("[[groups.g.objects]]\nshape.ply.file = \"wavy.ply\"\nmaterial = \"m\"\n");
     for i in 0..1000 {
-        write!(
-            many,
-            "[[instances]]\ngroup = \"g\"\ntransform.translate = [{i}, 0, 0]\n"
-        )
-        .expect("a text");
+        write!(many, "[[instances]]\ngroup = \"g\"\ntransform.translate = [{i}, 0, 0]\n").expect("a text");
     }
     let of_many = load(&many).geometry.bytes() as f64 / TRIANGLES;
     assert!(of_many < 1.02 * kept, "{of_many} {kept}");

@@ -16,11 +16,7 @@ const LIGHT: &str =
 pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     image::RgbImage::from_fn(3, 2, |x, y| {
-        image::Rgb([
-            (40 + 60 * x + 90 * y) as u8,
-            (200 - 50 * x) as u8,
-            (30 + 200 * y) as u8,
-        ])
+        image::Rgb([(40 + 60 * x + 90 * y) as u8, (200 - 50 * x) as u8, (30 + 200 * y) as u8])
     })
     .save(folder.join("picture.png"))
     .expect("an image");
@@ -35,9 +31,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let uvs: [f32; 8] = [0., 1., 1., 1., 1., 0., 0., 0.];
     let indices: [u32; 6] = [0, 1, 2, 0, 2, 3];
     let floats = positions.iter().chain(&uvs).flat_map(|v| v.to_le_bytes());
-    let bytes: Vec<u8> = floats
-        .chain(indices.iter().flat_map(|i| i.to_le_bytes()))
-        .collect();
+    let bytes: Vec<u8> = floats.chain(indices.iter().flat_map(|i| i.to_le_bytes())).collect();
     write("square.bin", &bytes);
     let text = format!(
         r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}],
@@ -74,10 +68,7 @@ fn gltf_and_obj_show_the_same_picture() {
         )
     };
     let (obj, notes) = picture(folder.path(), &object("obj.file = \"square.obj\""));
-    assert!(
-        notes.len() == 1 && notes[0].contains("its materials (painted) are not used"),
-        "{notes:?}"
-    );
+    assert!(notes.len() == 1 && notes[0].contains("its materials (painted) are not used"), "{notes:?}");
     let (gltf, notes) = picture(folder.path(), &object("gltf.file = \"square.gltf\""));
     assert!(notes.len() == 1 && notes[0].contains("square.gltf"), "{notes:?}");
     let (rectangle, notes) = picture(folder.path(), &object("rectangle = {}"));
@@ -125,10 +116,8 @@ fn materials_of_files_are_those_written_by_hand() {
     ];
     for (gltf, hand) in cases {
         square(folder.path(), gltf, "");
-        let (file, notes) = picture(
-            folder.path(),
-            &own("gltf = { file = \"square.gltf\", materials = true }"),
-        );
+        let (file, notes) =
+            picture(folder.path(), &own("gltf = { file = \"square.gltf\", materials = true }"));
         let (ours, _) = picture(folder.path(), &by_hand("gltf.file = \"square.gltf\"", &hand));
         // Images have 16 bits.
         let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * b.abs() + 1e-6;
@@ -138,15 +127,8 @@ fn materials_of_files_are_those_written_by_hand() {
         );
         assert!(file.data.iter().sum::<f32>() > 0.0);
     }
-    square(
-        folder.path(),
-        PLAIN,
-        "newmtl painted\nKd 1 1 1\nmap_Kd -s 2 1 1 picture.png\nKe 1 0 0\n",
-    );
-    let (file, notes) = picture(
-        folder.path(),
-        &own("obj = { file = \"square.obj\", materials = true }"),
-    );
+    square(folder.path(), PLAIN, "newmtl painted\nKd 1 1 1\nmap_Kd -s 2 1 1 picture.png\nKe 1 0 0\n");
+    let (file, notes) = picture(folder.path(), &own("obj = { file = \"square.obj\", materials = true }"));
     let hand = "p.diffuse.albedo = { image = \"picture.png\", uv = [[2, 0, 0], [0, 1, 0]] }";
     let (ours, _) = picture(folder.path(), &by_hand("obj.file = \"square.obj\"", hand));
     assert_eq!(file.data, ours.data);
@@ -189,10 +171,7 @@ fn fog(folder: &Path, objects: &str) -> Result<(f64, Vec<String>), String> {
         + objects
         + "[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"m\"\n";
     let scene = from_text(&folder.join("scene.toml"), &text).map_err(|e| e.to_string())?;
-    Ok((
-        f64::from(render_scene(&scene).mean("m").data[0]),
-        scene.notes.clone(),
-    ))
+    Ok((f64::from(render_scene(&scene).mean("m").data[0]), scene.notes.clone()))
 }
 
 #[test]
@@ -202,34 +181,22 @@ fn filled_meshes_are_closed_and_look_outward() {
     let want = (-0.6_f64).exp();
     cube(folder.path(), |_| {});
     let (light, notes) = fog(folder.path(), object).expect("a closed cube");
-    assert!(
-        (light - want).abs() < 1e-5 && notes.is_empty(),
-        "{light}, {notes:?}"
-    );
+    assert!((light - want).abs() < 1e-5 && notes.is_empty(), "{light}, {notes:?}");
     cube(folder.path(), |faces| faces.iter_mut().for_each(|f| f.swap(0, 1)));
     let (light, notes) = fog(folder.path(), object).expect("a cube inside out");
     assert!((light - want).abs() < 1e-5, "{light}");
-    assert!(
-        notes.len() == 1 && notes[0].contains("point inward: its orientation is reversed"),
-        "{notes:?}"
-    );
+    assert!(notes.len() == 1 && notes[0].contains("point inward: its orientation is reversed"), "{notes:?}");
     cube(folder.path(), |faces| {
         faces.pop();
     });
     let error = fog(folder.path(), object).expect_err("an open cube");
-    assert!(
-        error.contains("the surface is open at 3 of") && error.contains("from [0.5, "),
-        "{error}"
-    );
+    assert!(error.contains("the surface is open at 3 of") && error.contains("from [0.5, "), "{error}");
     cube(folder.path(), |faces| faces[3].swap(0, 1));
     let error = fog(folder.path(), object).expect_err("a triangle the wrong way");
     assert!(error.contains("inconsistent winding"), "{error}");
     for open in ["disk = {}", "rectangle = {}", "cylinder = { caps = false }"] {
         let object = format!("[[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.{open}\n");
-        assert!(
-            fog(folder.path(), &object).expect_err(open).contains("open"),
-            "{open}"
-        );
+        assert!(fog(folder.path(), &object).expect_err(open).contains("open"), "{open}");
     }
 }
 
@@ -249,10 +216,7 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
         let error = fog(folder.path(), &text).expect_err("cut into one another");
         assert!(error.contains("equal priorities (0)"), "{error}");
         assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "mist", 1))).is_ok());
-        assert!(
-            fog(folder.path(), &(object(a, "fog", 0) + &object(b, "fog", 0))).is_ok(),
-            "the same medium"
-        );
+        assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "fog", 0))).is_ok(), "the same medium");
     }
     // Nested, side by side, and nearly touching.
     for other in [
@@ -260,22 +224,11 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
         "sphere = { center = [0.1, 0.2, 1.1], radius = 0.3 }",
         "cube = { min = [-0.5, -0.5, 0.50001], max = [0.5, 0.5, 0.7] }",
     ] {
-        assert!(
-            fog(
-                folder.path(),
-                &(object(mesh, "fog", 0) + &object(other, "mist", 0))
-            )
-            .is_ok(),
-            "{other}"
-        );
+        assert!(fog(folder.path(), &(object(mesh, "fog", 0) + &object(other, "mist", 0))).is_ok(), "{other}");
     }
     // Touching: as if there were a small air gap.
     let touching = object(mesh, "fog", 0)
-        + &object(
-            "cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }",
-            "mist",
-            0,
-        );
+        + &object("cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }", "mist", 0);
     let (got, notes) = fog(folder.path(), &touching).expect("touching");
     let apart = touching.replace("-0.5, 0.5]", "-0.5, 0.50001]");
     let (want, _) = fog(folder.path(), &apart).expect("apart");
@@ -295,10 +248,8 @@ fn parts_of_a_filled_object_are_one() {
          f 1 3 4 2\nf 5 6 8 7\nusemtl rest\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n",
     )
     .unwrap();
-    let mesh = format!(
-        "obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}",
-        file.to_str().unwrap()
-    );
+    let mesh =
+        format!("obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}", file.to_str().unwrap());
     let tube = "cylinder = { p0 = [0, 0, -0.5], p1 = [0, 0, 0.5], radius = 0.5, caps = true }";
     // From z = 0.5 to x = 0.5 at z = 0, toward (0.5, 0, 0): from outside, and from a camera inside.
     for (shape, z, length) in [
@@ -315,9 +266,6 @@ fn parts_of_a_filled_object_are_one() {
         );
         let got = f64::from(crate::support::render_text(&text).mean("m").data[0]);
         let want = f64::exp(-2.0 * length);
-        assert!(
-            (got / want - 1.0).abs() < 1e-4,
-            "{shape} from {z}: {got} is not {want}"
-        );
+        assert!((got / want - 1.0).abs() < 1e-4, "{shape} from {z}: {got} is not {want}");
     }
 }

@@ -28,11 +28,7 @@ use sunstone::transport::material::{Lanes, Lobe, Material, Materials};
 const IOR: f32 = 1.5;
 
 fn roughness(distribution: Distribution, masking: Masking, alpha: f32) -> Roughness {
-    Roughness {
-        distribution,
-        masking,
-        alpha: Scalar::uniform(alpha),
-    }
+    Roughness { distribution, masking, alpha: Scalar::uniform(alpha) }
 }
 
 fn metal(roughness: Roughness) -> Materials {
@@ -46,11 +42,7 @@ fn metal(roughness: Roughness) -> Materials {
 
 fn interface(interior: Spectral) -> Dielectric {
     let lanes = interior.to_array();
-    Dielectric {
-        interior,
-        exterior: Spectral::ONE,
-        dispersive: lanes.iter().any(|n| *n != lanes[0]),
-    }
+    Dielectric { interior, exterior: Spectral::ONE, dispersive: lanes.iter().any(|n| *n != lanes[0]) }
 }
 
 fn glass(interior: Spectral, roughness: Roughness) -> Materials {
@@ -72,11 +64,7 @@ fn plastic(roughness: Roughness, options: bool) -> Materials {
         eta,
         roughness,
         specular: Spectral::ONE,
-        interreflection: if options {
-            Interreflection::Coloured(inside)
-        } else {
-            Interreflection::Lost
-        },
+        interreflection: if options { Interreflection::Coloured(inside) } else { Interreflection::Lost },
         passage,
         single_scatter: options.then(|| SingleScatter {
             albedo: Spectrum::uniform(Spectral::new([0.1, 0.2, 0.3, 0.4])),
@@ -88,11 +76,7 @@ fn plastic(roughness: Roughness, options: bool) -> Materials {
 
 /// A direction from outside (cos > 0) or inside.
 fn seen_from(cos: f32, phi: f32) -> Vec3A {
-    if cos > 0.0 {
-        toward(cos, phi)
-    } else {
-        -toward(-cos, phi)
-    }
+    if cos > 0.0 { toward(cos, phi) } else { -toward(-cos, phi) }
 }
 
 /// Every material and every cosine of `wo` that the tests below cover.
@@ -102,11 +86,7 @@ fn cases() -> Vec<(String, Materials, f32)> {
         for (masking, alpha) in [(Correlated, 0.12_f32), (Separable, 0.6)] {
             let r = roughness(distribution, masking, alpha);
             let mut add = |name: &str, materials: Materials, cos: f32| {
-                list.push((
-                    format!("{name} {distribution:?} {alpha}, cos {cos}"),
-                    materials,
-                    cos,
-                ));
+                list.push((format!("{name} {distribution:?} {alpha}, cos {cos}"), materials, cos));
             };
             for cos in [1.0, 0.5, 0.1] {
                 add("metal", metal(r), cos);
@@ -124,6 +104,7 @@ fn cases() -> Vec<(String, Materials, f32)> {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
         follow_density(&name, &materials, seen_from(cos, 1.4), case as u32, 12);
@@ -182,11 +163,7 @@ fn materials_are_reciprocal() {
             }
             let g = glass(Spectral::splat(IOR), r);
             let index = |w: Vec3A| {
-                if surface().ng.dot(w) > 0.0 {
-                    1.0
-                } else {
-                    f64::from(IOR)
-                }
+                if surface().ng.dot(w) > 0.0 { 1.0 } else { f64::from(IOR) }
             };
             assert_eq!(is_reciprocal(&name, &g, index, pair_in_front, 2e-4), 700);
             let inside = |s: &mut Stream| pair_in_front(s).map(|w| -w);
@@ -426,16 +403,10 @@ fn the_smooth_limit_is_the_smooth_interface() {
                 let share = n / f64::from(N);
                 let spread = ((1.0 - share) / n).sqrt();
                 let off = sums[0] / f64::from(N) / want[0] - 1.0;
-                assert!(
-                    off.abs() < 5.0 * spread + 1e-3,
-                    "cos {cos}, {lobe:?}: M00 off by {off}"
-                );
+                assert!(off.abs() < 5.0 * spread + 1e-3, "cos {cos}, {lobe:?}: M00 off by {off}");
                 for (got, want) in sums.iter().zip(want.map(|w| w / want[0])) {
                     let got = got / sums[0];
-                    assert!(
-                        (got - want).abs() < 1e-3,
-                        "cos {cos}, {lobe:?}: {got} is not {want}"
-                    );
+                    assert!((got - want).abs() < 1e-3, "cos {cos}, {lobe:?}: {got} is not {want}");
                 }
             }
         }
@@ -445,10 +416,7 @@ fn the_smooth_limit_is_the_smooth_interface() {
 /// Fresnel refraction of power from `d_in` to `d_out` by the facet between them, each in its own frame.
 fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, eta: f64) -> M {
     let root = (eta * eta - 1.0 + cos * cos).sqrt();
-    let (s, p) = (
-        2.0 * cos / (cos + root),
-        2.0 * eta * cos / (eta * eta * cos + root),
-    );
+    let (s, p) = (2.0 * cos / (cos + root), 2.0 * eta * cos / (eta * eta * cos + root));
     let power = root / cos;
     let (a, b) = ((s * s + p * p) / 2.0 * power, (s * s - p * p) / 2.0 * power);
     let c = s * p * power;
@@ -511,12 +479,9 @@ fn interreflection_conserves_energy() {
             single_scatter: None,
         };
         let inner = coat::smooth_internal_reflectance(Spectral::splat(eta));
-        let [closed, linear, open] = [
-            Interreflection::Coloured(inner),
-            Interreflection::Linear(inner),
-            Interreflection::Lost,
-        ]
-        .map(|i| table(Material::Plastic(white(i))));
+        let [closed, linear, open] =
+            [Interreflection::Coloured(inner), Interreflection::Linear(inner), Interreflection::Lost]
+                .map(|i| table(Material::Plastic(white(i))));
         for cos in [1.0_f32, 0.5, 0.1] {
             let wo = toward(cos, 0.0);
             let through = 1.0 - reflectance(f64::from(cos), f64::from(eta));
@@ -531,16 +496,9 @@ fn interreflection_conserves_energy() {
                 // A white base is white in both modes.
                 assert_eq!(value(&closed), value(&linear));
                 let want = through * (1.0 - reflectance(f64::from(c), f64::from(eta))) * f64::from(c) / PI;
-                assert!(
-                    (value(&open) - want).abs() < 1e-5,
-                    "{} is not {want}",
-                    value(&open)
-                );
+                assert!((value(&open) - want).abs() < 1e-5, "{} is not {want}", value(&open));
             }
-            assert!(
-                (sum - through).abs() < 1e-4,
-                "eta {eta}, cos {cos}: {sum} is not {through}"
-            );
+            assert!((sum - through).abs() < 1e-4, "eta {eta}, cos {cos}: {sum} is not {through}");
         }
     }
 }
@@ -586,11 +544,7 @@ fn a_white_base_below_facets_returns_all_light() {
                 }
             }
             assert!((sum[0] - 1.0).abs() < 5e-3, "α {alpha}, cos {cos}: {}", sum[0]);
-            assert!(
-                !smooth_is_off || (sum[1] - 1.0).abs() > 0.05,
-                "α {alpha}: {}",
-                sum[1]
-            );
+            assert!(!smooth_is_off || (sum[1] - 1.0).abs() > 0.05, "α {alpha}: {}", sum[1]);
         }
     }
 }
@@ -610,10 +564,7 @@ fn single_scattering_is_a_second_reflection() {
         }))
     };
     let colour = Spectral::new([0.1, 0.2, 0.3, 0.4]);
-    let single = SingleScatter {
-        albedo: Spectrum::uniform(colour),
-        alpha: Scalar::uniform(0.6),
-    };
+    let single = SingleScatter { albedo: Spectrum::uniform(colour), alpha: Scalar::uniform(0.6) };
     let both = layer(0.2, Spectral::ONE, Some(single));
     let (narrow, wide) = (layer(0.2, Spectral::ONE, None), layer(0.6, colour, None));
     let mut stream = Stream::new(12, 0, 0);
@@ -666,13 +617,7 @@ fn rough_glass_sphere_nearly_vanishes() {
         let (mean, error) = (r.mean("m"), r.std_error("m"));
         let n = mean.data.len() as f64;
         let total = mean.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
-        let sigma = error
-            .data
-            .iter()
-            .map(|e| f64::from(*e).powi(2))
-            .sum::<f64>()
-            .sqrt()
-            / n;
+        let sigma = error.data.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>().sqrt() / n;
         assert!(
             total < 1.0 + 5.0 * sigma && total > 0.97 - 5.0 * sigma,
             "{distribution}: {total} ± {sigma:.1e}"

@@ -33,13 +33,7 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
     let d_in = image((plane.0, 0.0), d_out);
-    let m = mirror(
-        d_in,
-        project(DVec3::Y, d_in),
-        d_out,
-        project(camera.right, d_out),
-        GOLD,
-    );
+    let m = mirror(d_in, project(DVec3::Y, d_in), d_out, project(camera.right, d_out), GOLD);
     (m, to.length())
 }
 
@@ -125,10 +119,7 @@ fn one_mirror_is_an_image() {
         let mut scene = scene_of(&text);
         scene.settings.integrator = Integrator::Bidirectional;
         scene.settings.manifold = false;
-        assert_eq!(
-            mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]),
-            M::zeros()
-        );
+        assert_eq!(mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]), M::zeros());
     }
 }
 
@@ -179,26 +170,14 @@ fn rows_of_mirrors_are_images_of_images() {
             rows = rows.iter().flat_map(longer).collect();
         }
         rows.retain(|row| meets_all(&lamp, row, point));
-        let lit: Vec<(M, f64)> = rows
-            .iter()
-            .map(|row| from_lamp(&lamp, row, point, DVec3::Z))
-            .collect();
+        let lit: Vec<(M, f64)> = rows.iter().map(|row| from_lamp(&lamp, row, point, DVec3::Z)).collect();
         let want = view * wall() * lit.iter().map(|l| l.0).sum::<M>();
         let of = |t| mueller(&t, &[(Bounces, count + 2)]);
         let (got, error) = (of(r.mean("m")), of(r.std_error("m")));
-        println!(
-            "{count}: {} rows, {} ± {}, {}",
-            lit.len(),
-            got[(0, 0)],
-            error[(0, 0)],
-            want[(0, 0)]
-        );
+        println!("{count}: {} rows, {} ± {}, {}", lit.len(), got[(0, 0)], error[(0, 0)], want[(0, 0)]);
         assert_eq!(lit.len(), 4);
         for (i, want) in want.iter().enumerate() {
-            assert!(
-                (got[i] - want).abs() < 5.0 * error[i] + 2e-4 * want.abs() + 1e-7,
-                "{got} is not {want}"
-            );
+            assert!((got[i] - want).abs() < 5.0 * error[i] + 2e-4 * want.abs() + 1e-7, "{got} is not {want}");
         }
         let times: Vec<f64> = lit.iter().map(|(_, way)| (way + there) / C).collect();
         comes_at(&r, count + 2, &times);
@@ -311,11 +290,7 @@ fn balls_bring_what_rays_say() {
         let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
         let disc = b * b - (1.0 - 0.09);
         if disc < 0.0 {
-            return Meridian {
-                rho: 9.0,
-                optical: 0.0,
-                passed: [1.0, 0.0],
-            };
+            return Meridian { rho: 9.0, optical: 0.0, passed: [1.0, 0.0] };
         }
         let t = b - disc.sqrt();
         let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
@@ -346,15 +321,13 @@ fn balls_bring_what_rays_say() {
     assert!(other.0 > 0.1 * got, "{other:?}");
     let sigma = (error.powi(2) + other.1.powi(2) + both.1.powi(2)).sqrt();
     println!("{got} + {other:?}, {both:?}");
-    assert!(
-        (got + other.0 - both.0).abs() < 5.0 * sigma,
-        "{got} + {other:?} is not {both:?}"
-    );
+    assert!((got + other.0 - both.0).abs() < 5.0 * sigma, "{got} + {other:?} is not {both:?}");
 }
 
 /// Behind dispersive glass, every wavelength searches for paths over a ball separately, and finds the same as
 /// alone.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn wavelengths_find_balls_by_themselves() {
     let plane = (-DVec3::X, -1.5);
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 40.0);

@@ -44,10 +44,7 @@ pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
 /// Fresnel reflection, s-frame on both sides.
 pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     let [s, p] = amplitudes(cos, eta);
-    let (a, b) = (
-        (s.norm_sqr() + p.norm_sqr()) / 2.0,
-        (s.norm_sqr() - p.norm_sqr()) / 2.0,
-    );
+    let (a, b) = ((s.norm_sqr() + p.norm_sqr()) / 2.0, (s.norm_sqr() - p.norm_sqr()) / 2.0);
     let cross = s.conj() * p;
     let (c, d) = (cross.re, cross.im);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c)
@@ -97,21 +94,9 @@ impl Device {
     pub fn look_at(origin: [f64; 3], target: DVec3, resolution: [u32; 2], focal: f64) -> Self {
         let origin = DVec3::from_array(origin);
         let forward = (target - origin).normalize();
-        let up = if forward.y.abs() < 0.99 {
-            DVec3::Y
-        } else {
-            DVec3::X
-        };
+        let up = if forward.y.abs() < 0.99 { DVec3::Y } else { DVec3::X };
         let right = forward.cross(up).normalize();
-        Self {
-            origin,
-            right,
-            down: forward.cross(right),
-            forward,
-            resolution,
-            focal,
-            distortion: [0.0; 5],
-        }
+        Self { origin, right, down: forward.cross(right), forward, resolution, focal, distortion: [0.0; 5] }
     }
 
     /// A camera of one pixel, so narrow that it sees a point.
@@ -122,11 +107,7 @@ impl Device {
     /// Rotated about its axis: image right rotates toward `forward × right` (image down).
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
-        Self {
-            right,
-            down: self.forward.cross(right),
-            ..self.clone()
-        }
+        Self { right, down: self.forward.cross(right), ..self.clone() }
     }
 
     fn distort(&self, x: f64, y: f64) -> [f64; 2] {
@@ -219,10 +200,7 @@ pub fn mueller(t: &Tensor, at: &[(AxisKind, usize)]) -> M {
 /// Asserts that every element agrees to `tolerance` times the expected M00.
 pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     let error = (got - want).abs().max() / want[(0, 0)];
-    assert!(
-        error <= tolerance,
-        "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}"
-    );
+    assert!(error <= tolerance, "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}");
 }
 
 /// The helper functions reproduce the pinned numbers that fix every sign.
@@ -236,22 +214,10 @@ fn reflection_has_the_pinned_signs() {
         ((2, 3), -0.671_906),
         ((3, 2), 0.671_906),
     ] {
-        assert!(
-            (gold[(i, j)] - want).abs() < 1e-6,
-            "gold [{i}][{j}] {}",
-            gold[(i, j)]
-        );
+        assert!((gold[(i, j)] - want).abs() < 1e-6, "gold [{i}][{j}] {}", gold[(i, j)]);
     }
     let glass = reflection(45.0_f64.to_radians().cos(), Complex::new(1.5, 0.0));
-    for ((i, j), want) in [
-        ((0, 0), 0.050_239_9),
-        ((0, 1), 0.041_773_5),
-        ((2, 2), -0.027_911_1),
-    ] {
-        assert!(
-            (glass[(i, j)] - want).abs() < 1e-6,
-            "glass [{i}][{j}] {}",
-            glass[(i, j)]
-        );
+    for ((i, j), want) in [((0, 0), 0.050_239_9), ((0, 1), 0.041_773_5), ((2, 2), -0.027_911_1)] {
+        assert!((glass[(i, j)] - want).abs() < 1e-6, "glass [{i}][{j}] {}", glass[(i, j)]);
     }
 }

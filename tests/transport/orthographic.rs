@@ -67,9 +67,7 @@ fn points_fall_on_the_pixels_that_see_them() {
     for (x, y, t) in [(0.5, 0.5, 0.4), (5.25, 3.75, 9.0)] {
         let at = glam::DVec2::new(x, y);
         let ray = camera.at(at);
-        let found = camera
-            .project(ray.origin + ray.direction(at) * t)
-            .map(|(at, _)| at);
+        let found = camera.project(ray.origin + ray.direction(at) * t).map(|(at, _)| at);
         assert!(found.is_some_and(|f| (f - at).length() < 1e-4), "{found:?}");
         assert_eq!(camera.project(ray.origin - ray.direction(at) * t), None);
     }
@@ -89,15 +87,11 @@ fn time_counts_from_the_plane_of_the_image() {
         // The lower part of the image is nearer: the distance of the plane's point is (2 - y/√2) √2.
         let length = |y: f64| 3.0 + (2.0 - y * diagonal) / diagonal;
         let [_, y] = offset(i, j, [0.5, 0.5]);
-        let mean: f64 = (0..10)
-            .map(|b| value(&r, i, j, Some(b))[0] * (17000.0 + 500.0 * (b as f64 + 0.5)))
-            .sum::<f64>()
-            / (0..10).map(|b| value(&r, i, j, Some(b))[0]).sum::<f64>();
+        let mean: f64 =
+            (0..10).map(|b| value(&r, i, j, Some(b))[0] * (17000.0 + 500.0 * (b as f64 + 0.5))).sum::<f64>()
+                / (0..10).map(|b| value(&r, i, j, Some(b))[0]).sum::<f64>();
         let want = length(y) / C;
-        assert!(
-            (mean - want).abs() < 260.0,
-            "({i}, {j}): {mean} ps, closed form {want}"
-        );
+        assert!((mean - want).abs() < 260.0, "({i}, {j}): {mean} ps, closed form {want}");
     }
 }
 
@@ -132,18 +126,9 @@ fn what_needs_a_pinhole_is_refused() {
         pose.look_at = { origin = [1, 0, 3], target = [0, 0, 0] }\n";
     let slice = "[[slices]]\nname = \"m\"\n";
     let cases = [
-        (
-            head(1, "integrator = \"bidirectional\"\n") + CAMERA + PLANE + projector + slice,
-            "no pinhole",
-        ),
-        (
-            head(1, "integrator = \"caustics\"\n") + CAMERA + PLANE + projector + slice,
-            "no pinhole",
-        ),
-        (
-            head(1, "") + CAMERA + PLANE + "[projector]\ncoaxial = true\n" + slice,
-            "has no pinhole",
-        ),
+        (head(1, "integrator = \"bidirectional\"\n") + CAMERA + PLANE + projector + slice, "no pinhole"),
+        (head(1, "integrator = \"caustics\"\n") + CAMERA + PLANE + projector + slice, "no pinhole"),
+        (head(1, "") + CAMERA + PLANE + "[projector]\ncoaxial = true\n" + slice, "has no pinhole"),
         (
             head(1, "")
                 + CAMERA
@@ -153,22 +138,14 @@ fn what_needs_a_pinhole_is_refused() {
                 + "projector = { epipolar = { half_width_px = 1 } }\n",
             "no epipolar lines",
         ),
-        (
-            head(1, "") + CAMERA + "fov_x_deg = 30\n" + PLANE + projector + slice,
-            "exactly one",
-        ),
+        (head(1, "") + CAMERA + "fov_x_deg = 30\n" + PLANE + projector + slice, "exactly one"),
         (
             head(1, "") + CAMERA + "aperture = { radius = 0.1, focus = 1 }\n" + PLANE + projector + slice,
             "cannot have a lens",
         ),
     ];
     for (text, what) in cases {
-        let message = from_text("scene.toml".as_ref(), &text)
-            .err()
-            .map(|e| e.to_string());
-        assert!(
-            message.as_ref().is_some_and(|m| m.contains(what)),
-            "{what}: {message:?}"
-        );
+        let message = from_text("scene.toml".as_ref(), &text).err().map(|e| e.to_string());
+        assert!(message.as_ref().is_some_and(|m| m.contains(what)), "{what}: {message:?}");
     }
 }

@@ -54,13 +54,7 @@ const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nboun
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
     let lambert = lamp.project(DVec3::ZERO).1 * lamp.origin.normalize().z / PI;
-    for (near, far) in [
-        (0.0, 0.0),
-        (0.0, 30.0),
-        (20.0, 65.0),
-        (45.0, 105.0),
-        (10.0, 100.0),
-    ] {
+    for (near, far) in [(0.0, 0.0), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
         let materials = format!("a.polarizer.angle_deg = {near:?}\nb.polarizer.angle_deg = {far:?}\n");
         // Far sheet first: the order along the ray matters, not the order in the file.
         let sheets = in_front(&lamp, 0.5, "b") + &in_front(&lamp, 0.1, "a");
@@ -70,16 +64,9 @@ fn malus_between_projector_and_wall() {
         let row = diattenuator(1.0, 0.0) * turn(lamp.forward, lamp.right, axis(&lamp, near));
         for j in 0..4 {
             let want = passed * row[(0, j)];
-            assert!(
-                (got[(0, j)] - want).abs() < 2e-6,
-                "{near}° and {far}°: M0{j} {}",
-                got[(0, j)]
-            );
+            assert!((got[(0, j)] - want).abs() < 2e-6, "{near}° and {far}°: M0{j} {}", got[(0, j)]);
         }
-        assert!(
-            got.rows(1, 3).abs().max() < 1e-9,
-            "a diffuse wall depolarizes: {got}"
-        );
+        assert!(got.rows(1, 3).abs().max() < 1e-9, "a diffuse wall depolarizes: {got}");
         for bounces in [0, 1, 2, 4, 5] {
             let other = mueller(&r.mean("m"), &[(Bounces, bounces)]);
             assert_eq!(other.abs().max(), 0.0, "light of {bounces} interactions");
@@ -102,12 +89,7 @@ fn circular_filters_tell_handedness() {
         let sheets = in_front(&lamp, 0.1, "p") + &in_front(&lamp, 0.2, quarter);
         let half = (lamp.origin.normalize() + DVec3::new(0.1, 0.0, 2.0).normalize()).normalize();
         let sheets = sheets + &plate(DVec3::Z * 0.05, half, 0.02, "gold");
-        let r = wall(
-            &lamp,
-            &materials,
-            &sheets,
-            "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n",
-        );
+        let r = wall(&lamp, &materials, &sheets, "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n");
         let m = mueller(&r.mean("m"), &[]);
         (m[(0, 0)], m[(3, 0)] / m[(0, 0)])
     };
@@ -130,10 +112,8 @@ fn tilted_sheets_between_projector_and_metal() {
         (u, n.cross(u))
     };
     // Both sheets are tilted by about 30°; one shows its front to the projector, the other its back.
-    let (tilt_a, tilt_b) = (
-        (-d_in + DVec3::new(0.2, 0.5, 0.1)).normalize(),
-        (d_in + DVec3::new(-0.3, 0.3, 0.3)).normalize(),
-    );
+    let (tilt_a, tilt_b) =
+        ((-d_in + DVec3::new(0.2, 0.5, 0.1)).normalize(), (d_in + DVec3::new(-0.3, 0.3, 0.3)).normalize());
     let ((ua, va), (ub, vb), (ug, vg)) = (across(tilt_a), across(tilt_b), across(normal));
     let text = head(2, 6, 2)
         + &camera.keys("camera")
@@ -164,10 +144,7 @@ fn tilted_sheets_between_projector_and_metal() {
     let time = ((eye - target).length() + (target - lamp.origin).length()) / C;
     let (bins, bin) = (r.mean("t"), (time / 0.05) as usize);
     let lit: f32 = (bin - 1..=bin + 1).map(|t| bins.at(&[(T, t)])).sum();
-    assert!(
-        lit > 0.0 && bins.data.iter().sum::<f32>() == lit,
-        "sheets take no time"
-    );
+    assert!(lit > 0.0 && bins.data.iter().sum::<f32>() == lit, "sheets take no time");
 }
 
 /// A corner of two walls, a projector with or without `sheets`, one camera.
@@ -215,10 +192,7 @@ fn a_filter_near_the_pinhole_halves_everything() {
     // Off the axis, crossed sheets are not exactly crossed for the ray.
     let crossed = dark(&(in_front(&scanner(), 0.001, "p") + &in_front(&scanner(), 0.002, "p2")));
     let most = bare.mean("all").data.iter().copied().fold(0.0, f32::max);
-    assert!(
-        crossed.data.iter().all(|v| v.abs() < 0.01 * most),
-        "crossed sheets"
-    );
+    assert!(crossed.data.iter().all(|v| v.abs() < 0.01 * most), "crossed sheets");
     let block = in_front(&scanner(), 0.001, "p") + &in_front(&scanner(), 0.003, "glass");
     assert!(dark(&block).data.iter().all(|v| *v == 0.0), "glass bends light");
 }
@@ -255,10 +229,7 @@ fn points_shine_through_blends() {
     let bare = scene("");
     let through = scene(&in_front(&lamp, 0.2, "half"));
     let want = 0.5 * 0.8 * 0.75 * bare;
-    assert!(
-        bare > 0.0 && (through / want - 1.0).abs() < 1e-5,
-        "{through} is not {want}"
-    );
+    assert!(bare > 0.0 && (through / want - 1.0).abs() < 1e-5, "{through} is not {want}");
 }
 
 /// The frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the

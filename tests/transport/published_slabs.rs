@@ -13,6 +13,7 @@ use sunstone::transport::medium::scattered::Elements;
 /// π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by Natraj,
 /// Li & Yung (2009, ApJ 691, 1909); the signs of Q and U are those of the frames here.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn doubling_gives_coulsons_table() {
     let mu0 = 0.2;
     let slab = Slab::new(&rayleigh, [0.5, 1.0], 24, &[mu0, 0.02, 0.4, 1.0], &[0, 1, 2], 18);
@@ -27,10 +28,7 @@ fn doubling_gives_coulsons_table() {
         let m: M = slab.reflected(mu, mu0, f64::to_radians(phi)) * PI;
         for (i, want) in want.into_iter().enumerate() {
             let got = m[(i, 0)];
-            assert!(
-                (got - want).abs() < 2e-8,
-                "{phi}°, μ = {mu}, s{i}: {got} is not {want}"
-            );
+            assert!((got - want).abs() < 2e-8, "{phi}°, μ = {mu}, s{i}: {got} is not {want}");
         }
         assert!(m[(3, 0)].abs() < 1e-12, "dipoles make no circular light");
     }
@@ -101,17 +99,11 @@ fn spheroids(mu: f64) -> Elements<f64> {
 /// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, sun of flux π at cos
 /// θ0 = 0.6. They involve six different elements of the matrix.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn doubling_gives_siewerts_tables() {
     let mu0 = 0.6;
     let orders: Vec<usize> = (0..=11).collect();
-    let slab = Slab::new(
-        &spheroids,
-        [1.0, 0.973_527],
-        14,
-        &[mu0, 1.0, 0.5, 0.2],
-        &orders,
-        16,
-    );
+    let slab = Slab::new(&spheroids, [1.0, 0.973_527], 14, &[mu0, 1.0, 0.5, 0.2], &orders, 16);
     for (phi, mu, want) in [
         (0.0, 1.0, [0.050_687_3, -0.002_623_88, 0.0]),
         (0.0, 0.5, [0.339_136, -0.028_224_2, 0.0]),
@@ -127,10 +119,7 @@ fn doubling_gives_siewerts_tables() {
             let got = m[(i, 0)];
             // Half a unit of the last printed digit, also of the coefficients.
             let tolerance = 1e-6 * f64::abs(want) + if i == 0 { 6e-7 } else { 6e-8 };
-            assert!(
-                (got - want).abs() < tolerance,
-                "{phi}°, μ = {mu}, s{i}: {got} is not {want}"
-            );
+            assert!((got - want).abs() < tolerance, "{phi}°, μ = {mu}, s{i}: {got} is not {want}");
         }
     }
 }
@@ -158,11 +147,7 @@ fn thick_slabs_end_as_chandrasekhars_atmosphere() {
     let unit = table[5].1[0] / of(1.0)[0];
     for (mu, want) in table {
         for (got, want) in of(mu).into_iter().zip(want) {
-            assert!(
-                (got * unit - want).abs() < 2e-5,
-                "μ = {mu}: {} is not {want}",
-                got * unit
-            );
+            assert!((got * unit - want).abs() < 2e-5, "μ = {mu}: {} is not {want}", got * unit);
         }
     }
 }
@@ -174,10 +159,7 @@ fn doubling_keeps_its_invariants() {
     let orders: Vec<usize> = (0..=11).collect();
     let tau = 1e-5;
     let thin = Slab::new(&spheroids, [tau, 0.8], 8, &[mu, mu0], &orders, 4);
-    for (got, up) in [
-        (thin.reflected(mu, mu0, phi), 1.0),
-        (thin.transmitted(mu, mu0, phi), -1.0),
-    ] {
+    for (got, up) in [(thin.reflected(mu, mu0, phi), 1.0), (thin.transmitted(mu, mu0, phi), -1.0)] {
         let want = phase_matrix(&spheroids, [up * mu, phi], [-mu0, 0.0]) * (0.8 * tau / mu);
         // The second scattering is about 10 τ.
         assert_close(&got, &want, 2e-4, "single scattering");
@@ -185,21 +167,11 @@ fn doubling_keeps_its_invariants() {
     let slab = Slab::new(&spheroids, [3.0, 1.0], 14, &[mu, mu0], &[0, 1, 2], 18);
     let d = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let back = d * slab.reflected(mu0, mu, -phi).transpose() * d * (mu0 / mu);
-    assert_close(
-        &slab.reflected(mu, mu0, phi),
-        &back,
-        1e-6,
-        "reciprocity of reflection",
-    );
+    assert_close(&slab.reflected(mu, mu0, phi), &back, 1e-6, "reciprocity of reflection");
     let back = d * slab.transmitted(mu0, mu, -phi).transpose() * d * (mu0 / mu);
     // Seen from below, upside down.
     let x = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0));
-    assert_close(
-        &slab.transmitted(mu, mu0, phi),
-        &(x * back * x),
-        1e-6,
-        "reciprocity of transmission",
-    );
+    assert_close(&slab.transmitted(mu, mu0, phi), &(x * back * x), 1e-6, "reciprocity of transmission");
     let [up, down] = slab.shares(mu0);
     assert!((up + down - 1.0).abs() < 2e-6, "{up} + {down}");
 }

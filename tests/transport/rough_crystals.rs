@@ -34,12 +34,7 @@ fn of(roughness: f64) -> Materials {
 
 /// Directions from outside and from inside.
 fn seen_from() -> [Vec3A; 4] {
-    [
-        toward(0.9, 1.4),
-        toward(0.3, 1.4),
-        -toward(0.9, 1.4),
-        -toward(0.4, 1.4),
-    ]
+    [toward(0.9, 1.4), toward(0.3, 1.4), -toward(0.9, 1.4), -toward(0.4, 1.4)]
 }
 
 #[test]
@@ -86,9 +81,7 @@ fn matrices_are_realizable_and_the_crystal_is_inside() {
     for _ in 0..2000 {
         let [a, b] = pair_in_front(&mut stream);
         for (wo, wi) in [(a, b), (a, -b), (-a, b), (-a, -b)] {
-            let beyond = m
-                .beyond(0, &surface(), wo, Lanes::first(4))
-                .expect("an interface");
+            let beyond = m.beyond(0, &surface(), wo, Lanes::first(4)).expect("an interface");
             assert_eq!(beyond.crystal == 0, surface().ng.dot(wo) > 0.0);
             let Some(s) = m.eval(0, &surface(), wo, wi) else {
                 continue;
@@ -124,10 +117,7 @@ fn a_sphere_in_a_furnace_nearly_vanishes() {
     let total = mean.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
     let squared: f64 = error.data.iter().map(|e| f64::from(*e).powi(2)).sum();
     let sigma = squared.sqrt() / n;
-    assert!(
-        sigma < 0.01 && (total - 0.985).abs() < 0.015 + 5.0 * sigma,
-        "{total} ± {sigma:.1e}"
-    );
+    assert!(sigma < 0.01 && (total - 0.985).abs() < 0.015 + 5.0 * sigma, "{total} ± {sigma:.1e}");
 }
 
 /// A slab of quartz of 16 waves between nearly smooth faces is the wave plate between Fresnel faces, in all
@@ -138,10 +128,7 @@ fn nearly_smooth_faces_are_smooth() {
     let slab = Slab::new(DVec3::Z, f64::midpoint(QUARTZ[0], QUARTZ[1]));
     let want = slab.expected(axis, QUARTZ, 550.0);
     let render = |roughness: f64| {
-        let keys = format!(
-            "n_o = {:?}, n_e = {:?}, roughness = {roughness}",
-            QUARTZ[0], QUARTZ[1]
-        );
+        let keys = format!("n_o = {:?}, n_e = {:?}, roughness = {roughness}", QUARTZ[0], QUARTZ[1]);
         let r = slab.render(axis, &keys, "[550]");
         ["m"].map(|m| [r.mean(m), r.std_error(m)].map(|t| mueller(&t, &[(Bounces, 3)])))[0]
     };
@@ -149,21 +136,13 @@ fn nearly_smooth_faces_are_smooth() {
     for k in 0..16 {
         let (g, w) = (got[k], want[k]);
         let bound = 5.0 * error[k] + 2e-3 * want[0];
-        assert!(
-            (g - w).abs() < bound,
-            "element {k}: {g} is not {w} ± {}\n{got}{want}",
-            error[k]
-        );
+        assert!((g - w).abs() < bound, "element {k}: {g} is not {w} ± {}\n{got}{want}", error[k]);
     }
     assert!(error[0] < 0.02 * want[0], "{error}");
     // Negative controls: glass of the mean index, which has no retardance, and rough faces, which scatter
     // most light elsewhere.
     let glass = slab.expected(DVec3::Z, QUARTZ, 550.0);
-    let off = |m: &M| {
-        (0..16)
-            .filter(|k| (m[*k] - got[*k]).abs() > 5.0 * error[*k] + 2e-3 * want[0])
-            .count()
-    };
+    let off = |m: &M| (0..16).filter(|k| (m[*k] - got[*k]).abs() > 5.0 * error[*k] + 2e-3 * want[0]).count();
     assert!(off(&glass) > 3, "{got}{glass}");
     let [rough, _] = render(0.3);
     assert!(off(&rough) > 3, "{got}{rough}");
@@ -186,10 +165,7 @@ fn a_connection_through_a_rough_face_is_a_way_inside() {
             + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
         mueller(&render_text(&text).mean("m"), &[])
     };
-    let glass = render(format!(
-        "rough_dielectric = {{ ior = {}, alpha = 0.4 }}",
-        f64::midpoint(n_o, n_e)
-    ));
+    let glass = render(format!("rough_dielectric = {{ ior = {}, alpha = 0.4 }}", f64::midpoint(n_o, n_e)));
     let got = render(format!(
         "crystal = {{ n_o = {n_o}, n_e = {n_e}, axis = {:?}, roughness = 0.4 }}",
         axis.to_array()
@@ -199,8 +175,5 @@ fn a_connection_through_a_rough_face_is_a_way_inside() {
     let x = project(lamp.right, d);
     let want: M = glass * turn(d, frame, x) * retardance * turn(d, x, frame);
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "through");
-    assert!(
-        (got - glass).abs().max() > 0.1 * glass[(0, 0)],
-        "the test cannot tell"
-    );
+    assert!((got - glass).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }

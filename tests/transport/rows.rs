@@ -101,31 +101,22 @@ fn through_ball(theta: f64, wall: f64) -> Meridian {
         passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
     }
     let t = (wall - p[1]) / d[1];
-    Meridian {
-        rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN },
-        optical: optical + t,
-        passed,
-    }
+    Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
 /// A ball of glass directs a lamp's light to a wall in front of its focus on three paths, and inverted behind
 /// it. Without any one of the paths the sum would be wrong.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn every_way_through_a_ball_is_found() {
-    for (wall, rho, count, spp) in [
-        (-0.42, 0.008, 3, 300_000),
-        (-1.0, 0.2, 1, 120_000),
-        (-1.0, 0.55, 1, 120_000),
-    ] {
+    for (wall, rho, count, spp) in
+        [(-0.42, 0.008, 3, 300_000), (-1.0, 0.2, 1, 120_000), (-1.0, 0.55, 1, 120_000)]
+    {
         // The straight line to the last point misses the ball. Otherwise the lamp is so narrow that all its
         // light hits the ball.
         let beside = rho > 0.5;
-        let lamp = Device::look_at(
-            [0.0, 0.0, 1.0],
-            DVec3::ZERO,
-            [64, 64],
-            if beside { 100.0 } else { 190.0 },
-        );
+        let lamp =
+            Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], if beside { 100.0 } else { 190.0 });
         let point = DVec3::new(0.6 * rho, 0.8 * rho, wall);
         let (camera, mirror) = seen(DVec3::new(0.3, -0.9, 0.2 + wall), point, 1e7, 0.05);
         let objects = plate(DVec3::new(0.0, 0.0, wall), DVec3::Z, 1.4, "white")
@@ -139,16 +130,10 @@ fn every_way_through_a_ball_is_found() {
         let (got, error) = m00(&r, 4);
         println!("{wall} {rho}: {got:.5} ± {error:.5}, {want:.5} by {ways:?}");
         assert!(error < 0.03 * want, "{error} of {want}");
-        assert!(
-            (got - want).abs() < 5.0 * error + 1e-4 * want,
-            "{got} ± {error} is not {want}"
-        );
+        assert!((got - want).abs() < 5.0 * error + 1e-4 * want, "{got} ± {error} is not {want}");
         for way in &ways {
             let part = way.0 * view[(0, 0)];
-            assert!(
-                (got - want + part).abs() > 5.0 * error,
-                "a way less is not noticed"
-            );
+            assert!((got - want + part).abs() > 5.0 * error, "a way less is not noticed");
         }
         let times: Vec<f64> = ways.iter().map(|w| (w.1 + back) / C).collect();
         if !beside {
@@ -183,11 +168,7 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
         };
         let ([a, b], [c, d]) = (halves(cos), halves(up[0].abs()));
         Meridian {
-            rho: if up[1] > 0.0 {
-                0.3 * n[0] + s * up[0]
-            } else {
-                f64::NAN
-            },
+            rho: if up[1] > 0.0 { 0.3 * n[0] + s * up[0] } else { f64::NAN },
             optical: t + s,
             passed: [a * c + b * d, a * d + b * c],
         }
@@ -239,6 +220,7 @@ fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
 
 /// Two mirror balls, one after the other.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn two_balls_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::new(0.1, 0.0, 0.0), [64, 64], 140.0);
     let objects = plate(DVec3::new(0.0, 0.0, 1.4), -DVec3::Z, 1.4, "white")
@@ -251,6 +233,7 @@ fn two_balls_in_a_row() {
 /// A wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the light of a
 /// small emitting ball, which camera paths hit at random; and differently from a flat one.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_mirror_under_a_normal_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("waves.png");
@@ -270,10 +253,7 @@ fn a_mirror_under_a_normal_map() {
     let straight = Device::look_at([0.4, -1.0, 0.2], point, [1, 1], 2.0);
     let of = |camera: &Device, light: &str, strength: f64, integrator, spp| {
         let text = scene(camera, &dark, spp, 4, &objects)
-            .replace(
-                "[materials]\n",
-                &format!("{light}[materials]\nblack.diffuse.albedo = 0\n"),
-            )
+            .replace("[materials]\n", &format!("{light}[materials]\nblack.diffuse.albedo = 0\n"))
             .replace(
                 "[[slices]]\nname = \"m\"",
                 "[[objects]]\nmaterial = \"wavy\"\n\
@@ -293,17 +273,10 @@ fn a_mirror_under_a_normal_map() {
         // One more if the camera sees the wall in a mirror.
         m00(
             &render_scene(&scene),
-            if camera.origin == straight.origin && camera.forward == straight.forward {
-                2
-            } else {
-                3
-            },
+            if camera.origin == straight.origin && camera.forward == straight.forward { 2 } else { 3 },
         )
     };
-    let dot = format!(
-        "[[emitters]]\npoint = {{ position = {:?}, intensity = 1 }}\n",
-        at.to_array()
-    );
+    let dot = format!("[[emitters]]\npoint = {{ position = {:?}, intensity = 1 }}\n", at.to_array());
     let ball = format!(
         "[[objects]]\nmaterial = \"black\"\nshape.sphere = {{ center = {:?}, radius = {radius} }}\n\
          emission = {{ radiance = {:?} }}\n",
@@ -315,10 +288,7 @@ fn a_mirror_under_a_normal_map() {
     let met = of(&camera, &ball, 1.0, Integrator::Path, 6_000_000);
     println!("by ways {found:?}, at random {met:?}, flat {flat:?}");
     agree([met, found], 0.2);
-    assert!(
-        (found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1),
-        "waves do nothing"
-    );
+    assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
     // The same wall seen directly: light subpaths find it. The mirror is tilted by 0.3, so that reflection
     // about the untilted normal would be detected.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
@@ -331,6 +301,7 @@ fn a_mirror_under_a_normal_map() {
 
 /// Calcite between lamp and wall, with two separate rays: both are traced, from one end to the other.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_crystal_with_double_images() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
     let objects = plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")

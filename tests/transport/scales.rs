@@ -12,48 +12,22 @@ use sunstone::transport::scene::{Integrator, Scene};
 /// A white wall at distance `z` from the camera along the rotated z axis, and `front` at distance `gap` in
 /// front of it, both of size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
-    let camera = Device::look_at(
-        [0.0; 3],
-        turn * DVec3::new(0.03 * size, 0.02 * size, z),
-        [4, 4],
-        30.0 * z / size,
-    );
+    let camera =
+        Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
     let lamp = Device::look_at(
         (turn * DVec3::new(0.2 * size, 0.0, 0.0)).to_array(),
         turn * DVec3::new(0.0, 0.0, z),
         [1, 1],
         0.2 * z / size,
     );
-    let wall = plate(
-        turn * DVec3::new(0.0, 0.0, z),
-        turn * -DVec3::Z,
-        0.5 * size,
-        "wall",
-    );
+    let wall = plate(turn * DVec3::new(0.0, 0.0, z), turn * -DVec3::Z, 0.5 * size, "wall");
     let front = match front {
         "pane" => {
-            let pane = |z: f64| {
-                plate(
-                    turn * DVec3::new(0.0, 0.0, z),
-                    turn * -DVec3::Z,
-                    0.4 * size,
-                    "glass",
-                )
-            };
-            let back = plate(
-                turn * DVec3::new(0.0, 0.0, z - gap),
-                turn * DVec3::Z,
-                0.4 * size,
-                "glass",
-            );
+            let pane = |z: f64| plate(turn * DVec3::new(0.0, 0.0, z), turn * -DVec3::Z, 0.4 * size, "glass");
+            let back = plate(turn * DVec3::new(0.0, 0.0, z - gap), turn * DVec3::Z, 0.4 * size, "glass");
             pane(z - gap - 0.01 * size) + &back
         }
-        sheet => plate(
-            turn * DVec3::new(0.0, 0.0, z - gap),
-            turn * -DVec3::Z,
-            0.4 * size,
-            sheet,
-        ),
+        sheet => plate(turn * DVec3::new(0.0, 0.0, z - gap), turn * -DVec3::Z, 0.4 * size, sheet),
     };
     head(256, 6, 1)
         + &camera.keys("camera")
@@ -101,27 +75,16 @@ fn a_micrometre_works_or_is_refused() {
                 Err(e) => {
                     let (words, help) = (e.to_string(), e.help.clone().unwrap_or_default());
                     println!("{words}");
-                    assert!(
-                        words.contains("m apart at (") && words.contains(" of line "),
-                        "{words}"
-                    );
+                    assert!(words.contains("m apart at (") && words.contains(" of line "), "{words}");
                     assert!(help.contains("increase the distance"), "{help}");
                     assert!(z > 1.0 || how == "turned", "{front}: {words}");
                     let least = words.split("gaps of at least ").nth(1).expect("the least");
-                    let least: f64 = least
-                        .split(' ')
-                        .next()
-                        .and_then(|n| n.parse().ok())
-                        .expect("a number");
+                    let least: f64 = least.split(' ').next().and_then(|n| n.parse().ok()).expect("a number");
                     at(1.5 * least).expect("as far off as was asked for")
                 }
             };
             let touching = at(0.0).unwrap_or_else(|e| panic!("{what} on the wall: {e}"));
-            assert!(
-                touching.notes.iter().any(|n| n.contains("touches")),
-                "{what}: {:?}",
-                touching.notes
-            );
+            assert!(touching.notes.iter().any(|n| n.contains("touches")), "{what}: {:?}", touching.notes);
             // A pane that touches the wall within single precision has no air behind it, which is noted.
             if front == "null" || scene.notes.iter().any(|n| n.contains("into it")) {
                 continue;
@@ -133,10 +96,7 @@ fn a_micrometre_works_or_is_refused() {
                 }
                 let [got, want] = [&mut scene, &mut wide].map(|s| seen(s, front, integrator));
                 println!("{what}: {got:.6} {want:.6}");
-                assert!(
-                    want > 0.0 && (got / want - 1.0).abs() < 0.02,
-                    "{what}: {got} {want}"
-                );
+                assert!(want > 0.0 && (got / want - 1.0).abs() < 0.02, "{what}: {got} {want}");
             }
         }
     }
@@ -165,10 +125,7 @@ fn two_hundred_metres_are_exact() {
         let start = way / C - bin * bins as f64 / 2.0;
         let text = head(64, 2, 1)
             + &camera.keys("camera")
-            + &format!(
-                "[[emitters]]\npoint = {{ position = {:?}, intensity = 1e4 }}\n",
-                lamp.to_array()
-            )
+            + &format!("[[emitters]]\npoint = {{ position = {:?}, intensity = 1e4 }}\n", lamp.to_array())
             + "[materials]\nwhite.diffuse.albedo = 0.5\n"
             + &plate(DVec3::ZERO, DVec3::Z, 100.0, "white")
             + &format!(

@@ -53,10 +53,7 @@ impl Shape {
 }
 
 fn ball(centre: [f64; 3], radius: f64) -> Shape {
-    Shape::Ball {
-        centre: DVec3::from_array(centre),
-        radius,
-    }
+    Shape::Ball { centre: DVec3::from_array(centre), radius }
 }
 
 fn cube(min: [f64; 3], max: [f64; 3]) -> Shape {
@@ -97,11 +94,7 @@ impl Cloud<'_> {
             let distance = p.distance(lamp.origin);
             let d_in = (p - lamp.origin) / distance;
             let way = self.shape.inside(p, -d_in)[1].min(distance);
-            let lit = if has_axis {
-                lamp.project(p).1
-            } else {
-                1.0 / (distance * distance)
-            };
+            let lit = if has_axis { lamp.project(p).1 } else { 1.0 / (distance * distance) };
             let passed = (-extinction * (t - near + way)).exp();
             let z = scattered(
                 self.matrix,
@@ -215,10 +208,7 @@ fn single_scattering_is_a_quadrature() {
         );
         let (want, bins) = cloud.seen(camera, &lamp, has_axis);
         let error = check_elements(&r, &want, &format!("case {seed}"));
-        assert!(
-            error < 0.02,
-            "case {seed}: too few samples to mean anything: {error}"
-        );
+        assert!(error < 0.02, "case {seed}: too few samples to mean anything: {error}");
         let (mean, sigma) = (r.mean("t"), r.std_error("t"));
         let mut compared = 0;
         for (bin, value) in bins.iter().enumerate() {
@@ -272,24 +262,10 @@ fn null_boundaries_are_not_noticed() {
     assert!(ways[0] > 0.3 && ways[1] > 0.3);
     for (medium, keys, index, absorption) in [
         ("", "", 1.0, 0.0),
-        (
-            "[media.m.homogeneous]\nindex = 1.4\n",
-            "interior = \"m\"",
-            1.4,
-            0.0,
-        ),
-        (
-            "[media.m.homogeneous]\nindex = 1.2\nabsorption = 2\n",
-            "interior = \"m\"",
-            1.2,
-            2.0,
-        ),
+        ("[media.m.homogeneous]\nindex = 1.4\n", "interior = \"m\"", 1.4, 0.0),
+        ("[media.m.homogeneous]\nindex = 1.2\nabsorption = 2\n", "interior = \"m\"", 1.2, 2.0),
     ] {
-        let r = plate_scene(
-            &camera,
-            &lamp,
-            &(medium.to_owned() + NULL + &shape.object("b", keys)),
-        );
+        let r = plate_scene(&camera, &lamp, &(medium.to_owned() + NULL + &shape.object("b", keys)));
         let passed = f64::exp(-absorption * inside);
         assert_close(&mueller(&r.mean("m"), &[]), &(want * passed), 1e-4, medium);
         let time = r.mean("t");
@@ -311,22 +287,14 @@ fn refractive_boundaries_are_those_of_glass() {
     let clear = "[media.m.homogeneous]\nindex = 1.5\n";
     let filled = shape.object("glass", "interior = \"m\"");
     let r = plate_scene(&camera, &lamp, &(clear.to_owned() + glass + &filled));
-    let (a, b) = (
-        [&bare, &r].map(|r| r.mean("m")),
-        [&bare, &r].map(|r| r.std_error("m")),
-    );
+    let (a, b) = ([&bare, &r].map(|r| r.mean("m")), [&bare, &r].map(|r| r.std_error("m")));
     let mut through = 0;
     for (x, y) in (0..8).flat_map(|y| (0..8).map(move |x| (x, y))) {
         let [a, b, sa, sb] = [&a[0], &a[1], &b[0], &b[1]].map(|t| mueller(t, &[(Y, y), (X, x)]));
         through += u32::from(a[(0, 0)] > 0.0);
         for e in 0..16 {
             let bound = 5.0 * sa[e].hypot(sb[e]) + 1e-5 * a[(0, 0)];
-            assert!(
-                (a[e] - b[e]).abs() <= bound,
-                "pixel {x} {y}, element {e}: {} {}",
-                a[e],
-                b[e]
-            );
+            assert!((a[e] - b[e]).abs() <= bound, "pixel {x} {y}, element {e}: {} {}", a[e], b[e]);
         }
     }
     assert!(through > 32, "only {through} pixels see light");
@@ -344,10 +312,7 @@ fn refractive_boundaries_are_those_of_glass() {
     let r = render_text(&text);
     let [got, sigma] =
         [r.mean("m"), r.std_error("m")].map(|t| f64::from(t.at(&[(StokesOut, 0), (StokesIn, 0)])));
-    assert!(
-        (got - want).abs() < 5.0 * sigma && sigma < 0.01,
-        "{got} is not {want} ± {sigma}"
-    );
+    assert!((got - want).abs() < 5.0 * sigma && sigma < 0.01, "{got} is not {want} ± {sigma}");
 }
 
 /// In a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays unpolarized:
@@ -372,11 +337,7 @@ fn lossless_media_vanish_in_the_furnace() {
         ("null = {}", colours, true, 4000),
         ("dielectric.ior = 1.33", forward, true, 4000),
     ] {
-        let [nm, scattering] = if three {
-            ["[450, 550, 650]", "[1.2, 1.0, 0.8]"]
-        } else {
-            ["[550]", "2"]
-        };
+        let [nm, scattering] = if three { ["[450, 550, 650]", "[1.2, 1.0, 0.8]"] } else { ["[550]", "2"] };
         let text = head(spp, 1000, 33).replace("[550]", nm)
             + &camera.keys("camera")
             + &format!(
@@ -412,17 +373,9 @@ fn lossless_media_vanish_in_the_furnace() {
 /// camera inside two of them.
 #[test]
 fn the_highest_priority_absorbs() {
-    let shapes = [
-        ball([-0.2, 0.0, 0.0], 0.6),
-        ball([0.3, 0.1, 0.0], 0.5),
-        ball([0.25, 0.05, 0.1], 0.2),
-    ];
+    let shapes = [ball([-0.2, 0.0, 0.0], 0.6), ball([0.3, 0.1, 0.0], 0.5), ball([0.25, 0.05, 0.1], 0.2)];
     let coefficients = [[1.0, 0.5, 0.2], [0.3, 2.0, 1.0], [4.0, 0.0, 3.0]];
-    for (priorities, order) in [
-        ([0, 1, 2], [2, 1, 0]),
-        ([5, 1, -2], [0, 1, 2]),
-        ([0, 1, 7], [2, 1, 0]),
-    ] {
+    for (priorities, order) in [([0, 1, 2], [2, 1, 0]), ([5, 1, -2], [0, 1, 2]), ([0, 1, 7], [2, 1, 0])] {
         let mut text = "[[emitters]]\nenvironment = { radiance = 1 }\n".to_owned() + NULL + MUELLER;
         for (i, (shape, a)) in shapes.iter().zip(coefficients).enumerate() {
             text += &format!("[media.m{i}.homogeneous]\nabsorption = {a:?}\n");
@@ -459,12 +412,7 @@ fn the_highest_priority_absorbs() {
                 let travel = -camera.forward;
                 let want =
                     turn(travel, project(DVec3::X, travel), project(camera.right, travel)) * f64::exp(-depth);
-                assert_close(
-                    &got,
-                    &want,
-                    1e-4,
-                    &format!("priorities {priorities:?}, from {from:?}"),
-                );
+                assert_close(&got, &want, 1e-4, &format!("priorities {priorities:?}, from {from:?}"));
             }
         }
     }

@@ -90,9 +90,7 @@ type Index = Vec<(AxisKind, usize)>;
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
-        "block" => (0..4)
-            .map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)]))
-            .collect(),
+        "block" => (0..4).map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)])).collect(),
         // Resolved axes are summed beforehand.
         "band" => vec![([0, 0], vec![])],
         _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
@@ -139,9 +137,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
             }
         }
         // A matrix counts if its intensities, which come first, are known at all wavelengths.
-        let first = index
-            .iter()
-            .all(|(kind, i)| !matches!(kind, StokesOut | StokesIn) || *i == 0);
+        let first = index.iter().all(|(kind, i)| !matches!(kind, StokesOut | StokesIn) || *i == 0);
         let matrix = number / (lengths[2] * lengths[3] * lengths[4]);
         if first {
             known.resize(matrix + 1, true);
@@ -171,13 +167,12 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
 
 /// 512 samples of each of 256 pixels, with both methods. Negative control: paths that count twice.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn few_s_primes_bring_what_chance_brings() {
     let (by_chance, drawn) = (room(ALL, 1, SPP), room(FEW, 2, SPP));
-    for (slice, truth, least) in [
-        ("coaxial", "matrices", 1.5),
-        ("block", "flight", 1.2),
-        ("strip", "matrices", 1.2),
-    ] {
+    for (slice, truth, least) in
+        [("coaxial", "matrices", 1.5), ("block", "flight", 1.2), ("strip", "matrices", 1.2)]
+    {
         let (all, few) = (of(&by_chance, truth), of(&drawn, slice));
         let (all, few) = ([&all[0], &all[1]], [&few[0], &few[1]]);
         let [worst, ratio] = compare(all, few, slice, 1.0);
@@ -219,10 +214,7 @@ fn other_slices_keep_their_bits() {
         assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
     }
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALONG;
-    let (alone, beside) = (
-        room_of(WIDE, &others, 3, 4),
-        room_of(WIDE, &(BAND.to_owned() + &others), 3, 4),
-    );
+    let (alone, beside) = (room_of(WIDE, &others, 3, 4), room_of(WIDE, &(BAND.to_owned() + &others), 3, 4));
     for slice in ["photo", "along"] {
         assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
     }

@@ -54,22 +54,12 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
 /// Malus: two sheets transmit ½cos² of the angle between them, polarized along the one near the camera.
 #[test]
 fn malus_by_two_sheets() {
-    for (near, far) in [
-        (0.0_f64, 0.0_f64),
-        (0.0, 30.0),
-        (20.0, 65.0),
-        (45.0, 105.0),
-        (10.0, 100.0),
-    ] {
+    for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
         let materials = format!("a.polarizer.angle_deg = {near:?}\nb.polarizer.angle_deg = {far:?}\n");
         let got = column(&materials, &(level(1.2, "a") + &level(0.9, "b")));
         let pass = 0.5 * (near - far).to_radians().cos().powi(2);
         let (sin, cos) = (2.0 * near.to_radians()).sin_cos();
-        stokes(
-            got,
-            [pass, pass * cos, pass * sin, 0.0],
-            &format!("{near}° on {far}°"),
-        );
+        stokes(got, [pass, pass * cos, pass * sin, 0.0], &format!("{near}° on {far}°"));
     }
 }
 
@@ -91,21 +81,9 @@ fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";
     let quarter = |keys: &str| format!("{polarizer}q.retarder = {{ retardance_deg = 90, {keys} }}\n");
     let over = level(1.3, "q") + &level(1.0, "p");
-    stokes(
-        column(&quarter("angle_deg = 45"), &over),
-        [0.5, 0.0, 0.0, 0.5],
-        "right",
-    );
-    stokes(
-        column(&quarter("angle_deg = -45"), &over),
-        [0.5, 0.0, 0.0, -0.5],
-        "left",
-    );
-    stokes(
-        column(&quarter("angle_deg = 90"), &over),
-        [0.5, 0.5, 0.0, 0.0],
-        "along",
-    );
+    stokes(column(&quarter("angle_deg = 45"), &over), [0.5, 0.0, 0.0, 0.5], "right");
+    stokes(column(&quarter("angle_deg = -45"), &over), [0.5, 0.0, 0.0, -0.5], "left");
+    stokes(column(&quarter("angle_deg = 90"), &over), [0.5, 0.5, 0.0, 0.0], "along");
     // 550 nm is the scene's wavelength.
     let nm = format!("{polarizer}q.retarder = {{ retardance_nm = 137.5, angle_deg = 45 }}\n");
     stokes(column(&nm, &over), [0.5, 0.0, 0.0, 0.5], "by nanometres");
@@ -116,19 +94,11 @@ fn retarders_have_the_pinned_signs() {
     stokes(column(&half, &over), [0.5, 0.5 * c, 0.5 * s, 0.0], "half wave");
     // Turned over about its u axis, the line at +45° is at -45° for the camera; a world axis stays.
     let behind = sheet(DVec3::Z * 1.3, DVec3::X, -DVec3::Y, "q") + &level(1.0, "p");
-    stokes(
-        column(&quarter("angle_deg = 45"), &behind),
-        [0.5, 0.0, 0.0, -0.5],
-        "behind",
-    );
+    stokes(column(&quarter("angle_deg = 45"), &behind), [0.5, 0.0, 0.0, -0.5], "behind");
     stokes(column(&world, &behind), [0.5, 0.0, 0.0, 0.5], "world axis behind");
     let material = "p.polarizer.angle_deg = 45\n";
     let behind = sheet(DVec3::Z, DVec3::X, -DVec3::Y, "p");
-    stokes(
-        column(material, &behind),
-        [0.5, 0.0, -0.5, 0.0],
-        "polarizer behind",
-    );
+    stokes(column(material, &behind), [0.5, 0.0, -0.5, 0.0], "polarizer behind");
 }
 
 /// Diattenuator or retarder in the frame of its axis.
@@ -150,10 +120,7 @@ fn tilted_sheets_in_front_of_metal() {
     let lamp = Device::look_at([-0.9, 0.2, 0.5], target, [3, 3], 20.0).rolled(-0.3);
     let (d, d_in) = (eye.normalize(), -lamp.origin.normalize());
     let normal = (d - d_in).normalize();
-    let (tilt_a, tilt_b) = (
-        DVec3::new(0.2, 0.4, 1.0).normalize(),
-        DVec3::new(0.5, -0.6, -0.9).normalize(),
-    );
+    let (tilt_a, tilt_b) = (DVec3::new(0.2, 0.4, 1.0).normalize(), DVec3::new(0.5, -0.6, -0.9).normalize());
     let across = |n: DVec3| {
         let u = n.any_orthonormal_vector();
         (u, n.cross(u))
@@ -198,10 +165,7 @@ fn a_coated_mirror_in_front_of_metal() {
     let lamp = Device::look_at([0.9, 0.8, 1.6], target, [3, 3], 20.0);
     let (d_in, d_mid, d_out) = ((target - lamp.origin).normalize(), -way, eye);
     let normal = (d_mid - d_in).normalize();
-    let (u, v) = (
-        normal.any_orthonormal_vector(),
-        normal.cross(normal.any_orthonormal_vector()),
-    );
+    let (u, v) = (normal.any_orthonormal_vector(), normal.cross(normal.any_orthonormal_vector()));
     let text = head(2, 6, 3)
         + &camera.keys("camera")
         + &lamp.keys("projector")
@@ -225,10 +189,7 @@ fn a_coated_mirror_in_front_of_metal() {
     let r_s = airy(q0, q1, q2);
     let r_p = airy(q0, q1 / (film * film), q2 / (silver * silver));
     let cross = r_s.conj() * r_p;
-    let (a, b) = (
-        (r_s.norm_sqr() + r_p.norm_sqr()) / 2.0,
-        (r_s.norm_sqr() - r_p.norm_sqr()) / 2.0,
-    );
+    let (a, b) = ((r_s.norm_sqr() + r_p.norm_sqr()) / 2.0, (r_s.norm_sqr() - r_p.norm_sqr()) / 2.0);
     let (c, s) = (cross.re, cross.im);
     let reflection = M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, s, 0., 0., -s, c);
     let y = DVec3::Y;
@@ -296,18 +257,11 @@ fn sheets_are_realizable_and_reciprocal() {
                 .materials
                 .sample(id, &at, wo, &mut Lanes::first(4), &mut stream.clone())
                 .expect("sheets always pass");
-            let s = set
-                .materials
-                .specular(id, &at, wo, Lobe::Transmitted, 0)
-                .expect("a lobe");
+            let s = set.materials.specular(id, &at, wo, Lobe::Transmitted, 0).expect("a lobe");
             assert!(set.materials.specular(id, &at, wo, Lobe::Reflected, 0).is_none());
             assert!(sampled.delta && sampled.wi == -wo && s.wi == -wo && s.filling.is_none());
             let m = s.scatter.between(wo, x, -wo, x);
-            assert_eq!(
-                m,
-                sampled.scatter.between(wo, x, -wo, x),
-                "one lobe has probability 1"
-            );
+            assert_eq!(m, sampled.scatter.between(wo, x, -wo, x), "one lobe has probability 1");
             m
         };
         let (forth, back) = (lobe(wo), lobe(-wo));
@@ -349,11 +303,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
         let q_o = f64::sqrt(n_o * n_o - sin2);
         let q_e = n_e * (1.0 - b2 / (n_e * n_e) - a * a / (n_o * n_o)).sqrt();
         let want = 50_f64.to_radians() * (q_e - q_o) / (n_e - n_o);
-        let m = set
-            .materials
-            .specular(0, &at, wo, Lobe::Transmitted, 0)
-            .expect("a lobe")
-            .scatter;
+        let m = set.materials.specular(0, &at, wo, Lobe::Transmitted, 0).expect("a lobe").scatter;
         let sunstone::optics::polarization::scatter::Scatter::Fresnel { block, s } = m else {
             panic!("a retarder has block form");
         };
@@ -368,20 +318,13 @@ fn a_tilted_plate_has_the_exact_retardance() {
     for angle in [0.0_f32, 0.4, 1.2] {
         for axis in [optic.as_vec3a(), at.ns.cross(optic.as_vec3a())] {
             let wo = at.ns * angle.cos() + axis * angle.sin();
-            let s = set
-                .materials
-                .specular(0, &at, wo, Lobe::Transmitted, 0)
-                .expect("a lobe")
-                .scatter;
+            let s = set.materials.specular(0, &at, wo, Lobe::Transmitted, 0).expect("a lobe").scatter;
             let fast = at.ns.cross(optic.as_vec3a());
             let slow = project(optic, wo.as_dvec3()).as_vec3a();
             let fast = project(fast.as_dvec3(), wo.as_dvec3()).as_vec3a();
             let along = s.between(wo, fast, -wo, fast).lane(0);
             let d = along[2][3];
-            assert!(
-                d > 0.1 && along[1][1] > 0.999_99 && slow.dot(fast).abs() < 1e-6,
-                "{angle}: {along:?}"
-            );
+            assert!(d > 0.1 && along[1][1] > 0.999_99 && slow.dot(fast).abs() < 1e-6, "{angle}: {along:?}");
         }
     }
 }
@@ -390,33 +333,15 @@ fn a_tilted_plate_has_the_exact_retardance() {
 #[test]
 fn mistakes_are_named() {
     for (text, words) in [
-        (
-            "a.polarizer = { angle_deg = 3, axis = [1, 0, 0] }",
-            "both by angle_deg and by axis",
-        ),
+        ("a.polarizer = { angle_deg = 3, axis = [1, 0, 0] }", "both by angle_deg and by axis"),
         ("a.polarizer = { extinction = 1.5 }", "extinction is 1.5"),
         ("a.polarizer = { axis = [0, 0, 0] }", "no direction"),
         ("a.retarder = { angle_deg = 3 }", "exactly one of retardance_deg"),
-        (
-            "a.retarder = { retardance_deg = 1, retardance_nm = 1 }",
-            "exactly one of retardance_deg",
-        ),
-        (
-            "a.retarder = { retardance_deg = [1, 2] }",
-            "2 values for 4 wavelengths",
-        ),
-        (
-            "a.retarder = { retardance_deg = 1, tilt = \"constant\", ior = 1.5 }",
-            "plate",
-        ),
-        (
-            "a.retarder = { retardance_deg = 1, tilt = \"wobbly\" }",
-            "unknown variant `wobbly`",
-        ),
-        (
-            "a.crystal = { name = \"kryptonite\", axis = [1, 0, 0] }",
-            "calcite, quartz, sapphire",
-        ),
+        ("a.retarder = { retardance_deg = 1, retardance_nm = 1 }", "exactly one of retardance_deg"),
+        ("a.retarder = { retardance_deg = [1, 2] }", "2 values for 4 wavelengths"),
+        ("a.retarder = { retardance_deg = 1, tilt = \"constant\", ior = 1.5 }", "plate"),
+        ("a.retarder = { retardance_deg = 1, tilt = \"wobbly\" }", "unknown variant `wobbly`"),
+        ("a.crystal = { name = \"kryptonite\", axis = [1, 0, 0] }", "calcite, quartz, sapphire"),
         ("a.crystal = { n_o = 1.5, axis = [1, 0, 0] }", "both n_o and n_e"),
         (
             "a.crystal = { name = \"quartz\", axis = [1, 0, 0], split = true, bandwidth_nm = 1 }",
@@ -477,10 +402,7 @@ fn names_stand_for_numbers() {
     assert!((gold.n.to_array()[1] - 0.42415).abs() < 1e-5 && (gold.k.to_array()[3] - 3.7015).abs() < 1e-4);
     assert!((glass.interior.to_array()[0] - 1.52532).abs() < 1e-5 && glass.dispersive);
     assert!(mirror.count == 1 && (mirror.films[0].waves.to_array()[1] - 120.0 / 550.0).abs() < 1e-6);
-    assert!(
-        (mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3,
-        "SiO absorbs in the blue"
-    );
+    assert!((mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3, "SiO absorbs in the blue");
 }
 
 /// A surface that is partly a sheet is as bright as its other part alone times its fraction: lit by a point,

@@ -16,20 +16,15 @@ const SIZE: usize = 16;
 
 /// Means and errors of every pixel and wavelength.
 fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 2] {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../scenes")
-        .join(file);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(file);
     let all = std::fs::read_to_string(&path).expect("the scene");
     let first = all.find("[[slices]]").expect("slices");
     let mut text = all[..first].to_owned();
     let size = if text.contains("[96, 96]") { 96 } else { 128 };
     for _ in 0..2 {
         // Camera, then projector.
-        text = edit(
-            &text,
-            &format!("resolution = [{size}, {size}]"),
-            &format!("resolution = [{SIZE}, {SIZE}]"),
-        );
+        text =
+            edit(&text, &format!("resolution = [{size}, {size}]"), &format!("resolution = [{SIZE}, {SIZE}]"));
     }
     text += "[[slices]]\nname = \"i\"\n";
     let mut scene = sunstone::scene::from_text(&path, &text).expect("the scene");
@@ -39,10 +34,7 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     let mut arrays = Arrays::default();
     let summary =
         render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
-    println!(
-        "{file}, {integrator:?}: {spp} samples a pixel, {:.1} s",
-        summary.wall_s
-    );
+    println!("{file}, {integrator:?}: {spp} samples a pixel, {:.1} s", summary.wall_s);
     [Field::Mean, Field::StdError].map(|field| {
         let t = arrays.get("i", field).expect("the field");
         assert_eq!(t.axes.last().expect("axes").kind, Wavelength);
@@ -64,10 +56,7 @@ fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
         let [a, e, b, f] = [&a, &e, &b, &f].map(|v| of(v));
         let sum = |v: &[f64]| v.iter().sum::<f64>();
         let squares = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let (diff, sigma) = (
-            sum(&b) / sum(&a) - 1.0,
-            (squares(&e) + squares(&f)).sqrt() / sum(&a),
-        );
+        let (diff, sigma) = (sum(&b) / sum(&a) - 1.0, (squares(&e) + squares(&f)).sqrt() / sum(&a));
         let (mut known, mut chi2, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);
         for i in (0..a.len()).filter(|i| a[*i] > 0.0 && e[*i] < 0.2 * a[*i] && f[*i] < 0.2 * b[*i]) {
             let z = (a[i] - b[i]) / e[i].hypot(f[i]);
@@ -78,35 +67,19 @@ fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
             100.0 * diff,
             100.0 * sigma
         );
-        assert!(
-            diff.abs() < 5.0 * sigma,
-            "{file}: totals differ by {diff} ± {sigma}"
-        );
-        assert!(
-            diff.abs() < most,
-            "{file}: totals differ by {diff}, more than {most}"
-        );
+        assert!(diff.abs() < 5.0 * sigma, "{file}: totals differ by {diff} ± {sigma}");
+        assert!(diff.abs() < most, "{file}: totals differ by {diff}, more than {most}");
         assert!(known >= 16.0, "{file}: only {known} pixels are known");
-        assert!(
-            largest < 5.0 || spread > 1.2,
-            "{file}: a pixel is {largest} sigma off"
-        );
+        assert!(largest < 5.0 || spread > 1.2, "{file}: a pixel is {largest} sigma off");
         // z² has a variance of 3 if errors are known to a fifth. They are too small where light is rare, as
         // for bidirectional paths in stone and flesh: there single pixels are not significant.
-        assert!(
-            chi2 < spread * known + 5.0 * (3.0 * known).sqrt(),
-            "{file}: chi² {chi2} of {known} pixels"
-        );
+        assert!(chi2 < spread * known + 5.0 * (3.0 * known).sqrt(), "{file}: chi² {chi2} of {known} pixels");
     }
 }
 
 #[test]
 fn surfaces() {
-    for file in [
-        "gold_mirror/scene.toml",
-        "coins_mirror/diffuse.toml",
-        "crystals/diffuse.toml",
-    ] {
+    for file in ["gold_mirror/scene.toml", "coins_mirror/diffuse.toml", "crystals/diffuse.toml"] {
         compare(file, [256, 256], 0.1, 1.2);
     }
 }

@@ -23,12 +23,8 @@ const FAR: f64 = 2e4;
 
 pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
     let mut ensemble = Ensemble::new(host, NM);
-    let sizes = SizeDistribution::Single {
-        radius: 0.5e-9 * diameter_nm,
-    };
-    ensemble
-        .add(&sizes, [1.59, 0.0], Amount::VolumeFraction(1e-4))
-        .expect("admitted spheres");
+    let sizes = SizeDistribution::Single { radius: 0.5e-9 * diameter_nm };
+    ensemble.add(&sizes, [1.59, 0.0], Amount::VolumeFraction(1e-4)).expect("admitted spheres");
     ensemble
 }
 
@@ -36,14 +32,7 @@ pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
 pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     |mu| {
         let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
-        Elements {
-            s11,
-            s12,
-            s22: s11,
-            s33,
-            s34,
-            s44: s33,
-        }
+        Elements { s11, s12, s22: s11, s33, s34, s44: s33 }
     }
 }
 
@@ -96,11 +85,7 @@ fn both_under(
     let lamp =
         Device::look_at((into * -FAR).to_array(), DVec3::ZERO, [1, 1], 0.5 * FAR / half).rolled(rolls[1]);
     let [spp, seed] = samples;
-    let through = if over.is_empty() {
-        ""
-    } else {
-        "integrator = \"bidirectional\"\nmanifold = true\n"
-    };
+    let through = if over.is_empty() { "" } else { "integrator = \"bidirectional\"\nmanifold = true\n" };
     let text = head(spp, 1000, seed).replace("[550]", &format!("[{:?}]", NM / WATER))
         + through
         + &camera.keys("camera")
@@ -154,27 +139,16 @@ fn check_to(most: f64, what: &str, phase: &str, slab: &Slab, albedo: f64, views:
             z.abs().max() < 5.0,
             "{what}, {view:?}: differences in standard errors\n{z}\n{got}\nis not\n{want}"
         );
-        assert!(
-            error < most,
-            "{what}, {view:?}: too few samples to mean anything: {error}"
-        );
+        assert!(error < most, "{what}, {view:?}: too few samples to mean anything: {error}");
         gain += (got[(0, 0)] / m00 - 1.0) / (error * error);
         weights += 1.0 / (error * error);
     }
     let (gain, sigma) = (gain / weights, 1.0 / f64::sqrt(weights));
-    assert!(
-        gain.abs() < 5.0 * sigma.hypot(2e-4),
-        "{what}: all views are off by {gain} ± {sigma}"
-    );
+    assert!(gain.abs() < 5.0 * sigma.hypot(2e-4), "{what}: all views are off by {gain} ± {sigma}");
 }
 
 fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
-    View {
-        mu_in,
-        phi_in,
-        mu,
-        phi,
-    }
+    View { mu_in, phi_in, mu, phi }
 }
 
 /// Oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
@@ -224,15 +198,7 @@ fn rayleigh_slabs_of_all_depths() {
     ] {
         let slab = Slab::new(&rayleigh, [tau, 1.0], 16, &[mu_in, 0.4, 1.0, 0.6], &[0, 1, 2], 20);
         let views = views.map(|v| view([mu_in, 0.0], v));
-        check_to(
-            0.06,
-            &format!("depth {tau}"),
-            &phase(None),
-            &slab,
-            1.0,
-            &views,
-            factor * spp,
-        );
+        check_to(0.06, &format!("depth {tau}"), &phase(None), &slab, 1.0, &views, factor * spp);
     }
 }
 
@@ -280,22 +246,11 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
             check_to(0.1, &what, &phase(Some(*nm)), slab, 1.0, &views, factor * spp);
         }
         // The sizes are distinguished.
-        let [got, sigma, want] = both(
-            &phase(Some(sizes[0].0)),
-            &slabs[1],
-            1.0,
-            views[0],
-            [0.4, -0.7],
-            [factor * spp, 60],
-        );
-        let off = M::from_fn(|i, j| (got[(i, j)] - want[(i, j)]) / sigma[(i, j)])
-            .abs()
-            .max();
+        let [got, sigma, want] =
+            both(&phase(Some(sizes[0].0)), &slabs[1], 1.0, views[0], [0.4, -0.7], [factor * spp, 60]);
+        let off = M::from_fn(|i, j| (got[(i, j)] - want[(i, j)]) / sigma[(i, j)]).abs().max();
         println!("depth {tau}: the other spheres are {off:.0} errors off");
-        assert!(
-            off > 5.0,
-            "depth {tau}: the other spheres are {off} errors off alone"
-        );
+        assert!(off > 5.0, "depth {tau}: the other spheres are {off} errors off alone");
     }
 }
 
@@ -348,19 +303,9 @@ fn slabs_under_glass_are_as_adding_says() {
             sigma[(0, 0)],
             z.abs().max()
         );
-        assert!(
-            z.abs().max() < 5.0,
-            "{seen:?}: differences in standard errors\n{z}\n{got}is not\n{want}"
-        );
-        assert!(
-            sigma[(0, 0)] < 0.03 * m00,
-            "{}: too few samples to mean anything",
-            sigma[(0, 0)] / m00
-        );
-        assert!(
-            (unglazed - m00).abs() > 5.0 * sigma[(0, 0)],
-            "{unglazed}: nobody would miss the pane"
-        );
+        assert!(z.abs().max() < 5.0, "{seen:?}: differences in standard errors\n{z}\n{got}is not\n{want}");
+        assert!(sigma[(0, 0)] < 0.03 * m00, "{}: too few samples to mean anything", sigma[(0, 0)] / m00);
+        assert!((unglazed - m00).abs() > 5.0 * sigma[(0, 0)], "{unglazed}: nobody would miss the pane");
     }
 }
 
@@ -391,19 +336,15 @@ fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2
 fn helicity_outlives_linear_polarization_among_large_spheres() {
     let ensemble = spheres(WATER, 2000.0);
     let large = mie(&ensemble);
-    for (diameter, scattering, depths) in [
-        (None, &rayleigh as Scattering, [1.0, 2.0, 4.0]),
-        (Some(2000.0), &large, [4.0, 8.0, 16.0]),
-    ] {
+    for (diameter, scattering, depths) in
+        [(None, &rayleigh as Scattering, [1.0, 2.0, 4.0]), (Some(2000.0), &large, [4.0, 8.0, 16.0])]
+    {
         let curve = depths.map(|tau| kept(diameter, scattering, tau));
         for (tau, point) in depths.iter().zip(&curve) {
             for (what, [got, sigma, want]) in ["linear", "circular"].iter().zip(point) {
                 println!("{diameter:?} nm, depth {tau}: {what} {got:.4} ± {sigma:.4}, doubling {want:.4}");
                 // Sixteen batches give their error to a fifth: Student's t is wider than a Gaussian.
-                assert!(
-                    (got - want).abs() < 6.5 * sigma,
-                    "depth {tau}, {what}: {got} ± {sigma}, not {want}"
-                );
+                assert!((got - want).abs() < 6.5 * sigma, "depth {tau}, {what}: {got} ± {sigma}, not {want}");
             }
             let [[linear, a, _], [circular, b, _]] = point;
             let lead = (circular - linear) * if diameter.is_some() { 1.0 } else { -1.0 };
@@ -414,10 +355,7 @@ fn helicity_outlives_linear_polarization_among_large_spheres() {
         }
         for pair in curve.windows(2) {
             for ([more, a, _], [less, b, _]) in pair[0].iter().zip(&pair[1]) {
-                assert!(
-                    more - less > 4.0 * a.hypot(*b),
-                    "{diameter:?}: {more} ± {a}, then {less} ± {b}"
-                );
+                assert!(more - less > 4.0 * a.hypot(*b), "{diameter:?}: {more} ± {a}, then {less} ± {b}");
             }
         }
     }

@@ -26,36 +26,17 @@ fn images_are_projected() {
     );
     for integrator in ["path", "bidirectional"] {
         for (x, y) in [(0.5, -0.3), (0.4, 0.6), (-0.7, 0.2), (-0.3, -0.9)] {
-            let (at, cos) = (
-                [axis.x + x, axis.y + y],
-                height / DVec3::new(x, y, height).length(),
-            );
+            let (at, cos) = ([axis.x + x, axis.y + y], height / DVec3::new(x, y, height).length());
             let square = |right: f64, up: f64| f64::from(1 + u8::from(right > 0.0) + 2 * u8::from(up < 0.0));
             let emitter = |light: &str| text(integrator, 200, 2, at, &format!("[[emitters]]\n{light}\n"));
             let what = format!("{integrator} at {x}, {y}");
             let even = 2.0 / (height * height);
-            check(
-                &emitter(&slide),
-                even * square(x, y),
-                0.02,
-                &format!("slide, {what}"),
-            );
+            check(&emitter(&slide), even * square(x, y), 0.02, &format!("slide, {what}"));
             let inverse = cos.powi(3) / (height * height);
-            check(
-                &emitter(&spot),
-                3.0 * inverse * square(-y, x),
-                0.02,
-                &format!("spot, {what}"),
-            );
+            check(&emitter(&spot), 3.0 * inverse * square(-y, x), 0.02, &format!("spot, {what}"));
         }
         // Outside the frustum, which ends 1.155 m from the axis.
-        let beyond = text(
-            integrator,
-            200,
-            2,
-            [axis.x, axis.y + 1.2],
-            &format!("[[emitters]]\n{slide}\n"),
-        );
+        let beyond = text(integrator, 200, 2, [axis.x, axis.y + 1.2], &format!("[[emitters]]\n{slide}\n"));
         assert_eq!(m00(&render_text(&beyond)).0, 0.0, "{integrator}");
     }
 }

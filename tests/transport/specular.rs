@@ -59,32 +59,16 @@ fn p(x: f64, y: f64, z: f64) -> DVec3 {
 #[test]
 fn a_mirror_at_60_degrees() {
     let (s, c) = 60.0_f64.to_radians().sin_cos();
-    let points = [
-        p(-s, 0.0, c),
-        p(0.0, 0.0, 0.0),
-        p(1.3 * s, 0.0, 1.3 * c),
-        p(0.9, 0.8, 1.6),
-    ];
+    let points = [p(-s, 0.0, c), p(0.0, 0.0, 0.0), p(1.3 * s, 0.0, 1.3 * c), p(0.9, 0.8, 1.6)];
     check_chain(&points, p(0.05, -0.04, 0.02), "in the plane");
-    let points = [
-        p(-0.5, 0.4, 0.9),
-        p(0.0, 0.0, 0.0),
-        p(0.7, 0.3, 0.4),
-        p(0.2, 1.1, 0.6),
-    ];
+    let points = [p(-0.5, 0.4, 0.9), p(0.0, 0.0, 0.0), p(0.7, 0.3, 0.4), p(0.2, 1.1, 0.6)];
     check_chain(&points, p(-0.1, 0.06, 0.03), "askew");
 }
 
 /// Two and three mirrors with different planes of incidence.
 #[test]
 fn mirrors_with_turned_planes_of_incidence() {
-    let two = [
-        p(-0.6, 0.1, 0.8),
-        p(0.0, 0.0, 0.0),
-        p(0.5, 0.4, 0.7),
-        p(0.9, -0.5, 0.3),
-        p(0.1, -0.9, 0.9),
-    ];
+    let two = [p(-0.6, 0.1, 0.8), p(0.0, 0.0, 0.0), p(0.5, 0.4, 0.7), p(0.9, -0.5, 0.3), p(0.1, -0.9, 0.9)];
     check_chain(&two, p(0.08, 0.0, -0.05), "two mirrors");
     let three = [
         p(-0.6, 0.1, 0.8),
@@ -154,16 +138,10 @@ fn malus_by_two_brewster_reflections() {
         let often = mean / value;
         let chance = (reflectance / 2.0).powi(2);
         let spread = (chance * (1.0 - chance) / f64::from(SPP)).sqrt();
-        assert!(
-            (often - chance).abs() < 5.0 * spread,
-            "φ = {phi}°: {often} of samples, not {chance}"
-        );
+        assert!((often - chance).abs() < 5.0 * spread, "φ = {phi}°: {often} of samples, not {chance}");
         for i in 0..4 {
             let (got_i, want) = (got[(i, 0)] / often, full / chance * malus * shape[i]);
-            assert!(
-                (got_i - want).abs() < 2e-5 * full / chance,
-                "φ = {phi}°, s{i}: {got_i} is not {want}"
-            );
+            assert!((got_i - want).abs() < 2e-5 * full / chance, "φ = {phi}°, s{i}: {got_i} is not {want}");
             for j in 1..4 {
                 assert_eq!(got[(i, j)], 0.0, "the screen depolarizes");
             }

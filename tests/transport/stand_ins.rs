@@ -139,10 +139,7 @@ polarization = "mueller"
         .mean("image")
     };
     let analytic = render(source);
-    let table = render(&format!(
-        "{{ measured = {{ file = {:?} }} }}",
-        path.to_str().unwrap()
-    ));
+    let table = render(&format!("{{ measured = {{ file = {:?} }} }}", path.to_str().unwrap()));
     // Where light or camera directions are grazing, cells extend below the horizon and only their known
     // corners count.
     let (mut compared, mut off, mut light) = (0, 0.0, 0.0);

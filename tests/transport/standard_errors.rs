@@ -67,11 +67,7 @@ fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     scene.settings.replicates = replicates;
     scene.set_integrator(integrator);
-    honest(
-        &format!("mirror room, {integrator:?}, {replicates}"),
-        &mut scene,
-        1.0,
-    );
+    honest(&format!("mirror room, {integrator:?}, {replicates}"), &mut scene, 1.0);
 }
 
 /// If all elements have light, as here, almost none may be excluded.
@@ -103,9 +99,7 @@ fn deviations_of_bidirectional_paths_are_as_stated() {
 /// Light scattered in a medium around a ball, with bidirectional paths.
 #[test]
 fn deviations_in_media_are_as_stated() {
-    let fog = FOG
-        .replace("[0.4, 0.7, 1.0]", "0.7")
-        .replace("[0.1, 0.05, 0.2]", "0.1");
+    let fog = FOG.replace("[0.4, 0.7, 1.0]", "0.7").replace("[0.1, 0.05, 0.2]", "0.1");
     let text = box_of(256, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
         + "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\n\
            shape.cube = { min = [-0.9, -0.9, -0.9], max = [0.9, 0.9, 0.9] }\n\
@@ -163,11 +157,8 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
         for i in 0..runs[0][0].len() {
             let moments = |f: usize| {
                 let mean = runs.iter().map(|r| f64::from(r[f][i])).sum::<f64>() / s;
-                let spread = runs
-                    .iter()
-                    .map(|r| (f64::from(r[f][i]) - mean).powi(2))
-                    .sum::<f64>()
-                    / (s - 1.0);
+                let spread =
+                    runs.iter().map(|r| (f64::from(r[f][i]) - mean).powi(2)).sum::<f64>() / (s - 1.0);
                 (mean, spread)
             };
             let ((mean, spread), (error, variation)) = (moments(0), moments(1));
@@ -206,10 +197,7 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
         // With few elements the variance is only known to this precision: 5 sigma.
         let unsure = 5.0 * (2.0 / n).sqrt();
         let window = 0.8 * (1.0 - unsure)..1.25 * (1.0 + unsure);
-        assert!(
-            window.contains(&variance),
-            "{what}, {name}: z has variance {variance}, not in {window:?}"
-        );
+        assert!(window.contains(&variance), "{what}, {name}: z has variance {variance}, not in {window:?}");
         all[0] += n;
         all[1] += total;
         all[2] += squares;
@@ -218,8 +206,5 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let (variance, most) = (squares / n - (total / n).powi(2), n / s);
     println!("{what}: {most} elements, variance of z {variance:.3}");
     assert!(most >= LEAST, "{what}: only {most} elements have enough hits");
-    assert!(
-        (0.8..1.25).contains(&variance),
-        "{what}: z has variance {variance}"
-    );
+    assert!((0.8..1.25).contains(&variance), "{what}: z has variance {variance}");
 }

@@ -51,9 +51,7 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
             *light += f64::from(mean.data[i]);
             *variance += f64::from(error.data[i]).powi(2);
         }
-        let all = sums
-            .iter()
-            .fold([0.0; 2], |all, s| [all[0] + s[0], all[1] + s[1]]);
+        let all = sums.iter().fold([0.0; 2], |all, s| [all[0] + s[0], all[1] + s[1]]);
         sums[0] = all;
         sums
     });
@@ -90,19 +88,11 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
 fn light_leaves_stones() {
     let phases = [
         ("1.5", "rayleigh = {}"),
-        (
-            "[1.4, 1.5, 1.6]",
-            "henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }",
-        ),
+        ("[1.4, 1.5, 1.6]", "henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }"),
     ];
     for (ior, phase) in phases {
         let text = |spp, seed, absorption| {
-            stone(
-                spp,
-                seed,
-                ior,
-                &format!("scattering = 12\nabsorption = {absorption}\nphase.{phase}"),
-            )
+            stone(spp, seed, ior, &format!("scattering = 12\nabsorption = {absorption}\nphase.{phase}"))
         };
         let all = without(&text(512, 1, 0.2), Integrator::Path, &[]);
         let chance = without(&text(512, 1, 0.2), Integrator::Path, &[Strategy::RoughInterface]);
@@ -141,9 +131,6 @@ fn others_take_over() {
         &[Strategy::LightTracing, Strategy::VertexConnection],
     ] {
         let rest = without(&text(256, 2), Integrator::Bidirectional, left_out);
-        println!(
-            "without {left_out:?}: {:.2} sigma",
-            assert_agree(&path, &rest, 0.05, 20)
-        );
+        println!("without {left_out:?}: {:.2} sigma", assert_agree(&path, &rest, 0.05, 20));
     }
 }

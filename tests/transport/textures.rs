@@ -13,11 +13,7 @@ fn picture() -> image::RgbImage {
 
 fn linear(c: u8) -> f64 {
     let c = f64::from(c) / 255.0;
-    if c <= 0.04045 {
-        c / 12.92
-    } else {
-        ((c + 0.055) / 1.055).powf(2.4)
-    }
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// A plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with texels, so a
@@ -64,11 +60,7 @@ name = "image"
                         want += 0.5 * wx * wy * linear(picture.get_pixel(i, j).0[channel]);
                     }
                 }
-                let at = [
-                    (AxisKind::Y, y as usize),
-                    (AxisKind::X, x as usize),
-                    (AxisKind::Wavelength, lane),
-                ];
+                let at = [(AxisKind::Y, y as usize), (AxisKind::X, x as usize), (AxisKind::Wavelength, lane)];
                 let (got, sigma) = (f64::from(mean.at(&at)), f64::from(error.at(&at)));
                 assert!(sigma < 0.01 * want.max(0.1), "the test can see errors");
                 assert!(

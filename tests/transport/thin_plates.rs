@@ -32,10 +32,7 @@ fn orders(cos: f64, n: f64) -> [M; 2] {
     let inner = amplitudes(cos_t, Complex::new(1.0 / n, 0.0)).map(|z| z.re);
     // Born & Wolf 1.5.2 (20), in both directions.
     let enter = [2.0 * cos / (cos + n * cos_t), 2.0 * cos / (n * cos + cos_t)];
-    let leave = [
-        2.0 * n * cos_t / (n * cos_t + cos),
-        2.0 * n * cos_t / (cos_t + n * cos),
-    ];
+    let leave = [2.0 * n * cos_t / (n * cos_t + cos), 2.0 * n * cos_t / (cos_t + n * cos)];
     let mut r = of_amplitudes(outer[0], outer[1], 1.0);
     let mut t = M::zeros();
     let mut inside = enter;
@@ -109,10 +106,7 @@ fn plates_are_the_sum_of_their_orders() {
                 assert!(is_realizable(&rows, 1e-6), "n {n}, cos {cos}: {got}");
             }
             let all = got[0] + got[1];
-            assert!(
-                (all[(0, 0)] - 1.0).abs() < 1e-5 && all[(0, 1)].abs() < 1e-5,
-                "{all}"
-            );
+            assert!((all[(0, 0)] - 1.0).abs() < 1e-5 && all[(0, 1)].abs() < 1e-5, "{all}");
             polarized = polarized.max((got[0][(0, 1)] / got[0][(0, 0)]).abs());
             // Backwards: the same between swapped directions, in frames that both see from their own side.
             let back = lobe(r.wi, Lobe::Reflected);
@@ -120,12 +114,7 @@ fn plates_are_the_sum_of_their_orders() {
             let forth = f64s(r.scatter.between(wo, x[0], r.wi, x[1]).lane(lane));
             let back = f64s(back.scatter.between(r.wi, x[1], wo, x[0]).lane(lane));
             assert!((back - delta * forth.transpose() * delta).abs().max() < 1e-5);
-            let back = f64s(
-                lobe(-wo, Lobe::Transmitted)
-                    .scatter
-                    .between(-wo, x[0], wo, x[0])
-                    .lane(lane),
-            );
+            let back = f64s(lobe(-wo, Lobe::Transmitted).scatter.between(-wo, x[0], wo, x[0]).lane(lane));
             let forth = f64s(t.scatter.between(wo, x[0], -wo, x[0]).lane(lane));
             assert!((back - delta * forth.transpose() * delta).abs().max() < 1e-5);
         }
@@ -140,12 +129,7 @@ fn a_gap_reflects_totally() {
     let at = surface();
     for (cos, wo) in directions(at.ng) {
         let sin = (1.0 - cos * cos).sqrt();
-        let lobe = |lobe| {
-            set.materials
-                .specular(0, &at, wo, lobe, 0)
-                .expect("a lobe")
-                .scatter
-        };
+        let lobe = |lobe| set.materials.specular(0, &at, wo, lobe, 0).expect("a lobe").scatter;
         let (r, t) = (lobe(Lobe::Reflected).m00(), lobe(Lobe::Transmitted).m00());
         assert!((r.to_array()[1] + t.to_array()[1] - 1.0).abs() < 1e-5);
         if sin > 0.667 {
@@ -173,21 +157,12 @@ fn lobes_are_taken_by_their_power() {
     let mut taken = [0_u32; 2];
     for _ in 0..SAMPLES {
         let mut lanes = Lanes::first(4);
-        let s = set
-            .materials
-            .sample(0, &at, wo, &mut lanes, &mut stream)
-            .expect("light passes");
+        let s = set.materials.sample(0, &at, wo, &mut lanes, &mut stream).expect("light passes");
         assert!(s.delta && lanes == Lanes::first(4));
         let which = usize::from(s.wi.dot(lobes[0].0) < 0.999_99);
         taken[which] += 1;
         let p = lobes[which].1.to_array().iter().sum::<f32>() / 4.0;
-        for (got, want) in s
-            .scatter
-            .m00()
-            .to_array()
-            .into_iter()
-            .zip(lobes[which].1.to_array())
-        {
+        for (got, want) in s.scatter.m00().to_array().into_iter().zip(lobes[which].1.to_array()) {
             assert!((got - want / p).abs() < 1e-5);
         }
     }
@@ -205,10 +180,7 @@ fn panes_on_both_sides() {
     let camera = Device::ray(eye.to_array(), target);
     let lamp = Device::look_at([-0.9, 0.4, 1.0], target, [3, 3], 20.0);
     let (d, d_in) = (eye.normalize(), -lamp.origin.normalize());
-    let tilts = [
-        (d + DVec3::new(0.5, 0.9, 0.0)).normalize(),
-        (d_in + DVec3::new(0.1, 0.8, 0.7)).normalize(),
-    ];
+    let tilts = [(d + DVec3::new(0.5, 0.9, 0.0)).normalize(), (d_in + DVec3::new(0.1, 0.8, 0.7)).normalize()];
     let text = head(20_000, 8, 4)
         + &camera.keys("camera")
         + &lamp.keys("projector")

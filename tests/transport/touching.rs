@@ -34,20 +34,13 @@ fn seen(objects: &str) -> (f64, f64, Vec<String>) {
     let scene = from_text(Path::new("test.toml"), &text(objects, "")).unwrap_or_else(|e| panic!("{e}"));
     let render = render_scene(&scene);
     let one = |t: sunstone::tensor::array::Tensor| f64::from(t.data[0]);
-    (
-        one(render.mean("m")),
-        one(render.std_error("m")),
-        scene.notes.clone(),
-    )
+    (one(render.mean("m")), one(render.std_error("m")), scene.notes.clone())
 }
 
 /// Fresnel's reflectance of unpolarized light, from outside glass of index n.
 fn fresnel(cos: f64, n: f64) -> f64 {
     let inner = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
-    let (s, p) = (
-        (cos - n * inner) / (cos + n * inner),
-        (n * cos - inner) / (n * cos + inner),
-    );
+    let (s, p) = ((cos - n * inner) / (cos + n * inner), (n * cos - inner) / (n * cos + inner));
     0.5 * (s * s + p * p)
 }
 
@@ -95,14 +88,8 @@ fn a_boundary_that_bends_no_light_is_moved_off() {
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {
     let both = block("upper", "glass", 1.0, 2.0) + &block("lower", "water", 0.0, 1.0);
-    let error = from_text(Path::new("test.toml"), &text(&both, ""))
-        .err()
-        .expect("refused");
+    let error = from_text(Path::new("test.toml"), &text(&both, "")).err().expect("refused");
     assert!(error.message.contains("m apart at"), "{}", error.message);
     let scene = from_text(Path::new("test.toml"), &text(&both, "gaps = \"warn\"\n")).expect("a scene");
-    assert!(
-        scene.notes.iter().any(|n| n.contains("m apart at")),
-        "{:?}",
-        scene.notes
-    );
+    assert!(scene.notes.iter().any(|n| n.contains("m apart at")), "{:?}", scene.notes);
 }

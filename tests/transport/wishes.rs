@@ -21,9 +21,7 @@ const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
 /// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .expect("a folder")
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
 /// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the origin, camera
@@ -37,12 +35,7 @@ fn measured_materials_under_a_projector() {
         "wavelengths_nm = [550]\n[materials]\ngold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.4 }}\n"
     );
     let set = MaterialSet::from_text(Path::new("m.toml"), &text).expect("a material");
-    tabulate(
-        &path,
-        &Axes::even([37, 31, 46], vec![550]),
-        &[(&set.materials, 0)],
-    )
-    .expect("a table");
+    tabulate(&path, &Axes::even([37, 31, 46], vec![550]), &[(&set.materials, 0)]).expect("a table");
     let (s, c) = 9_f64.to_radians().sin_cos();
     let at = |side: f64| [50.0 * side * s, 0.0, -50.0 * c];
     let camera = Device::look_at(at(-1.0), DVec3::ZERO, [16, 16], 350.0);
@@ -79,20 +72,15 @@ const REPORTED: &str = "SUNSTONE_TEST_RENDER";
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "renders what another process tells it to"]
-fn what_a_process_is_told_to() {
+fn child_process_renders() {
     let Some(folder) = std::env::var_os(REPORTED) else {
         return;
     };
     std::env::set_current_dir(folder).expect("the folder");
     let scene = sunstone::scene::load(std::path::Path::new("scene.toml")).expect("the scene");
-    let target = Target {
-        path: "out.zarr".into(),
-        ..Target::default()
-    };
+    let target = Target { path: "out.zarr".into(), ..Target::default() };
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let done = alone
-        .expect("a thread")
-        .install(|| render(&scene, &target, &Unwatched));
+    let done = alone.expect("a thread").install(|| render(&scene, &target, &Unwatched));
     assert!(done.expect("a render").complete);
 }
 
@@ -105,9 +93,8 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     let axes = Axes::even(counts, vec![450, 500, 550, 600, 650]);
     write(&path, &axes, |_, slab| {
         for (e, x) in slab.iter_mut().enumerate() {
-            *x = [
-                0.1, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.0, 0.0, 0.0, -0.04,
-            ][e % 16];
+            *x =
+                [0.1, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, -0.05, 0.0, 0.0, 0.0, 0.0, -0.04][e % 16];
         }
     })
     .expect("a table");
@@ -124,22 +111,14 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
         + MATRIX;
     std::fs::write(folder.path().join("scene.toml"), text).expect("the scene");
     let limited =
-        format!("ulimit -d {limit_kib} && exec \"$0\" --ignored --exact wishes::what_a_process_is_told_to");
+        format!("ulimit -d {limit_kib} && exec \"$0\" --ignored --exact wishes::child_process_renders");
     let program = std::env::current_exe().expect("this program");
     let mut command = Command::new("sh");
-    command
-        .arg("-c")
-        .arg(limited)
-        .arg(program)
-        .env(REPORTED, folder.path());
+    command.arg("-c").arg(limited).arg(program).env(REPORTED, folder.path());
     let out = command.output().expect("a shell");
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stdout));
     let store = TensorStore::open(&folder.path().join("out.zarr")).expect("a store");
-    let m = store
-        .slice("m")
-        .expect("the slice")
-        .read_all(Field::Mean)
-        .expect("values");
+    let m = store.slice("m").expect("the slice").read_all(Field::Mean).expect("values");
     for (x, y) in (0..64).map(|k| (k % 8, k / 8)) {
         let m = mueller(&m, &[(Y, y), (X, x)]);
         assert!(m[(0, 0)] > 0.01, "pixel {x} {y}: {m}");
@@ -192,20 +171,10 @@ fn every_wavelength_has_its_own_matrix() {
     };
     let factor = ggx_factor(normal, d, -d_in, 0.3) * lamp.project(DVec3::ZERO).1;
     let all = render(&metals);
-    let axis = all
-        .axes
-        .iter()
-        .find(|a| a.kind == Wavelength)
-        .expect("wavelengths");
+    let axis = all.axes.iter().find(|a| a.kind == Wavelength).expect("wavelengths");
     assert_eq!(axis.coords, metals.map(|m| m.0));
     for (lane, metal) in metals.iter().enumerate() {
-        let want = mirror(
-            d_in,
-            project(lamp.right, d_in),
-            d,
-            project(camera.right, d),
-            metal.1,
-        ) * factor;
+        let want = mirror(d_in, project(lamp.right, d_in), d, project(camera.right, d), metal.1) * factor;
         let got = mueller(&all, &[(Wavelength, lane)]);
         assert_close(&got, &want, 1e-4, &format!("{} nm", metal.0));
         let alone = mueller(&render(&metals[lane..=lane]), &[]);
@@ -244,18 +213,9 @@ fn menagerie(seed: u32) -> Rendered {
         }
     }
     for i in 0..names.len() {
-        let at = [
-            (i % 4) as f64 * 0.5 - 0.75,
-            (i / 4) as f64 * 0.6 - 0.6,
-            0.3 * (i % 3) as f64,
-        ];
+        let at = [(i % 4) as f64 * 0.5 - 0.75, (i / 4) as f64 * 0.6 - 0.6, 0.3 * (i % 3) as f64];
         text += &if (6..=9).contains(&i) && i != 8 {
-            plate(
-                DVec3::from_array(at),
-                DVec3::new(0.2, -0.1, 1.0),
-                0.2,
-                &format!("m{i}"),
-            )
+            plate(DVec3::from_array(at), DVec3::new(0.2, -0.1, 1.0), 0.2, &format!("m{i}"))
         } else {
             format!("[[objects]]\nmaterial = \"m{i}\"\nshape.sphere = {{ center = {at:?}, radius = 0.22 }}\n")
         };
@@ -282,26 +242,15 @@ fn no_light_is_negative() {
                     let polarized = (1..4).map(|j| at(j).powi(2)).sum::<f64>().sqrt();
                     let leaving = (1..4).map(|i| at(4 * i).powi(2)).sum::<f64>().sqrt();
                     assert!(at(0) >= 0.0, "seed {seed}: s0 = {}", at(0));
-                    assert!(
-                        at(0) - polarized >= -2e-6 * at(0),
-                        "seed {seed}: {} {polarized}",
-                        at(0)
-                    );
-                    assert!(
-                        at(0) - leaving >= -2e-6 * at(0),
-                        "seed {seed}: {} {leaving}",
-                        at(0)
-                    );
+                    assert!(at(0) - polarized >= -2e-6 * at(0), "seed {seed}: {} {polarized}", at(0));
+                    assert!(at(0) - leaving >= -2e-6 * at(0), "seed {seed}: {} {leaving}", at(0));
                     lit += u32::from(at(0) > 0.0);
                     full += u32::from(polarized > 0.999 * at(0) && at(0) > 0.0);
                 }
             }
         }
     }
-    assert!(
-        lit > 20_000 && full > 200,
-        "{lit} lit, {full} of them fully polarizing"
-    );
+    assert!(lit > 20_000 && full > 200, "{lit} lit, {full} of them fully polarizing");
 }
 
 /// A wall with a raised plate in front of it, direct and indirect light separate.
@@ -360,17 +309,11 @@ fn every_pixel_knows_where_its_light_started() {
             single += 1;
             for (t, want) in moments.iter().zip(pixel) {
                 let mean = f64::from(t.at(&[(Y, y), (X, x), (Component, 0)])) / light;
-                assert!(
-                    (mean - f64::from(want)).abs() < 1e-3,
-                    "pixel {x} {y}: {mean}, not {want}"
-                );
+                assert!((mean - f64::from(want)).abs() < 1e-3, "pixel {x} {y}: {mean}, not {want}");
             }
         }
     }
-    assert!(
-        single > 200 && shadowed > 20,
-        "{single} with one origin, {shadowed} in shadow"
-    );
+    assert!(single > 200 && shadowed > 20, "{single} with one origin, {shadowed} in shadow");
 }
 
 /// Distance along a ray to the nearest of the relief's three planes.

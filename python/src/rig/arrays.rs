@@ -23,9 +23,7 @@ impl Picture {
     pub fn read(from: &Answer<'_, '_>, format: PixelFormat) -> Result<Self, String> {
         let of_frame = from.0.getattr("pixels").ok();
         let array = of_frame.as_ref().unwrap_or(from.0);
-        let numbers = table::<u16>(array)
-            .or_else(|| table::<u8>(array))
-            .or_else(|| table::<u32>(array));
+        let numbers = table::<u16>(array).or_else(|| table::<u8>(array)).or_else(|| table::<u32>(array));
         let (shape, numbers) = numbers.ok_or_else(|| {
             format!(
                 "its pixels are {}; expected a NumPy array (rows, columns) of uint8 or uint16",
@@ -46,12 +44,7 @@ impl Picture {
             ),
             None => (None, 0),
         };
-        Ok(Self {
-            shape,
-            numbers,
-            number,
-            timestamp_ns,
-        })
+        Ok(Self { shape, numbers, number, timestamp_ns })
     }
 }
 
@@ -79,20 +72,15 @@ fn kind(array: &Bound<'_, PyAny>) -> String {
 
 /// Reads a field of 32-bit integers.
 fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
-    let array = from
-        .0
-        .getattr(name)
-        .map_err(|_| format!("it has no `{name}`; expected a NumPy array of uint32"))?;
+    let array =
+        from.0.getattr(name).map_err(|_| format!("it has no `{name}`; expected a NumPy array of uint32"))?;
     let found = list::<u32>(&array)
         .or_else(|| list::<u16>(&array))
         .or_else(|| list::<i64>(&array))
         .or_else(|| list::<u64>(&array))
         .or_else(|| list::<i32>(&array));
     found.ok_or_else(|| {
-        format!(
-            "`{name}` is {}; expected a NumPy array (bins,) of uint32 counts",
-            kind(&array)
-        )
+        format!("`{name}` is {}; expected a NumPy array (bins,) of uint32 counts", kind(&array))
     })
 }
 
@@ -102,11 +90,7 @@ pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String
     let own: Option<u64> = from.field("number", "the counter's acquisition number, or None")?;
     Ok(Histogram {
         counts: integers(from, "counts")?,
-        records: if tagged {
-            integers(from, "records")?
-        } else {
-            vec![]
-        },
+        records: if tagged { integers(from, "records")? } else { vec![] },
         pulses: from.field("pulses", "an integer number of laser pulses, 0 or more")?,
         number: own.unwrap_or(number),
         timestamp_ns: from.field("timestamp_ns", "an integer number of nanoseconds, 0 or more")?,
@@ -148,15 +132,12 @@ pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound
 /// Reads patterns from Python.
 pub fn patterns(given: &Bound<'_, PyAny>) -> Result<Vec<Pattern>, String> {
     let wanted = "expected a sequence of NumPy arrays (rows, columns) of uint8";
-    let items = given
-        .try_iter()
-        .map_err(|_| format!("{}: {wanted}", shown(given)))?;
+    let items = given.try_iter().map_err(|_| format!("{}: {wanted}", shown(given)))?;
     let mut all = vec![];
     for item in items {
         let item = item.map_err(|e| e.to_string())?;
-        let array: PyReadonlyArray2<'_, u8> = item
-            .extract()
-            .map_err(|_| format!("a pattern is {}; {wanted}", kind(&item)))?;
+        let array: PyReadonlyArray2<'_, u8> =
+            item.extract().map_err(|_| format!("a pattern is {}; {wanted}", kind(&item)))?;
         all.push(Pattern {
             width: array.shape()[1] as u32,
             height: array.shape()[0] as u32,

@@ -16,10 +16,7 @@ macro_rules! checked {
     ($py:ident, $name:ident, $object:ident, $own:ident, $given:ident, $device:ident, $check:path) => {{
         let (mut device, own): (Box<dyn $device>, bool) = match $own::lend($object) {
             Some(lent) => (lent?, true),
-            None => (
-                Box::new(given::$given::new($name, $object, &Thrown::default())?),
-                false,
-            ),
+            None => (Box::new(given::$given::new($name, $object, &Thrown::default())?), false),
         };
         let report = looked_on($py, None, |_| $check(device.as_mut()));
         if own {
@@ -38,15 +35,7 @@ pub fn rig_check<'py>(
     object: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<(&'static str, Option<String>)>> {
     let Report(checks) = match kind {
-        "stage" => checked!(
-            py,
-            name,
-            object,
-            RigStage,
-            Stage,
-            RotationStage,
-            conformance::rotation_stage
-        ),
+        "stage" => checked!(py, name, object, RigStage, Stage, RotationStage, conformance::rotation_stage),
         "projector" => {
             checked!(
                 py,
@@ -58,33 +47,9 @@ pub fn rig_check<'py>(
                 conformance::pattern_projector
             )
         }
-        "camera" => checked!(
-            py,
-            name,
-            object,
-            RigCamera,
-            Camera,
-            AreaCamera,
-            conformance::area_camera
-        ),
-        "galvo" => checked!(
-            py,
-            name,
-            object,
-            RigGalvo,
-            Galvo,
-            GalvoScanner,
-            conformance::galvo_scanner
-        ),
-        "laser" => checked!(
-            py,
-            name,
-            object,
-            RigLaser,
-            Laser,
-            PulsedLaser,
-            conformance::pulsed_laser
-        ),
+        "camera" => checked!(py, name, object, RigCamera, Camera, AreaCamera, conformance::area_camera),
+        "galvo" => checked!(py, name, object, RigGalvo, Galvo, GalvoScanner, conformance::galvo_scanner),
+        "laser" => checked!(py, name, object, RigLaser, Laser, PulsedLaser, conformance::pulsed_laser),
         "counter" => {
             checked!(
                 py,

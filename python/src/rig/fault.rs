@@ -77,8 +77,6 @@ fn describe(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> 
 /// Tests the names of base classes. (Before Python 3.11, asyncio's timeout is a separate class.)
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
-    let mut names = classes
-        .iter()
-        .filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());
+    let mut names = classes.iter().filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());
     names.any(|n| n == name)
 }

@@ -56,10 +56,7 @@ impl<L, S> Given<L, S> {
             let answer = self.object.bind(py).call_method1(method, args);
             let answer = answer.map_err(|e| self.thrown.failure(py, &self.name, method, e))?;
             read(&Answer(&answer)).map_err(|what| {
-                self.failure(
-                    Fault::Refused,
-                    format!("`{method}` returned {}: {what}", shown(&answer)),
-                )
+                self.failure(Fault::Refused, format!("`{method}` returned {}: {what}", shown(&answer)))
             })
         })
     }
@@ -149,10 +146,8 @@ impl PatternProjector for Projector {
         }
         for (i, p) in patterns.iter().enumerate() {
             if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
-                let what = format!(
-                    "pattern {i} has {} x {} pixels, expected {width} x {height}",
-                    p.width, p.height
-                );
+                let what =
+                    format!("pattern {i} has {} x {} pixels, expected {width} x {height}", p.width, p.height);
                 return limit(what);
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
@@ -171,10 +166,7 @@ impl PatternProjector for Projector {
 
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         if pattern >= self.state {
-            let what = format!(
-                "pattern {pattern} does not exist; {} patterns are loaded",
-                self.state
-            );
+            let what = format!("pattern {pattern} does not exist; {} patterns are loaded", self.state);
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("show", (pattern, within.as_secs_f64()))
@@ -249,9 +241,7 @@ impl AreaCamera for Camera {
             return Err(self.of.failure(Fault::Refused, "the camera is not configured"));
         }
         if self.of.state.under_way {
-            return Err(self
-                .of
-                .failure(Fault::Refused, "an exposure is already in progress"));
+            return Err(self.of.failure(Fault::Refused, "an exposure is already in progress"));
         }
         self.of.tell("expose", ())?;
         self.of.state.under_way = true;
@@ -298,10 +288,7 @@ impl GalvoScanner for Galvo {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let mut both = angles_deg.iter().zip(self.limits.range_deg);
         if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
-            let what = format!(
-                "{angles_deg:?}° is outside ±{:?}°; correct the plan",
-                self.limits.range_deg
-            );
+            let what = format!("{angles_deg:?}° is outside ±{:?}°; correct the plan", self.limits.range_deg);
             return Err(self.failure(Fault::Limit, what));
         }
         let [x, y] = angles_deg;
@@ -390,9 +377,7 @@ impl PhotonCounter for Counter {
             return Err(self.of.failure(Fault::Refused, "the counter is not configured"));
         }
         if self.of.state.under_way {
-            return Err(self
-                .of
-                .failure(Fault::Refused, "an acquisition is already in progress"));
+            return Err(self.of.failure(Fault::Refused, "an acquisition is already in progress"));
         }
         self.of.tell("begin", ())?;
         self.of.state.under_way = true;
@@ -409,17 +394,13 @@ impl PhotonCounter for Counter {
         self.of.state.under_way = false;
         let bins = if settings.tags { 0 } else { settings.bins };
         if found.counts.len() != bins {
-            let what = format!(
-                "`finish` returned {} counts, but {bins} bins are configured",
-                found.counts.len()
-            );
+            let what =
+                format!("`finish` returned {} counts, but {bins} bins are configured", found.counts.len());
             return Err(self.of.failure(Fault::Timeout, what));
         }
         let full = self.of.limits.full;
         if found.counts.iter().any(|n| u64::from(*n) >= full) {
-            return Err(self
-                .of
-                .failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
+            return Err(self.of.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
         }
         self.taken = number;
         Ok(found)

@@ -21,10 +21,7 @@ pub struct Slot<D: ?Sized> {
 
 impl<D: ?Sized + Send> Slot<D> {
     fn new(name: &str, device: Box<D>) -> Self {
-        Self {
-            name: name.to_owned(),
-            device: Mutex::new(Some(device)),
-        }
+        Self { name: name.to_owned(), device: Mutex::new(Some(device)) }
     }
 
     /// Takes the instrument, if it is available.
@@ -43,12 +40,7 @@ impl<D: ?Sized + Send> Slot<D> {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
             device.as_mut().map(|device| work(device))
         })?;
-        done.ok_or_else(|| {
-            input(format!(
-                "{}: in use by a running session; wait until it ends",
-                self.name
-            ))
-        })
+        done.ok_or_else(|| input(format!("{}: in use by a running session; wait until it ends", self.name)))
     }
 
     /// Sends a request that the instrument may refuse.
@@ -57,8 +49,7 @@ impl<D: ?Sized + Send> Slot<D> {
         py: Python<'_>,
         work: impl FnOnce(&mut D) -> Result<T, Failure> + Send,
     ) -> PyResult<T> {
-        self.with(py, work)?
-            .map_err(|failure| exception(py, &failure, ""))
+        self.with(py, work)?.map_err(|failure| exception(py, &failure, ""))
     }
 }
 

@@ -72,11 +72,7 @@ pub fn rig_open<'py>(
     if let Some(device) = rig.counter.take() {
         own.set_item("counter", Bound::new(py, RigCounter::new(device))?)?;
     }
-    let session = RigSession {
-        prepared,
-        bare: Mutex::new(Some(rig)),
-        sample,
-    };
+    let session = RigSession { prepared, bare: Mutex::new(Some(rig)), sample };
     Ok((session, own))
 }
 
@@ -91,11 +87,7 @@ impl<'a, 'py> Lent<'a, 'py> {
     fn new(session: &'a RigSession, instruments: &Bound<'py, PyDict>, thrown: &Thrown) -> PyResult<Self> {
         let bare = session.bare.lock().unwrap_or_else(PoisonError::into_inner).take();
         let bare = bare.ok_or_else(|| input("the session is running; wait until it ends"))?;
-        let mut lent = Self {
-            session,
-            objects: instruments.extract()?,
-            rig: Some(bare),
-        };
+        let mut lent = Self { session, objects: instruments.extract()?, rig: Some(bare) };
         for (name, object) in &lent.objects {
             if let Some(rig) = &mut lent.rig {
                 lend(rig, session, name, object, thrown)?;
@@ -112,31 +104,13 @@ impl Drop for Lent<'_, '_> {
         };
         for (name, object) in &self.objects {
             match name.as_str() {
-                "projector" => rig
-                    .projector
-                    .take()
-                    .into_iter()
-                    .for_each(|d| RigProjector::give_back(object, d)),
-                "camera" => rig
-                    .camera
-                    .take()
-                    .into_iter()
-                    .for_each(|d| RigCamera::give_back(object, d)),
-                "galvo" => rig
-                    .galvo
-                    .take()
-                    .into_iter()
-                    .for_each(|d| RigGalvo::give_back(object, d)),
-                "laser" => rig
-                    .laser
-                    .take()
-                    .into_iter()
-                    .for_each(|d| RigLaser::give_back(object, d)),
-                "counter" => rig
-                    .counter
-                    .take()
-                    .into_iter()
-                    .for_each(|d| RigCounter::give_back(object, d)),
+                "projector" => {
+                    rig.projector.take().into_iter().for_each(|d| RigProjector::give_back(object, d))
+                }
+                "camera" => rig.camera.take().into_iter().for_each(|d| RigCamera::give_back(object, d)),
+                "galvo" => rig.galvo.take().into_iter().for_each(|d| RigGalvo::give_back(object, d)),
+                "laser" => rig.laser.take().into_iter().for_each(|d| RigLaser::give_back(object, d)),
+                "counter" => rig.counter.take().into_iter().for_each(|d| RigCounter::give_back(object, d)),
                 stage => {
                     let device = rig.stages.remove(stage).map(|s| s.device);
                     device.into_iter().for_each(|d| RigStage::give_back(object, d));
@@ -192,8 +166,7 @@ fn lend(
                 None => Box::new(given::Stage::new(name, object, thrown)?),
             };
             let approach_deg = session.prepared.approach_deg(stage);
-            rig.stages
-                .insert(stage.to_owned(), Stage { device, approach_deg });
+            rig.stages.insert(stage.to_owned(), Stage { device, approach_deg });
         }
     }
     Ok(())
@@ -213,12 +186,7 @@ pub fn rig_cost<'py>(
     };
     let steps = session.prepared.steps(rig).map_err(|e| prepare(py, &e))?;
     let cost = steps.cost(rig);
-    Ok((
-        cost.frames,
-        cost.duration.as_secs_f64(),
-        cost.moving.as_secs_f64(),
-        cost.bytes,
-    ))
+    Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
 }
 
 /// Reason why a run ended early.
@@ -268,10 +236,8 @@ pub fn rig_run<'py>(
         Ok(outcome) => Ok((outcome.taken, outcome.retries, outcome.elapsed.as_secs_f64())),
         Err(Ended::Prepare(e)) => Err(prepare(py, &e)),
         Err(Ended::Run(RunError::Instrument(failure))) => {
-            let rest = format!(
-                "all earlier frames are saved in {}; resume with resume=True",
-                output.display()
-            );
+            let rest =
+                format!("all earlier frames are saved in {}; resume with resume=True", output.display());
             Err(thrown.raise(py, &failure, &rest))
         }
         Err(Ended::Run(e)) => Err(failed(e)),

@@ -13,21 +13,15 @@ use sunstone::rig::instrument::{
 use sunstone::rig::ptu::record::RecordType;
 
 /// All pixel formats.
-const FORMATS: [PixelFormat; 4] = [
-    PixelFormat::Mono8,
-    PixelFormat::Mono10p,
-    PixelFormat::Mono12p,
-    PixelFormat::Mono16,
-];
+const FORMATS: [PixelFormat; 4] =
+    [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
 
 /// Return value of a method, with its fields.
 pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// Formats an object for messages.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
-    let text = object
-        .repr()
-        .map_or_else(|_| "an object without repr".into(), |t| t.to_string());
+    let text = object.repr().map_or_else(|_| "an object without repr".into(), |t| t.to_string());
     // The text of an array has many lines.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
@@ -39,24 +33,15 @@ pub fn shown(object: &Bound<'_, PyAny>) -> String {
 impl<'py> Answer<'_, 'py> {
     /// Reads a field; `wanted` describes the expected type.
     pub fn field<T: FromPyObjectOwned<'py>>(&self, name: &str, wanted: &str) -> Result<T, String> {
-        let value = self
-            .0
-            .getattr(name)
-            .map_err(|_| format!("it has no `{name}`; expected {wanted}"))?;
-        value
-            .extract()
-            .map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
+        let value = self.0.getattr(name).map_err(|_| format!("it has no `{name}`; expected {wanted}"))?;
+        value.extract().map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
     }
 
     /// Reads a finite number.
     pub fn number(&self, name: &str, units: &str) -> Result<f64, String> {
         let wanted = format!("a finite number of {units}");
         let value: f64 = self.field(name, &wanted)?;
-        if value.is_finite() {
-            Ok(value)
-        } else {
-            Err(format!("`{name}` is {value}; expected {wanted}"))
-        }
+        if value.is_finite() { Ok(value) } else { Err(format!("`{name}` is {value}; expected {wanted}")) }
     }
 
     /// Reads two numbers, finite or infinite.
@@ -137,13 +122,7 @@ impl Value for StageLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let [least, most] = self.range_deg;
-        (
-            (least, most),
-            self.velocity,
-            self.acceleration,
-            self.resolution_deg,
-        )
-            .into_pyobject(py)
+        ((least, most), self.velocity, self.acceleration, self.resolution_deg).into_pyobject(py)
     }
 }
 
@@ -177,13 +156,7 @@ impl Value for ProjectorLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let [width, height] = self.size;
-        (
-            (width, height),
-            self.patterns,
-            self.bits,
-            self.shortest.as_secs_f64(),
-        )
-            .into_pyobject(py)
+        ((width, height), self.patterns, self.bits, self.shortest.as_secs_f64()).into_pyobject(py)
     }
 }
 
@@ -202,10 +175,7 @@ impl Value for CameraLimits {
         Ok(Self {
             size: from.field("size", "columns and rows in pixels")?,
             step: from.field("step", "columns and rows in pixels")?,
-            exposure: [
-                duration("exposure_s", shortest)?,
-                duration("exposure_s", longest)?,
-            ],
+            exposure: [duration("exposure_s", shortest)?, duration("exposure_s", longest)?],
             gain_db: from.pair("gain_db", "decibels")?,
             formats: formats.iter().map(|f| format(f)).collect::<Result<_, _>>()?,
             row_time: from.seconds("row_time_s")?,
@@ -218,15 +188,7 @@ impl Value for CameraLimits {
         let [least, most] = self.gain_db;
         let formats = PyTuple::new(py, self.formats.iter().map(|f| f.name()))?;
         let row = self.row_time.as_secs_f64();
-        (
-            pair(self.size),
-            pair(self.step),
-            (shortest, longest),
-            (least, most),
-            formats,
-            row,
-        )
-            .into_pyobject(py)
+        (pair(self.size), pair(self.step), (shortest, longest), (least, most), formats, row).into_pyobject(py)
     }
 }
 
@@ -264,9 +226,7 @@ impl Value for CameraSettings {
                 "software" => Trigger::Software,
                 "line" => Trigger::Line,
                 other => {
-                    return Err(format!(
-                        "`trigger` is {other:?}; expected \"software\" or \"line\""
-                    ));
+                    return Err(format!("`trigger` is {other:?}; expected \"software\" or \"line\""));
                 }
             },
         })
@@ -278,14 +238,7 @@ impl Value for CameraSettings {
             Trigger::Line => "line",
         };
         let exposure = self.exposure.as_secs_f64();
-        (
-            self.region.object(py)?,
-            exposure,
-            self.gain_db,
-            self.format.name(),
-            trigger,
-        )
-            .into_pyobject(py)
+        (self.region.object(py)?, exposure, self.gain_db, self.format.name(), trigger).into_pyobject(py)
     }
 }
 
@@ -310,10 +263,7 @@ impl Value for LaserLimits {
     const CLASS: &'static str = "LaserLimits";
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            nm: from.number("wavelength_nm", "nanometres")?,
-            rate_hz: from.pair("rate_hz", "hertz")?,
-        })
+        Ok(Self { nm: from.number("wavelength_nm", "nanometres")?, rate_hz: from.pair("rate_hz", "hertz")? })
     }
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
@@ -347,12 +297,7 @@ impl Value for CounterLimits {
             let all = RecordType::ALL;
             let known: Vec<&str> = all.iter().map(|r| r.name()).collect();
             let found = all.into_iter().find(|r| r.name() == name);
-            found.ok_or_else(|| {
-                format!(
-                    "`tags` is {name:?}; expected None, or one of {}",
-                    known.join(", ")
-                )
-            })
+            found.ok_or_else(|| format!("`tags` is {name:?}; expected None, or one of {}", known.join(", ")))
         };
         Ok(Self {
             bins: from.field("bins", "the number of bins of a histogram")?,
@@ -365,14 +310,7 @@ impl Value for CounterLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let tags = self.tags.map(RecordType::name);
-        (
-            self.bins,
-            self.finest_ps,
-            self.longest.as_secs_f64(),
-            self.full,
-            tags,
-        )
-            .into_pyobject(py)
+        (self.bins, self.finest_ps, self.longest.as_secs_f64(), self.full, tags).into_pyobject(py)
     }
 }
 
@@ -390,13 +328,6 @@ impl Value for CounterSettings {
     }
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (
-            self.bins,
-            self.bin_ps,
-            self.dwell.as_secs_f64(),
-            self.offset_ps,
-            self.tags,
-        )
-            .into_pyobject(py)
+        (self.bins, self.bin_ps, self.dwell.as_secs_f64(), self.offset_ps, self.tags).into_pyobject(py)
     }
 }

@@ -20,76 +20,29 @@ pub struct Analysis;
 
 const fn slicing(name: &'static str, source: &'static str, dimensions: [bool; 3]) -> Isolation {
     let [space, time, polarization] = dimensions;
-    Isolation::new(
-        name,
-        source,
-        Family::Any {
-            space,
-            time,
-            polarization,
-        },
-    )
+    Isolation::new(name, source, Family::Any { space, time, polarization })
 }
 
 const METHODS: [Isolation; 7] = [
-    slicing(
-        "space, time, polarization",
-        "Baek & Heide 2021",
-        [true, true, true],
-    ),
+    slicing("space, time, polarization", "Baek & Heide 2021", [true, true, true]),
     slicing("space, polarization", "Baek & Heide 2021", [true, false, true]),
     slicing("time, polarization", "Baek & Heide 2021", [false, true, true]),
-    slicing(
-        "polarization only",
-        "an element of all light",
-        [false, false, true],
-    ),
-    slicing(
-        "space only",
-        "epipolar or other light (O'Toole et al. 2012)",
-        [true, false, false],
-    ),
+    slicing("polarization only", "an element of all light", [false, false, true]),
+    slicing("space only", "epipolar or other light (O'Toole et al. 2012)", [true, false, false]),
     slicing("time only", "early or late light", [false, true, false]),
     slicing("intensity only", "a photograph", [false, false, false]),
 ];
 
 const fn task(name: &'static str, metrics: [Metric; 6], light: fn(Path) -> bool, share: f64) -> Task {
-    Task {
-        name,
-        metrics,
-        light,
-        region: None,
-        share,
-        named: None,
-    }
+    Task { name, metrics, light, region: None, share, named: None }
 }
 
 const TASKS: [Task; 5] = [
     task("one matt", metrics!("one matt"), Path::single_diffuse, 0.5),
-    task(
-        "several matt",
-        metrics!("several matt"),
-        Path::diffuse_interreflection,
-        0.2,
-    ),
-    task(
-        "mirror and matt",
-        metrics!("mirror and matt"),
-        Path::mirror_and_diffuse,
-        0.5,
-    ),
-    task(
-        "one specular",
-        metrics!("one specular"),
-        Path::single_specular,
-        0.5,
-    ),
-    task(
-        "several specular",
-        metrics!("several specular"),
-        Path::multi_specular,
-        0.2,
-    ),
+    task("several matt", metrics!("several matt"), Path::diffuse_interreflection, 0.2),
+    task("mirror and matt", metrics!("mirror and matt"), Path::mirror_and_diffuse, 0.5),
+    task("one specular", metrics!("one specular"), Path::single_specular, 0.5),
+    task("several specular", metrics!("several specular"), Path::multi_specular, 0.2),
 ];
 
 impl Application for Analysis {
@@ -107,24 +60,10 @@ impl Application for Analysis {
             train: (0..3).collect(),
             // Variants 3 to 9 were used to define the tasks and metrics.
             test: (10..17).collect(),
-            slices: vec![
-                seen::POLARIMETRIC,
-                seen::EPIPOLAR,
-                seen::TRANSIENT,
-                seen::GATED,
-                scanlines::SPACE,
-            ],
-            truth: vec![Truth::Slice {
-                name: seen::PATHS,
-                slice: seen::PATHS,
-                of: itself,
-                samples: 16,
-            }],
+            slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT, seen::GATED, scanlines::SPACE],
+            truth: vec![Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 16 }],
             preview: Size { pixels: 64, spp: 32 },
-            full: Size {
-                pixels: 128,
-                spp: 128,
-            },
+            full: Size { pixels: 128, spp: 128 },
         }
     }
 

@@ -33,24 +33,19 @@ pub(super) fn elements() -> impl Iterator<Item = &'static str> {
 /// Draws an element of a row: camera columns from left to right, another axis from bottom to top.
 fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64) -> Map {
     let height = t.extent(up);
-    Map::from_fn(
-        t.extent(AxisKind::X),
-        height,
-        t.extent(AxisKind::Wavelength),
-        |x, y, out| {
-            for (lane, o) in out.iter_mut().enumerate() {
-                let place = [
-                    (AxisKind::Y, row),
-                    (AxisKind::X, x),
-                    (up, height - 1 - y),
-                    (AxisKind::StokesOut, i),
-                    (AxisKind::StokesIn, j),
-                    (AxisKind::Wavelength, lane),
-                ];
-                *o = sign * f64::from(t.at(&place));
-            }
-        },
-    )
+    Map::from_fn(t.extent(AxisKind::X), height, t.extent(AxisKind::Wavelength), |x, y, out| {
+        for (lane, o) in out.iter_mut().enumerate() {
+            let place = [
+                (AxisKind::Y, row),
+                (AxisKind::X, x),
+                (up, height - 1 - y),
+                (AxisKind::StokesOut, i),
+                (AxisKind::StokesIn, j),
+                (AxisKind::Wavelength, lane),
+            ];
+            *o = sign * f64::from(t.at(&place));
+        }
+    })
 }
 
 /// Returns the 98th percentile of the nonzero values of a scanline.
@@ -74,27 +69,13 @@ fn clipped(mut map: Map, bright: f64) -> Map {
 pub(super) fn pictures(o: &Observation) -> Result<Vec<Picture>, ApplyError> {
     let mut out = vec![];
     for (slice, name, up, axis) in [
-        (
-            SPACE,
-            "s-s' scanline",
-            AxisKind::U,
-            "projector columns and Mueller matrices",
-        ),
-        (
-            TRANSIENT,
-            "x-t scanline",
-            AxisKind::T,
-            "travel time and Mueller matrices",
-        ),
+        (SPACE, "s-s' scanline", AxisKind::U, "projector columns and Mueller matrices"),
+        (TRANSIENT, "x-t scanline", AxisKind::T, "travel time and Mueller matrices"),
     ] {
         let t = &o.slice(slice)?.mean;
         let matrices = [AxisKind::StokesOut, AxisKind::StokesIn].map(|k| t.extent(k));
         if t.find(up).is_none() || matrices != [4, 4] {
-            return Err(ApplyError::Axis {
-                variant: o.variant,
-                slice: slice.to_owned(),
-                axis,
-            });
+            return Err(ApplyError::Axis { variant: o.variant, slice: slice.to_owned(), axis });
         }
         let rows = t.extent(AxisKind::Y);
         let row = ((ROW * rows as f64) as usize).min(rows.saturating_sub(1));
@@ -118,16 +99,11 @@ mod tests {
 
     #[test]
     fn time_runs_upward_in_the_row_that_is_drawn() {
-        let s = slice([5, 10, 4, 2], 0.0, |p, bin, e, lane| {
-            (1000 * p + 100 * bin + 2 * e + lane) as f64
-        });
+        let s = slice([5, 10, 4, 2], 0.0, |p, bin, e, lane| (1000 * p + 100 * bin + 2 * e + lane) as f64);
         let map = scanline(&s.mean, 6, AxisKind::T, [3, 3], -1.0);
         assert_eq!((map.width, map.height, map.channels), (5, 4, 2));
         // Row 6, column 2 is pixel 32; the top is the last bin.
-        assert_eq!(
-            map.at(2, 0),
-            [-(32_000.0 + 300.0 + 30.0), -(32_000.0 + 300.0 + 31.0)]
-        );
+        assert_eq!(map.at(2, 0), [-(32_000.0 + 300.0 + 30.0), -(32_000.0 + 300.0 + 31.0)]);
         assert_eq!(map.at(2, 3), [-32_030.0, -32_031.0]);
     }
 }

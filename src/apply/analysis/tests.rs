@@ -13,26 +13,11 @@ fn kinds() -> [Kind; 5] {
     [
         Kind::new(8, 1),
         // Shadow light: later, and not epipolar.
-        Kind {
-            epipolar: false,
-            delay: 1,
-            ..Kind::new(8, 2)
-        },
+        Kind { epipolar: false, delay: 1, ..Kind::new(8, 2) },
         // The mirrored room, brighter than the mirror: later, and epipolar.
-        Kind {
-            delay: 4,
-            ..Kind::new(10, 3)
-        },
-        Kind {
-            shares: ONE,
-            ..Kind::new(4, 1)
-        },
-        Kind {
-            shares: TWO,
-            epipolar: false,
-            delay: 1,
-            ..Kind::new(6, 2)
-        },
+        Kind { delay: 4, ..Kind::new(10, 3) },
+        Kind { shares: ONE, ..Kind::new(4, 1) },
+        Kind { shares: TWO, epipolar: false, delay: 1, ..Kind::new(6, 2) },
     ]
 }
 
@@ -54,6 +39,7 @@ fn room(kinds: &[Kind]) -> Vec<Observation> {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn dimensions_tell_what_they_can() {
     let all = room(&kinds());
     let outcome = Analysis.run(&all[..3], &all[3..]).expect("it runs");
@@ -80,10 +66,7 @@ fn dimensions_tell_what_they_can() {
     // kinds of metal.
     assert!((area("time only", "mirror and matt") - area(ours, "mirror and matt")).abs() < 0.02);
     for task in ["one specular", "several specular"] {
-        assert!(
-            (area("polarization only", task) - area(ours, task)).abs() < 0.05,
-            "{task}"
-        );
+        assert!((area("polarization only", task) - area(ours, task)).abs() < 0.05, "{task}");
         // The light varies equally in all pixels, so a photograph does not separate the kinds.
         assert!((area("intensity only", task) - 0.5).abs() < 0.1, "{task}");
     }
@@ -99,14 +82,9 @@ fn dimensions_tell_what_they_can() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn scanlines_want_their_axes() {
     let mut all = room(&kinds());
-    all[3].slices.insert(
-        scanlines::SPACE.into(),
-        slice([4, 1, 1, 1], 0.0, |_, _, _, _| 0.0),
-    );
-    assert!(matches!(
-        Analysis.run(&all[..3], &all[3..]),
-        Err(ApplyError::Axis { .. })
-    ));
+    all[3].slices.insert(scanlines::SPACE.into(), slice([4, 1, 1, 1], 0.0, |_, _, _, _| 0.0));
+    assert!(matches!(Analysis.run(&all[..3], &all[3..]), Err(ApplyError::Axis { .. })));
 }

@@ -43,12 +43,7 @@ pub struct Exposure {
 
 impl Default for Exposure {
     fn default() -> Self {
-        Self {
-            meter: Meter::Percentile(95.0),
-            electrons: 3000.0,
-            counts: 3000.0,
-            counts_per_pulse: 0.02,
-        }
+        Self { meter: Meter::Percentile(95.0), electrons: 3000.0, counts: 3000.0, counts_per_pulse: 0.02 }
     }
 }
 
@@ -87,12 +82,7 @@ impl Exposure {
         number("electrons", self.electrons, "a positive number")?;
         number("counts", self.counts, "a positive number")?;
         let rate = self.counts_per_pulse;
-        demand(
-            "counts_per_pulse",
-            rate,
-            positive(rate) && rate <= 0.5,
-            "above 0, at most 0.5",
-        )?;
+        demand("counts_per_pulse", rate, positive(rate) && rate <= 0.5, "above 0, at most 0.5")?;
         if let Meter::Percentile(p) = self.meter {
             demand("percentile", p, (0.0..=100.0).contains(&p), "0 to 100")?;
         }
@@ -153,18 +143,14 @@ impl Laboratory {
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {
-            let fit = lights
-                .iter()
-                .filter(|l| l.polarized && l.image.bin_ps.is_some() == timed);
+            let fit = lights.iter().filter(|l| l.polarized && l.image.bin_ps.is_some() == timed);
             fit.max_by(|a, b| brightness(a).total_cmp(&brightness(b)))
         };
         let photograph = brightest(false).or_else(|| brightest(true));
         let level = photograph.map_or(f64::NAN, |l| self.exposure.level(l));
         let noisy = self.camera.is_some() || self.counter.is_some();
         if noisy && !positive(level) {
-            return Err(ChainError::Dark(
-                "set the exposure by the mean, or by a higher percentile".into(),
-            ));
+            return Err(ChainError::Dark("set the exposure by the mean, or by a higher percentile".into()));
         }
         let level = [level, mean_reading(scheme)];
         let camera = self.camera.clone().map(|mut c| {
@@ -172,12 +158,7 @@ impl Laboratory {
             c.photons_per_unit = self.exposure.electrons / (per * level[0] * level[1]).max(1e-300);
             c
         });
-        Ok(Detectors {
-            camera,
-            counter: self.counter.clone(),
-            level,
-            exposure: self.exposure,
-        })
+        Ok(Detectors { camera, counter: self.counter.clone(), level, exposure: self.exposure })
     }
 }
 
@@ -202,9 +183,7 @@ impl Detectors {
                     let bins = light.image.layout.times as f64 + (late / bin_ps).ceil();
                     diode.period_ps = bins * bin_ps;
                 }
-                diode.pulses = (self.exposure.counts / self.exposure.counts_per_pulse)
-                    .ceil()
-                    .max(1.0) as u64;
+                diode.pulses = (self.exposure.counts / self.exposure.counts_per_pulse).ceil().max(1.0) as u64;
                 diode.check()?;
                 Ok(Noise::Spad(diode))
             }
@@ -212,10 +191,7 @@ impl Detectors {
                 let mut camera = camera.clone();
                 camera.photons_per_unit *= through;
                 camera.check()?;
-                Ok(Noise::Cmos {
-                    camera,
-                    demosaic: None,
-                })
+                Ok(Noise::Cmos { camera, demosaic: None })
             }
             _ => Ok(Noise::None),
         }

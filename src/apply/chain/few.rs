@@ -68,11 +68,7 @@ impl Expected {
                 "slice `{slice}` of the training variants is dark; check the lights of the scene"
             )));
         }
-        Ok(Self {
-            moment: sum / squares,
-            brightness: (squares / count).sqrt(),
-            nm,
-        })
+        Ok(Self { moment: sum / squares, brightness: (squares / count).sqrt(), nm })
     }
 }
 
@@ -103,12 +99,7 @@ impl Choice {
 
 /// Returns the settings of a search that is long enough for a few captures.
 fn search(seed: u64) -> Search {
-    Search {
-        starts: 8,
-        iterations: 120,
-        adam_steps: 0,
-        seed,
-    }
+    Search { starts: 8, iterations: 120, adam_steps: 0, seed }
 }
 
 /// Chooses a scheme of `captures` captures for the expected matrices, with a reading's noise `sigma` relative

@@ -90,10 +90,7 @@ pub struct Chain {
 }
 
 #[derive(Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected the name of a scheme file, or { kind, captures, array }"
-)]
+#[serde(untagged, expecting = "expected the name of a scheme file, or { kind, captures, array }")]
 enum SchemeFrom {
     File(PathBuf),
     Kind(Kind),
@@ -195,10 +192,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     // command.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let fix = format!("use at least {} captures with different settings", e.least);
-        let message = format!(
-            "{} captures of rank {} do not determine a Mueller matrix",
-            e.captures, e.rank
-        );
+        let message = format!("{} captures of rank {} do not determine a Mueller matrix", e.captures, e.rank);
         return Err(fault(file.scheme.span(), message, &fix));
     }
     let optics = match file.optics.as_deref() {
@@ -225,27 +219,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let exposure = file.exposure.as_ref().map_or_else(Exposure::default, |e| **e);
     if let Some(at) = &file.exposure {
         exposure.check().map_err(|e| {
-            fault(
-                at.span(),
-                e.to_string(),
-                "correct the value, or remove it to use the default",
-            )
+            fault(at.span(), e.to_string(), "correct the value, or remove it to use the default")
         })?;
         if file.cmos.is_none() && file.spad.is_none() {
             let fix = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
-            return Err(fault(
-                at.span(),
-                "`exposure` is set, but there is no detector".into(),
-                fix,
-            ));
+            return Err(fault(at.span(), "`exposure` is set, but there is no detector".into(), fix));
         }
     }
     let listed = [
-        (
-            file.calibration.is_empty(),
-            file.calibration.span(),
-            "calibration",
-        ),
+        (file.calibration.is_empty(), file.calibration.span(), "calibration"),
         (file.samples.is_empty(), file.samples.span(), "samples"),
     ];
     if let Some((_, span, name)) = listed.into_iter().find(|(empty, _, _)| *empty) {
@@ -261,22 +243,14 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         (repeats(&file.samples), file.samples.span(), "samples"),
     ];
     if let Some((_, span, name)) = twice.into_iter().find(|(twice, _, _)| *twice) {
-        return Err(fault(
-            span,
-            format!("`{name}` contains a duplicate"),
-            "list each entry once",
-        ));
+        return Err(fault(span, format!("`{name}` contains a duplicate"), "list each entry once"));
     }
     if let Some(camera) = &file.cmos {
         let bad = camera.check().err().map(|e| e.to_string());
         let bad =
             bad.or_else(|| (camera.binning > 1).then(|| "`binning` is not supported in a chain".into()));
         if let Some(message) = bad {
-            return Err(fault(
-                camera.span(),
-                message,
-                "correct the value, or remove it to use the default",
-            ));
+            return Err(fault(camera.span(), message, "correct the value, or remove it to use the default"));
         }
     }
     Ok(Chain {
@@ -306,9 +280,7 @@ mod tests {
                          calibration = [\"exact\"]\nexposure = { meter = \"mean\", electrons = 100 }\n[cmos]\nread_noise_e = 3\n";
 
     fn describe(text: &str) -> String {
-        from_toml(Path::new("c.toml"), text)
-            .expect_err("a fault")
-            .to_string()
+        from_toml(Path::new("c.toml"), text).expect_err("a fault").to_string()
     }
 
     #[test]
@@ -325,11 +297,7 @@ mod tests {
             ("0.5", "-0.5", "out of range"),
             ("[\"exact\"]", "[]", "`calibration` is empty"),
             ("[\"exact\"]", "[\"exact\", \"exact\"]", "contains a duplicate"),
-            (
-                "calibration",
-                "samples = [\"air\", \"air\"]\ncalibration",
-                "`samples` contains a duplicate",
-            ),
+            ("calibration", "samples = [\"air\", \"air\"]\ncalibration", "`samples` contains a duplicate"),
             ("[\"exact\"]", "[\"exakt\"]", "unknown variant `exakt`"),
             ("\"mean\"", "{ percentile = 101 }", "`percentile`"),
             ("100", "-1", "`electrons`"),

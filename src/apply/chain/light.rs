@@ -23,10 +23,7 @@ impl Light {
     /// [`ChainError::Axes`] and [`ChainError::Image`]: the slice is not an image.
     pub fn of(slice: &Slice) -> Result<Self, ChainError> {
         let t = &slice.mean;
-        let wrong = |what| ChainError::Axes {
-            slice: t.name.clone(),
-            what,
-        };
+        let wrong = |what| ChainError::Axes { slice: t.name.clone(), what };
         let (out, inn) = (t.extent(AxisKind::StokesOut), t.extent(AxisKind::StokesIn));
         let polarized = match [out, inn] {
             [4, 4] => true,
@@ -37,9 +34,7 @@ impl Light {
             return Err(wrong("no leading row and column axes"));
         }
         let places: Vec<Axis> = t.axes.iter().filter(|a| !is_stokes(a.kind)).cloned().collect();
-        let nm = t
-            .find(AxisKind::Wavelength)
-            .map_or_else(|| vec![DEFAULT_NM], |i| t.axes[i].coords.clone());
+        let nm = t.find(AxisKind::Wavelength).map_or_else(|| vec![DEFAULT_NM], |i| t.axes[i].coords.clone());
         let bin_ps = t.find(AxisKind::T).and_then(|i| match t.axes[i].coords[..] {
             [first, second, ..] => Some(second - first),
             _ => None,
@@ -50,11 +45,8 @@ impl Light {
         for (i, v) in t.data.iter().enumerate() {
             matrices[place(i, elements, lanes)] = f64::from(*v);
         }
-        let image =
-            MuellerImage::of_slice(matrices, &places, nm, bin_ps).map_err(|cause| ChainError::Image {
-                slice: t.name.clone(),
-                cause,
-            })?;
+        let image = MuellerImage::of_slice(matrices, &places, nm, bin_ps)
+            .map_err(|cause| ChainError::Image { slice: t.name.clone(), cause })?;
         Ok(Self { image, polarized })
     }
 

@@ -46,10 +46,9 @@ impl Tolerances {
         let mut out = nominal.clone();
         let mut random = stream(rig, 0, 0);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        for (side, n) in [
-            (Side::Generator, nominal.generator().len()),
-            (Side::Analyzer, nominal.analyzer().len()),
-        ] {
+        for (side, n) in
+            [(Side::Generator, nominal.generator().len()), (Side::Analyzer, nominal.analyzer().len())]
+        {
             for i in 0..n {
                 // Both numbers are drawn for every element, so that a rig keeps its axes when its retarders
                 // change.
@@ -67,11 +66,7 @@ impl Tolerances {
                 });
             }
         }
-        if let Sensor::PolarizerArray {
-            extinction,
-            axis_offsets,
-        } = &mut out.sensor
-        {
+        if let Sensor::PolarizerArray { extinction, axis_offsets } = &mut out.sensor {
             *extinction = SpectralValue::Same(self.extinction);
             // The polarizer at 0° defines the frame.
             for offset in &mut axis_offsets[1..] {

@@ -35,13 +35,9 @@ pub struct Count {
 /// Returns the scheme of a camera that reads intensities: a pane of glass.
 fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
-    glass.kind = ElementKind::Polarizer {
-        extinction: SpectralValue::Same(1.0),
-    };
-    Scheme::new("photograph", vec![glass], vec![], Sensor::Intensity).map_err(|e| ChainError::Axes {
-        slice: e.to_string(),
-        what: "no capture",
-    })
+    glass.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(1.0) };
+    Scheme::new("photograph", vec![glass], vec![], Sensor::Intensity)
+        .map_err(|e| ChainError::Axes { slice: e.to_string(), what: "no capture" })
 }
 
 impl<'a> Readings<'a> {
@@ -57,12 +53,7 @@ impl<'a> Readings<'a> {
         } else {
             light.image.capture(&open()?, &noise, seed)?
         };
-        Ok(Self {
-            slice,
-            light,
-            noise,
-            captured,
-        })
+        Ok(Self { slice, light, noise, captured })
     }
 
     /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine it.
@@ -100,12 +91,7 @@ impl<'a> Readings<'a> {
         let mean = Light::tensor(&self.slice.mean, &out);
         let own = Light::tensor(&self.slice.mean, &errors);
         let error = Tensor {
-            data: own
-                .data
-                .iter()
-                .zip(&self.slice.error.data)
-                .map(|(a, b)| a.hypot(*b))
-                .collect(),
+            data: own.data.iter().zip(&self.slice.error.data).map(|(a, b)| a.hypot(*b)).collect(),
             ..self.slice.error.clone()
         };
         Ok((Slice { mean, error }, count))
@@ -122,19 +108,11 @@ impl<'a> Readings<'a> {
     ) -> Result<usize, ChainError> {
         let layout = self.captured.layout;
         let rays = &self.light.image.rays;
-        let places = Places {
-            rays,
-            times: layout.times,
-            lanes: layout.lanes,
-        };
+        let places = Places { rays, times: layout.times, lanes: layout.lanes };
         let clean = matches!(self.noise, Noise::None);
         let mut variances = self.captured.variances.clone();
         if let Noise::Spad(diode) = &self.noise {
-            let plain = Options {
-                noise: None,
-                prior: prior.copied(),
-                ..Options::default()
-            };
+            let plain = Options { noise: None, prior: prior.copied(), ..Options::default() };
             let readings = &self.captured.intensities;
             let of = |radiance: f64, nm: f64| diode.variance(radiance, nm);
             variances = Some(of_counts(believed, rays, layout, &plain, readings, out, &of)?);
@@ -198,11 +176,7 @@ impl<'a> Readings<'a> {
         let nm = self.light.image.rays.first().map_or(550.0, |r| r.nm);
         let dn = camera.saturation_dn().saturating_sub(1);
         let of = |factor: &f64| camera.estimate(dn, nm, *factor);
-        let brightest = camera
-            .bracket
-            .iter()
-            .map(of)
-            .max_by(|a, b| a.radiance.total_cmp(&b.radiance));
+        let brightest = camera.bracket.iter().map(of).max_by(|a, b| a.radiance.total_cmp(&b.radiance));
         brightest.map_or([0.0; 2], |e| [e.radiance, e.variance])
     }
 }

@@ -33,8 +33,7 @@ impl Measured {
     #[must_use]
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
-        self.error
-            .zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
+        self.error.zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
     }
 }
 
@@ -59,10 +58,7 @@ pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
             variance += (0.5 * (moved(1.0)?.retardance - moved(-1.0)?.retardance)).powi(2);
         }
     }
-    Some(Decomposed {
-        properties: found,
-        error: variance.sqrt(),
-    })
+    Some(Decomposed { properties: found, error: variance.sqrt() })
 }
 
 #[cfg(test)]
@@ -83,10 +79,7 @@ mod tests {
         let metal = Matrix4::from_diagonal(&[1.0, 0.95, -0.93, -0.92].into()) * retarder(1, 0.1);
         let without = (metal * 0.3).try_inverse().expect("it keeps polarization");
         for (axis, delta) in [(1, 0.7), (2, 2.0), (1, 3.0)] {
-            let mut seen = Measured {
-                mean: retarder(axis, delta) * metal * 0.25,
-                error: Matrix4::zeros(),
-            };
+            let mut seen = Measured { mean: retarder(axis, delta) * metal * 0.25, error: Matrix4::zeros() };
             let got = slab(&seen, &without).expect("it");
             approx::assert_abs_diff_eq!(got.properties.retardance, delta, epsilon = 1e-9);
             assert_eq!(got.error, 0.0);
@@ -98,10 +91,7 @@ mod tests {
             let error = slab(&seen, &without).expect("it").error;
             assert!(error > 0.003 && error < 0.03, "{error}");
         }
-        let nothing = Measured {
-            mean: Matrix4::zeros(),
-            error: Matrix4::zeros(),
-        };
+        let nothing = Measured { mean: Matrix4::zeros(), error: Matrix4::zeros() };
         assert!(slab(&nothing, &without).is_none());
     }
 }

@@ -61,15 +61,10 @@ mod tests {
     /// Indices at 587.6 nm from handbooks: quartz 1.5443, 1.5534; calcite 1.6584, 1.4864.
     #[test]
     fn indices_are_those_of_handbooks() {
-        for (mineral, printed) in [
-            (Mineral::Quartz, [1.5443, 1.5534]),
-            (Mineral::Calcite, [1.6584, 1.4864]),
-        ] {
+        for (mineral, printed) in [(Mineral::Quartz, [1.5443, 1.5534]), (Mineral::Calcite, [1.6584, 1.4864])]
+        {
             let [o, e] = mineral.indices(587.6);
-            assert!(
-                (o - printed[0]).abs() < 3e-4 && (e - printed[1]).abs() < 3e-4,
-                "{o} {e}"
-            );
+            assert!((o - printed[0]).abs() < 3e-4 && (e - printed[1]).abs() < 3e-4, "{o} {e}");
             approx::assert_relative_eq!(mineral.birefringence(587.6, 0.0), e - o, epsilon = 1e-12);
             approx::assert_relative_eq!(mineral.birefringence(587.6, -1.0), 0.0, epsilon = 1e-12);
         }

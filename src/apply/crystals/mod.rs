@@ -38,19 +38,11 @@ const fn method(name: &'static str, source: &'static str, probe: Probe) -> (Meth
 }
 
 const METHODS: [(Method, Probe); 6] = [
-    method(
-        "brighter of both",
-        "epipolar or not, pixel by pixel",
-        Probe::Brighter,
-    ),
+    method("brighter of both", "epipolar or not, pixel by pixel", Probe::Brighter),
     method("epipolar", "Baek & Heide 2021", Probe::Epipolar),
     method("non-epipolar", "Baek & Heide 2021", Probe::NonEpipolar),
     method("all light", "Lu & Chipman 1996", Probe::All),
-    method(
-        "all light, an ideal mirror taken out",
-        "Lu & Chipman 1996",
-        Probe::AllBeforeMirror,
-    ),
+    method("all light, an ideal mirror taken out", "Lu & Chipman 1996", Probe::AllBeforeMirror),
     method("all light as it is", "Lu & Chipman 1996", Probe::AllAsItIs),
 ];
 
@@ -88,18 +80,10 @@ impl Application for Crystals {
                 layer("optical length", "optical_length", true),
                 layer("length", "depth", true),
                 layer("normal", "geometric_normal", false),
-                Truth::Slice {
-                    name: "without",
-                    slice: "polarimetric",
-                    of: without,
-                    samples: 1,
-                },
+                Truth::Slice { name: "without", slice: "polarimetric", of: without, samples: 1 },
             ],
             preview: Size { pixels: 48, spp: 64 },
-            full: Size {
-                pixels: 128,
-                spp: 256,
-            },
+            full: Size { pixels: 128, spp: 256 },
         }
     }
 
@@ -149,10 +133,7 @@ fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
 fn floor(train: &[Seen], probe: Probe) -> f64 {
     let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
     let within = |floor: f64| {
-        let inside = all
-            .iter()
-            .filter(|[e, s]| e.abs() < HALF * s.hypot(floor))
-            .count();
+        let inside = all.iter().filter(|[e, s]| e.abs() < HALF * s.hypot(floor)).count();
         2 * inside >= all.len()
     };
     let (mut low, mut high) = (0.0, std::f64::consts::PI);
@@ -176,21 +157,12 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
         let known: Option<Vec<[f64; 2]>> = seen
             .found(probe, *i)
             .iter()
-            .map(|d| {
-                d.as_ref()
-                    .map(|d| [d.properties.retardance, d.error.hypot(floor).max(1e-3)])
-            })
+            .map(|d| d.as_ref().map(|d| [d.properties.retardance, d.error.hypot(floor).max(1e-3)]))
             .collect();
         known.is_some_and(|known| {
             let part = |k: usize| known.iter().map(|d| d[k]).collect::<Vec<f64>>();
             let wave = MIDDLE * 1e-9;
-            let path = order(
-                seen.mineral,
-                &seen.wavelengths,
-                &part(0),
-                &part(1),
-                MOST_WAVES * wave,
-            );
+            let path = order(seen.mineral, &seen.wavelengths, &part(0), &part(1), MOST_WAVES * wave);
             (path - seen.pixels[*i].path.abs()).abs() < NEAR_WAVES * wave
         })
     });
@@ -216,13 +188,7 @@ fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
                 map.data[p.pixel * channels + k] = value(i, k).unwrap_or(f64::NAN);
             }
         }
-        Picture {
-            method,
-            name,
-            variant: Some(seen.variant),
-            shared: true,
-            map,
-        }
+        Picture { method, name, variant: Some(seen.variant), shared: true, map }
     };
     let of = |f: fn(&measured::Decomposed) -> f64| {
         move |i: usize, k: usize| seen.found(probe, i)[k].as_ref().map(f)
@@ -231,9 +197,7 @@ fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
         draw("retardance", &of(|d| d.properties.retardance.to_degrees())),
         draw("polarizance", &of(|d| d.properties.polarizance)),
         draw("diattenuation", &of(|d| d.properties.diattenuation)),
-        draw("retardance by theory", &|i, k| {
-            Some(folded(seen.pixels[i].retardance[k]).to_degrees())
-        }),
+        draw("retardance by theory", &|i, k| Some(folded(seen.pixels[i].retardance[k]).to_degrees())),
     ]
 }
 

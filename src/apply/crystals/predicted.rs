@@ -76,11 +76,7 @@ impl Slab {
             Some(thickness / cos * self.mineral.birefringence(nm, psi))
         };
         let retardance: Option<Vec<f64>> = nm.iter().map(|nm| Some(TAU * path(*nm)? / (nm * 1e-9))).collect();
-        Some(Pixel {
-            pixel,
-            retardance: retardance?,
-            path: path(MIDDLE)?,
-        })
+        Some(Pixel { pixel, retardance: retardance?, path: path(MIDDLE)? })
     }
 
     /// Returns all pixels that show only the slab, through front and back face.
@@ -94,26 +90,18 @@ impl Slab {
             if (map.width, map.height, map.channels) == (w, h, channels) {
                 Ok(map)
             } else {
-                Err(ApplyError::Sizes {
-                    variant: o.variant,
-                    what: format!("the camera and {name}"),
-                })
+                Err(ApplyError::Sizes { variant: o.variant, what: format!("the camera and {name}") })
             }
         };
-        let (optical, length, normal) = (
-            layer("optical length", 1)?,
-            layer("length", 1)?,
-            layer("normal", 3)?,
-        );
+        let (optical, length, normal) =
+            (layer("optical length", 1)?, layer("length", 1)?, layer("normal", 3)?);
         let excess = self.mineral.indices(MIDDLE).iter().sum::<f64>() / 2.0 - 1.0;
         let all = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
         let found = all.filter_map(|(x, y)| {
             let way = (optical.at(x, y)[0] - length.at(x, y)[0]) / excess;
             let d = (camera.axes * camera.centre(x, y)).normalize();
             let n = Vector3::from_column_slice(normal.at(x, y)).normalize();
-            (way > 0.0)
-                .then(|| self.pixel(y * w + x, d, n, way, nm))
-                .flatten()
+            (way > 0.0).then(|| self.pixel(y * w + x, d, n, way, nm)).flatten()
         });
         Ok(found.collect())
     }
@@ -134,8 +122,7 @@ pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most
         measured.iter().zip(sigma).zip(&turns).map(of).sum()
     };
     let all = (0..(most / step) as usize).map(|i| i as f64 * step);
-    all.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
-        .unwrap_or(f64::NAN)
+    all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]
@@ -145,12 +132,7 @@ mod tests {
 
     #[test]
     fn folds_are_what_a_decomposition_sees() {
-        for (delta, seen) in [
-            (0.5, 0.5),
-            (-0.5, 0.5),
-            (PI + 0.2, PI - 0.2),
-            (2.0 * TAU + 0.1, 0.1),
-        ] {
+        for (delta, seen) in [(0.5, 0.5), (-0.5, 0.5), (PI + 0.2, PI - 0.2), (2.0 * TAU + 0.1, 0.1)] {
             approx::assert_abs_diff_eq!(folded(delta), seen, epsilon = 1e-12);
         }
     }
@@ -159,14 +141,8 @@ mod tests {
     /// it follows from Snell's law.
     #[test]
     fn a_slab_retards_as_a_closed_form_says() {
-        let slab = Slab {
-            mineral: Mineral::Quartz,
-            axis: Vector3::z(),
-            thickness: 0.01,
-        };
-        let along = slab
-            .pixel(0, -Vector3::z(), Vector3::z(), 0.01, &[450.0, 660.0])
-            .expect("it");
+        let slab = Slab { mineral: Mineral::Quartz, axis: Vector3::z(), thickness: 0.01 };
+        let along = slab.pixel(0, -Vector3::z(), Vector3::z(), 0.01, &[450.0, 660.0]).expect("it");
         assert!(along.path.abs() < 1e-12);
         let angle = 0.1_f64;
         let d = Vector3::new(angle.sin(), 0.0, -angle.cos());
@@ -175,11 +151,7 @@ mod tests {
         let length = 0.01 / inside.cos();
         let got = slab.pixel(0, d, Vector3::z(), length, &[MIDDLE]).expect("it");
         let near_axis = length * inside.sin().powi(2) * (e - o);
-        assert!(
-            (got.path / near_axis - 1.0).abs() < 0.02,
-            "{} {near_axis}",
-            got.path
-        );
+        assert!((got.path / near_axis - 1.0).abs() < 0.02, "{} {near_axis}", got.path);
         approx::assert_relative_eq!(got.retardance[0], TAU * got.path / 550e-9, epsilon = 1e-9);
         // Through an edge.
         assert_eq!(slab.pixel(0, d, Vector3::z(), 0.5 * length, &[MIDDLE]), None);

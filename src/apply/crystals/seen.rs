@@ -52,37 +52,18 @@ fn measured(p: &Pixels, pixel: usize, lane: usize) -> Measured {
 
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let missing = |what, name: &str| ApplyError::Missing {
-            variant: o.variant,
-            what,
-            name: name.into(),
-        };
-        let rig = o
-            .rig
-            .as_ref()
-            .ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
-        let value = |name: &str| {
-            o.values
-                .get(name)
-                .copied()
-                .ok_or_else(|| missing("value of the parameter", name))
-        };
+        let missing = |what, name: &str| ApplyError::Missing { variant: o.variant, what, name: name.into() };
+        let rig = o.rig.as_ref().ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
+        let value =
+            |name: &str| o.values.get(name).copied().ok_or_else(|| missing("value of the parameter", name));
         let mineral = o.words.get("mineral").and_then(|name| Mineral::named(name));
         let mineral = mineral.ok_or_else(|| missing("known mineral in the parameter", "mineral"))?;
         let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
-        let message = Slab {
-            mineral,
-            axis,
-            thickness: value("thickness")?,
-        };
+        let message = Slab { mineral, axis, thickness: value("thickness")? };
         let mean = &o.slice("polarimetric")?.mean;
-        let wavelengths: Vec<f64> = mean
-            .find(AxisKind::Wavelength)
-            .map(|at| mean.axes[at].coords.clone())
-            .ok_or_else(|| ApplyError::Axis {
-                variant: o.variant,
-                slice: "polarimetric".into(),
-                axis: "wavelengths",
+        let wavelengths: Vec<f64> =
+            mean.find(AxisKind::Wavelength).map(|at| mean.axes[at].coords.clone()).ok_or_else(|| {
+                ApplyError::Axis { variant: o.variant, slice: "polarimetric".into(), axis: "wavelengths" }
             })?;
         let [polarimetric, epipolar, nonepipolar, without] =
             ["polarimetric", "epipolar", "nonepipolar", "without"].map(|name| o.pixels(name, true));
@@ -91,10 +72,7 @@ impl Seen {
         let size = rig.camera.resolution;
         for p in [&polarimetric, &epipolar, &nonepipolar, &without] {
             if [p.width, p.height] != size || p.wavelengths != wavelengths.len() || p.bins != 1 {
-                return Err(ApplyError::Sizes {
-                    variant: o.variant,
-                    what: "the camera and slices".into(),
-                });
+                return Err(ApplyError::Sizes { variant: o.variant, what: "the camera and slices".into() });
             }
         }
         let pixels = message.pixels(&rig.camera, o, &wavelengths)?;

@@ -28,13 +28,7 @@ struct Case {
 
 fn camera() -> Pinhole {
     let axes = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
-    Pinhole::new(
-        [SIZE; 2],
-        [100.0; 2],
-        [SIZE as f64 / 2.0; 2],
-        [0.0, 0.0, 0.2],
-        axes,
-    )
+    Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [0.0, 0.0, 0.2], axes)
 }
 
 /// A retarder between the Stokes elements a and b.
@@ -54,11 +48,7 @@ fn name_of(variant: u64) -> &'static str {
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
-    let message = Slab {
-        mineral,
-        axis: Vector3::new(0.05, -0.03, -1.0).normalize(),
-        thickness,
-    };
+    let message = Slab { mineral, axis: Vector3::new(0.05, -0.03, -1.0).normalize(), thickness };
     let index = mineral.indices(MIDDLE).iter().sum::<f64>() / 2.0;
     let d = |x: usize, y: usize| (camera.axes * camera.centre(x, y)).normalize();
     let way = |x, y| {
@@ -74,10 +64,7 @@ fn observation(variant: u64, case: Case) -> Observation {
             .map(|(name, v)| (name.to_owned(), v))
             .into(),
         words: [("mineral".to_owned(), name_of(variant).to_owned())].into(),
-        rig: Some(Rig {
-            projector: camera.clone(),
-            camera: camera.clone(),
-        }),
+        rig: Some(Rig { projector: camera.clone(), camera: camera.clone() }),
         truth: [
             ("optical length", map(1, &|x, y| vec![0.3 + index * way(x, y)])),
             ("length", map(1, &|x, y| vec![0.3 + way(x, y)])),
@@ -93,16 +80,8 @@ fn observation(variant: u64, case: Case) -> Observation {
     let light = |there: bool, slab: bool| {
         slice([SIZE, SIZE, 1, 3], 0.0, |p, _, e, k| {
             let delta = pixels[p].retardance[k] * (1.0 + case.thicker);
-            let through = if slab {
-                retarder(2, 3, delta)
-            } else {
-                Matrix4::identity()
-            };
-            if there {
-                0.4 * (through * plate)[(e / 4, e % 4)]
-            } else {
-                0.0
-            }
+            let through = if slab { retarder(2, 3, delta) } else { Matrix4::identity() };
+            if there { 0.4 * (through * plate)[(e / 4, e % 4)] } else { 0.0 }
         })
     };
     for (name, s) in [
@@ -135,26 +114,14 @@ fn score(outcome: &Outcome, method: &str, metric: usize, variant: u64) -> f64 {
     outcome.scores.iter().find(is).expect("a score").value
 }
 
-const PLAIN: Case = Case {
-    plate: 0.0,
-    epipolar: true,
-    thicker: 0.0,
-};
+const PLAIN: Case = Case { plate: 0.0, epipolar: true, thicker: 0.0 };
 
 #[test]
 fn retardance_is_found_in_the_light_that_has_it() {
-    for (epipolar, seen, dark) in [
-        (true, "epipolar", "non-epipolar"),
-        (false, "non-epipolar", "epipolar"),
-    ] {
+    for (epipolar, seen, dark) in [(true, "epipolar", "non-epipolar"), (false, "non-epipolar", "epipolar")] {
         let outcome = run(Case { epipolar, ..PLAIN });
         for variant in [8, 10] {
-            for method in [
-                "brighter of both",
-                seen,
-                "all light",
-                "all light, an ideal mirror taken out",
-            ] {
+            for method in ["brighter of both", seen, "all light", "all light, an ideal mirror taken out"] {
                 let off = score(&outcome, method, 1, variant);
                 assert!(off < 0.05, "{method} {variant}: {off}");
                 assert_eq!(score(&outcome, method, 2, variant), 1.0);
@@ -173,10 +140,7 @@ fn retardance_is_found_in_the_light_that_has_it() {
 /// assumed.
 #[test]
 fn what_the_plate_does_is_taken_out() {
-    let outcome = run(Case {
-        plate: 40.0_f64.to_radians(),
-        ..PLAIN
-    });
+    let outcome = run(Case { plate: 40.0_f64.to_radians(), ..PLAIN });
     for variant in [8, 10] {
         let off = score(&outcome, "all light", 1, variant);
         assert!(off < 0.05, "{off}");
@@ -200,18 +164,12 @@ fn a_wrong_thickness_is_found() {
 #[test]
 fn what_is_missing_is_said() {
     let whole = observation(0, PLAIN);
-    assert!(matches!(
-        Crystals.run(&[], std::slice::from_ref(&whole)),
-        Err(ApplyError::Empty(_))
-    ));
+    assert!(matches!(Crystals.run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
     let failed = |change: &dyn Fn(&mut Observation)| {
         let mut o = whole.clone();
         change(&mut o);
         let all = [o];
-        Crystals
-            .run(&all, &all)
-            .expect_err("it lacks something")
-            .to_string()
+        Crystals.run(&all, &all).expect_err("it lacks something").to_string()
     };
     assert!(failed(&|o| o.rig = None).contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("thickness")).contains("thickness"));
@@ -222,10 +180,7 @@ fn what_is_missing_is_said() {
     );
     let flat = failed(&|o| {
         let s = o.slices.get_mut("epipolar").expect("it");
-        (s.mean, s.error) = (
-            s.mean.select(AxisKind::StokesIn, 0),
-            s.error.select(AxisKind::StokesIn, 0),
-        );
+        (s.mean, s.error) = (s.mean.select(AxisKind::StokesIn, 0), s.error.select(AxisKind::StokesIn, 0));
     });
     assert!(flat.contains("whole Mueller matrices"), "{flat}");
     assert_eq!(METHODS[0].0.name, "brighter of both");

@@ -35,19 +35,15 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let pixels = o.pixels(LIGHT, true)?;
-        let sizes = |what: &str| ApplyError::Sizes {
-            variant: o.variant,
-            what: what.to_owned(),
-        };
+        let sizes = |what: &str| ApplyError::Sizes { variant: o.variant, what: what.to_owned() };
         let (width, height, lanes) = (pixels.width, pixels.height, pixels.wavelengths);
         let object = o.truth(OBJECT)?;
         if (object.width, object.height) != (width, height) {
             return Err(sizes("the map of objects and the light"));
         }
         let mean = &o.slice(LIGHT)?.mean;
-        let nm: Vec<f64> = mean
-            .find(AxisKind::Wavelength)
-            .map_or_else(|| vec![550.0], |a| mean.axes[a].coords.clone());
+        let nm: Vec<f64> =
+            mean.find(AxisKind::Wavelength).map_or_else(|| vec![550.0], |a| mean.axes[a].coords.clone());
         let mut matrices = Vec::with_capacity(pixels.count() * lanes * 16);
         for p in 0..pixels.count() {
             for lane in 0..lanes {
@@ -63,11 +59,7 @@ impl Bench {
             lanes,
             image,
             seed: o.seed,
-            object: object
-                .data
-                .iter()
-                .map(|v| if v.is_finite() { *v as i64 } else { -1 })
-                .collect(),
+            object: object.data.iter().map(|v| if v.is_finite() { *v as i64 } else { -1 }).collect(),
         };
         if bench.brightness() > 0.0 && bench.brightness().is_finite() {
             Ok(bench)
@@ -97,10 +89,7 @@ impl Bench {
     /// Returns the matrices that a scheme estimates. Instruments with different `stream` have independent
     /// noise.
     pub(super) fn estimate(&self, ready: &Ready, stream: u64) -> Result<Vec<f64>, ApplyError> {
-        let unsolved = |cause: String| ApplyError::Unsolved {
-            method: "ellipsometry",
-            cause,
-        };
+        let unsolved = |cause: String| ApplyError::Unsolved { method: "ellipsometry", cause };
         let sigma = self.sigma();
         let seed = (self.seed << 32) ^ (self.variant << 16) ^ stream;
         let captured = self
@@ -112,11 +101,7 @@ impl Bench {
             let designs: Vec<DesignMatrix> = self.image.rays.iter().map(of).collect();
             return Ok(least_norm(&designs, &captured));
         }
-        let options = Options {
-            noise: Some(sigma),
-            prior: ready.prior,
-            ..Options::default()
-        };
+        let options = Options { noise: Some(sigma), prior: ready.prior, ..Options::default() };
         let rays = &self.image.rays;
         let all =
             Reconstruction::<f32>::new(&ready.scheme, rays, options).map_err(|e| unsolved(e.to_string()))?;
@@ -140,9 +125,5 @@ pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
             }
         }
     }
-    if n > 0.0 {
-        Ok(sum / n)
-    } else {
-        Err(ApplyError::Empty("no training variant contains light".into()))
-    }
+    if n > 0.0 { Ok(sum / n) } else { Err(ApplyError::Empty("no training variant contains light".into())) }
 }

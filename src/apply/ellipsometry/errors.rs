@@ -10,10 +10,8 @@ pub(super) struct Of<'a> {
 }
 
 /// All elements of all pixels.
-pub(super) const ALL: Of<'static> = Of {
-    elements: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
-    object: None,
-};
+pub(super) const ALL: Of<'static> =
+    Of { elements: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], object: None };
 
 /// Returns the root mean square difference of estimated and other matrices, relative to the mean of the true
 /// T00 of the same pixels; NaN without pixels.

@@ -13,12 +13,7 @@ pub(super) const NOISE: f64 = 5e-4;
 
 /// Settings of the search for optimal angles. The loss is a closed form, so few random starts are enough; the
 /// seed is fixed.
-const SEARCH: Search = Search {
-    starts: 3,
-    iterations: 200,
-    adam_steps: 0,
-    seed: 0,
-};
+const SEARCH: Search = Search { starts: 3, iterations: 200, adam_steps: 0, seed: 0 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Family {
@@ -43,21 +38,15 @@ impl Family {
     /// Returns the scheme of `captures` captures, whose angles are optimized for matrices with this second
     /// moment.
     pub(super) fn with(self, captures: usize, moment: &Moment) -> Result<Ready, ApplyError> {
-        let failed = |e: SchemeError| ApplyError::Unsolved {
-            method: "learned ellipsometry",
-            cause: e.to_string(),
-        };
+        let failed =
+            |e: SchemeError| ApplyError::Unsolved { method: "learned ellipsometry", cause: e.to_string() };
         let scheme = if self.learnt {
             let template = Scheme::quad(captures, self.array).map_err(failed)?;
             let objective = Objective {
                 sigma: NOISE,
                 angle_error: 0.0,
                 second_moment: SecondMoment::new(*moment),
-                estimator: if self.prior {
-                    Estimator::Prior
-                } else {
-                    Estimator::LeastSquares
-                },
+                estimator: if self.prior { Estimator::Prior } else { Estimator::LeastSquares },
                 rays: vec![Ray::axial(550.0)],
                 metric: None,
             };
@@ -65,10 +54,7 @@ impl Family {
         } else {
             Scheme::drr(captures, self.array).map_err(failed)?
         };
-        Ok(Ready {
-            scheme,
-            prior: self.prior.then_some(*moment),
-        })
+        Ok(Ready { scheme, prior: self.prior.then_some(*moment) })
     }
 }
 

@@ -50,11 +50,7 @@ const METRICS: [Metric; 10] = [
 const CURVE: [(usize, usize); 5] = [(5, 7), (6, 10), (7, 20), (8, 25), (9, 36)];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
-    Metric {
-        name,
-        unit,
-        more_is_better: false,
-    }
+    Metric { name, unit, more_is_better: false }
 }
 
 #[derive(Clone, Copy)]
@@ -70,39 +66,15 @@ const fn captures(array: bool, learnt: bool, prior: bool) -> Kind {
 }
 
 const METHODS: [(Method, Kind); 9] = [
-    (
-        Method::new("L-QRPR-P", "Baek & Heide 2021"),
-        captures(true, true, false),
-    ),
-    (
-        Method::new("L-QRPR-P with a prior", "the same, and what is expected"),
-        captures(true, true, true),
-    ),
-    (
-        Method::new("L-QRPR", "Baek & Heide 2021"),
-        captures(false, true, false),
-    ),
-    (
-        Method::new("L-QRPR with a prior", "the same, and what is expected"),
-        captures(false, true, true),
-    ),
-    (
-        Method::new("DRR-P", "Azzam 1978 with a polarizer array"),
-        captures(true, false, false),
-    ),
-    (
-        Method::new("DRR-P with a prior", "the same, and what is expected"),
-        captures(true, false, true),
-    ),
+    (Method::new("L-QRPR-P", "Baek & Heide 2021"), captures(true, true, false)),
+    (Method::new("L-QRPR-P with a prior", "the same, and what is expected"), captures(true, true, true)),
+    (Method::new("L-QRPR", "Baek & Heide 2021"), captures(false, true, false)),
+    (Method::new("L-QRPR with a prior", "the same, and what is expected"), captures(false, true, true)),
+    (Method::new("DRR-P", "Azzam 1978 with a polarizer array"), captures(true, false, false)),
+    (Method::new("DRR-P with a prior", "the same, and what is expected"), captures(true, false, true)),
     (Method::new("DRR", "Azzam 1978"), captures(false, false, false)),
-    (
-        Method::new("DRR with a prior", "the same, and what is expected"),
-        captures(false, false, true),
-    ),
-    (
-        Method::new("A-optimal bound, array", "closed form"),
-        Kind::Bound(true),
-    ),
+    (Method::new("DRR with a prior", "the same, and what is expected"), captures(false, false, true)),
+    (Method::new("A-optimal bound, array", "closed form"), Kind::Bound(true)),
 ];
 
 impl Application for Ellipsometry {
@@ -121,12 +93,7 @@ impl Application for Ellipsometry {
             test: (10..20).collect(),
             slices: vec![],
             truth: vec![
-                Truth::Slice {
-                    name: LIGHT,
-                    slice: "polarimetric",
-                    of: itself,
-                    samples: 16,
-                },
+                Truth::Slice { name: LIGHT, slice: "polarimetric", of: itself, samples: 16 },
                 Truth::Object(OBJECT),
             ],
             preview: Size { pixels: 48, spp: 16 },
@@ -145,11 +112,7 @@ impl Application for Ellipsometry {
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
         let [train, test] = observation::seen(train, test, Bench::new)?;
         let moment = second_moment(&train)?;
-        let drr = Family {
-            array: false,
-            learnt: false,
-            prior: false,
-        };
+        let drr = Family { array: false, learnt: false, prior: false };
         let pseudo_truth = drr.with(PSEUDO, &moment)?;
         let mut outcome = Outcome::default();
         for (i, (method, kind)) in METHODS.iter().enumerate() {
@@ -169,9 +132,7 @@ impl Application for Ellipsometry {
                 })
                 .collect::<Result<_, ApplyError>>()?;
             for (bench, judged) in test.iter().zip(judged) {
-                outcome
-                    .scores
-                    .extend(Score::each(method.name, bench.variant, &METRICS, judged.values));
+                outcome.scores.extend(Score::each(method.name, bench.variant, &METRICS, judged.values));
                 if let Some(found) = judged.found {
                     outcome.pictures.extend(pictures(method.name, bench, &found));
                 }
@@ -202,27 +163,12 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     values[0] = per_mille(bench.truth(), &ALL);
     values[1] = per_mille(&pseudo, &ALL);
     values[2] = values[1] / values[0];
-    values[3] = per_mille(
-        bench.truth(),
-        &Of {
-            object: Some(MIRROR),
-            ..ALL
-        },
-    );
-    values[4] = per_mille(
-        bench.truth(),
-        &Of {
-            elements: &[ELEMENT_23],
-            object: None,
-        },
-    );
+    values[3] = per_mille(bench.truth(), &Of { object: Some(MIRROR), ..ALL });
+    values[4] = per_mille(bench.truth(), &Of { elements: &[ELEMENT_23], object: None });
     for ((metric, _), (ready, stream)) in CURVE.iter().zip(schemes[1..].iter().zip(stream + 1..)) {
         values[*metric] = 1e3 * rms(bench, &bench.estimate(ready, stream)?, bench.truth(), &ALL);
     }
-    Ok(Judged {
-        values,
-        found: Some(found),
-    })
+    Ok(Judged { values, found: Some(found) })
 }
 
 /// Returns the metrics of the bound. They depend on the variant only through the brightness of gold.
@@ -249,13 +195,7 @@ fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] 
             }
         })
     };
-    let picture = |name, map| Picture {
-        method,
-        name,
-        variant: Some(bench.variant),
-        shared: true,
-        map,
-    };
+    let picture = |name, map| Picture { method, name, variant: Some(bench.variant), shared: true, map };
     [
         picture("minus 23", map(&|found, _| -found[ELEMENT_23])),
         picture(

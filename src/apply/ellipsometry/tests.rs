@@ -28,14 +28,8 @@ fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: 
                     std::array::from_fn(|e| mix.iter().zip(&kinds).map(|(m, k)| m * k[e]).sum())
                 })
                 .collect();
-            let mut o = Observation {
-                variant,
-                seed,
-                ..Observation::default()
-            };
-            let mut light = slice([SIZE[0], SIZE[1], 1, 2], 0.0, |p, _, e, lane| {
-                matrices[2 * p + lane][e]
-            });
+            let mut o = Observation { variant, seed, ..Observation::default() };
+            let mut light = slice([SIZE[0], SIZE[1], 1, 2], 0.0, |p, _, e, lane| matrices[2 * p + lane][e]);
             let lanes = light.mean.find(AxisKind::Wavelength).expect("wavelengths");
             for t in [&mut light.mean, &mut light.error] {
                 t.axes[lanes].coords = vec![450.0, 650.0];
@@ -64,6 +58,7 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
 /// five images of 864 matrices: the relative spread of a root mean square of 16 equal numbers is below 1/√(2
 /// · 5 · 864), and larger if few directions contain most of the error. The tolerance is 5 √8 of it.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn errors_are_those_of_closed_forms() {
     let all = observations(5, 6, 0..8, 1);
     let outcome = Ellipsometry.run(&all[..3], &all[3..]).expect("it runs");
@@ -71,11 +66,7 @@ fn errors_are_those_of_closed_forms() {
     let learnt = 0.5 * (440.0_f64 / 15.0 / 16.0).sqrt();
     let close = |found: f64, want: f64| (found / want - 1.0).abs() < 5.0 * (8.0 / 8640.0_f64).sqrt();
     assert!(close(of(&outcome, "DRR", 9), drr), "{}", of(&outcome, "DRR", 9));
-    assert!(
-        close(of(&outcome, "L-QRPR-P", 0), learnt),
-        "{}",
-        of(&outcome, "L-QRPR-P", 0)
-    );
+    assert!(close(of(&outcome, "L-QRPR-P", 0), learnt), "{}", of(&outcome, "L-QRPR-P", 0));
     assert!((of(&outcome, "A-optimal bound, array", 0) - learnt).abs() < 1e-9);
     // The pseudo truth has an independent error, that of 50 captures, which adds to the square.
     let pseudo = polarimetry::capture::design_matrix::DesignMatrix::new(
@@ -84,11 +75,7 @@ fn errors_are_those_of_closed_forms() {
     );
     let pseudo = pseudo.error_variance().expect("rank 16") / 16.0 * 0.25;
     let misjudged = (1.0 + pseudo / learnt.powi(2)).sqrt();
-    assert!(
-        close(of(&outcome, "L-QRPR-P", 2), misjudged),
-        "{}",
-        of(&outcome, "L-QRPR-P", 2)
-    );
+    assert!(close(of(&outcome, "L-QRPR-P", 2), misjudged), "{}", of(&outcome, "L-QRPR-P", 2));
     // An array reduces the variance by 1600/440 for any angles.
     assert!(of(&outcome, "L-QRPR", 7) > 1.5 * of(&outcome, "L-QRPR-P", 7));
     // Seven captures leave components undetermined, which give errors far above the noise.
@@ -99,6 +86,7 @@ fn errors_are_those_of_closed_forms() {
 /// captures. For other kinds, it has a larger error than least squares if captures leave much undetermined,
 /// but at rank 16 it ties with the baseline.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn priors_help_where_they_know() {
     let same = observations(5, 6, 0..7, 1);
     let known = Ellipsometry.run(&same[..3], &same[3..]).expect("it runs");
@@ -108,10 +96,7 @@ fn priors_help_where_they_know() {
     let train = observations(5, 6, 0..3, 1);
     let test = observations(6, 6, 3..7, 1);
     let unknown = Ellipsometry.run(&train, &test).expect("it runs");
-    let (few, of_known) = (
-        of(&unknown, "L-QRPR with a prior", 5),
-        of(&known, "L-QRPR with a prior", 5),
-    );
+    let (few, of_known) = (of(&unknown, "L-QRPR with a prior", 5), of(&known, "L-QRPR with a prior", 5));
     assert!(few > 10.0 * of_known, "{few} against {of_known}");
     // Least squares does not depend on the data.
     let (a, b) = (of(&known, "L-QRPR-P", 0), of(&unknown, "L-QRPR-P", 0));
@@ -129,33 +114,16 @@ fn a_planted_error_is_found_where_it_is() {
             *v += 0.08;
         }
     }
-    let on = |object| Of {
-        object: Some(object),
-        ..ALL
-    };
+    let on = |object| Of { object: Some(object), ..ALL };
     let brightness = share(&bench, MIRROR) * bench.brightness();
     let error = rms(&bench, &found, bench.truth(), &on(MIRROR));
     assert!((error - 0.08 / 4.0 / brightness).abs() < 1e-12, "{error}");
     assert_eq!(rms(&bench, &found, bench.truth(), &on(1)), 0.0);
     assert!(rms(&bench, &found, bench.truth(), &on(7)).is_nan());
-    let element = Of {
-        elements: &[ELEMENT_23],
-        object: None,
-    };
+    let element = Of { elements: &[ELEMENT_23], object: None };
     let want = 0.08 / 3.0_f64.sqrt() / bench.brightness();
     assert!((rms(&bench, &found, bench.truth(), &element) - want).abs() < 1e-12);
-    assert_eq!(
-        rms(
-            &bench,
-            &found,
-            bench.truth(),
-            &Of {
-                elements: &[0],
-                object: None
-            }
-        ),
-        0.0
-    );
+    assert_eq!(rms(&bench, &found, bench.truth(), &Of { elements: &[0], object: None }), 0.0);
 }
 
 #[test]
@@ -169,8 +137,5 @@ fn what_is_missing_is_named() {
     let mut dark = all[0].clone();
     let light = dark.slices.get_mut(LIGHT).expect("it");
     light.mean.data.fill(0.0);
-    assert!(matches!(
-        Ellipsometry.run(&[dark], &all),
-        Err(ApplyError::Empty(_))
-    ));
+    assert!(matches!(Ellipsometry.run(&[dark], &all), Err(ApplyError::Empty(_))));
 }

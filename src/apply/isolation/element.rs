@@ -46,30 +46,19 @@ impl Element {
     /// Returns an element at all times.
     #[must_use]
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
-        Self {
-            part: (space, Time::All),
-            index,
-            negative: false,
-            magnitude: false,
-        }
+        Self { part: (space, Time::All), index, negative: false, magnitude: false }
     }
 
     /// Returns the magnitude of the element, independent of azimuth.
     #[must_use]
     pub const fn magnitude(self) -> Self {
-        Self {
-            magnitude: true,
-            ..self
-        }
+        Self { magnitude: true, ..self }
     }
 
     /// Returns the element with the opposite sign.
     #[must_use]
     pub const fn negative(self) -> Self {
-        Self {
-            negative: !self.negative,
-            ..self
-        }
+        Self { negative: !self.negative, ..self }
     }
 }
 
@@ -104,13 +93,7 @@ mod tests {
     fn names_are_the_papers() {
         let e = Element::of(Space::Epipolar, [3, 3]).negative();
         assert_eq!(e.to_string(), "-(3,3) epipolar");
-        let late = Element {
-            part: (Space::All, Time::Late(1)),
-            ..e.negative()
-        };
-        assert_eq!(
-            late.to_string(),
-            "(3,3) all light, later than bin 1 after the first light"
-        );
+        let late = Element { part: (Space::All, Time::Late(1)), ..e.negative() };
+        assert_eq!(late.to_string(), "(3,3) all light, later than bin 1 after the first light");
     }
 }

@@ -40,10 +40,7 @@ pub struct Isolation {
 impl Isolation {
     #[must_use]
     pub const fn new(name: &'static str, source: &'static str, family: Family) -> Self {
-        Self {
-            method: Method { name, source },
-            family,
-        }
+        Self { method: Method { name, source }, family }
     }
 }
 
@@ -55,23 +52,14 @@ impl Family {
             Self::NamedEitherSign => (task.named.into_iter().collect(), true),
             Self::NamedAnyAzimuth => {
                 let named = task.named.into_iter();
-                (
-                    named
-                        .map(|e| Element::of(e.part.0, e.index).magnitude())
-                        .collect(),
-                    true,
-                )
+                (named.map(|e| Element::of(e.part.0, e.index).magnitude()).collect(), true)
             }
             Self::NamedAtATime { either } => {
                 let bins = seen.parts().filter(|(part, _)| matches!(part.1, Time::At(_)));
                 let all = bins.filter_map(|(part, _)| task.named.map(|e| Element { part, ..e }));
                 (all.collect(), either)
             }
-            Self::Any {
-                space,
-                time,
-                polarization,
-            } => {
+            Self::Any { space, time, polarization } => {
                 let mut all = vec![];
                 for (part, elements) in seen.parts() {
                     if !space && part.0 != Space::All || !time && part.1 != Time::All {

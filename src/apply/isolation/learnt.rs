@@ -30,11 +30,7 @@ struct Shown {
 impl Shown {
     fn values(self, seen: &Seen) -> Option<Vec<f64>> {
         let image = seen.image(self.element)?;
-        Some(if self.over {
-            seen.over_photograph(&image)
-        } else {
-            image
-        })
+        Some(if self.over { seen.over_photograph(&image) } else { image })
     }
 }
 
@@ -60,11 +56,7 @@ fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, 
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
     if value.is_finite() && best.is_none_or(|b| value > b.0) {
-        let element = if turn {
-            shown.element.negative()
-        } else {
-            shown.element
-        };
+        let element = if turn { shown.element.negative() } else { shown.element };
         *best = Some((value, Shown { element, ..shown }));
     }
 }
@@ -87,10 +79,7 @@ impl Learnt {
         let mut image: Option<(f64, Shown)> = None;
         for element in candidates {
             for over in [false, true] {
-                let shown = Shown {
-                    element: *element,
-                    over,
-                };
+                let shown = Shown { element: *element, over };
                 let values: Vec<Vec<f64>> = train.iter().map(|s| shown.values(s)).collect::<Option<_>>()?;
                 let all = || train.iter().zip(&values);
                 let reached = mean(all().map(|(seen, values)| {
@@ -104,13 +93,8 @@ impl Learnt {
             }
         }
         let ((found, detector), (drawn, image)) = (detector?, image?);
-        let mut learnt = Self {
-            detector,
-            threshold: f64::INFINITY,
-            image,
-            gain: 1.0,
-            reached: [found, drawn],
-        };
+        let mut learnt =
+            Self { detector, threshold: f64::INFINITY, image, gain: 1.0, reached: [found, drawn] };
         let (mut positive, mut negative) = (vec![], vec![]);
         for seen in train {
             let (p, n) = parted(&learnt.values(seen), &seen.truth[task].classes);

@@ -39,9 +39,7 @@ pub(crate) fn run(
     let (example, shown) = (&train[0], &test[0]);
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {
-        outcome
-            .pictures
-            .push(picture("truth", task, shown, shown.truth[number].share.clone()));
+        outcome.pictures.push(picture("truth", task, shown, shown.truth[number].share.clone()));
         for isolation in methods {
             let (candidates, either) = isolation.family.candidates(task, example);
             let learnt = Learnt::new(&candidates, either, number, &train);
@@ -53,9 +51,7 @@ pub(crate) fn run(
             let Some(learnt) = learnt else { continue };
             for seen in &test {
                 let values = judge(&learnt, number, seen);
-                outcome
-                    .scores
-                    .extend(Score::each(name, seen.variant, &task.metrics, values));
+                outcome.scores.extend(Score::each(name, seen.variant, &task.metrics, values));
             }
             let drawn = learnt.image(shown).iter().map(|v| learnt.gain * v).collect();
             outcome.pictures.push(picture(name, task, shown, drawn));
@@ -72,11 +68,8 @@ fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
     let counts = decided(&values, &truth.classes, learnt.threshold);
     let image = learnt.image(seen);
     // A variant without positive pixels gives NaN.
-    let (f1, precision) = if positive.is_empty() {
-        (f64::NAN, f64::NAN)
-    } else {
-        (counts.f1(), counts.precision())
-    };
+    let (f1, precision) =
+        if positive.is_empty() { (f64::NAN, f64::NAN) } else { (counts.f1(), counts.precision()) };
     [
         area(&positive, &negative),
         f1,
@@ -93,12 +86,7 @@ fn picture(method: &'static str, task: &Task, seen: &Seen, data: Vec<f64>) -> Pi
         name: task.name,
         variant: Some(seen.variant),
         shared: true,
-        map: Map {
-            width: seen.width,
-            height: seen.height,
-            channels: 1,
-            data,
-        },
+        map: Map { width: seen.width, height: seen.height, channels: 1, data },
     }
 }
 

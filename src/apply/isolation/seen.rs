@@ -61,8 +61,7 @@ fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
         let value = |pixel: usize| {
             let bins = (0..p.bins).filter(|b| keep(pixel, *b));
-            bins.flat_map(|b| (0..p.wavelengths).map(move |lane| p.at(pixel, b, e, lane)))
-                .sum()
+            bins.flat_map(|b| (0..p.wavelengths).map(move |lane| p.at(pixel, b, e, lane))).sum()
         };
         (0..p.count()).map(value).collect()
     };
@@ -71,9 +70,7 @@ fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
 
 fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let images = all.iter().zip(part);
-    images
-        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect())
-        .collect()
+    images.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
 }
 
 /// Returns the bin of each pixel's first light.
@@ -83,9 +80,7 @@ fn first_light(p: &Pixels) -> Vec<usize> {
     (0..p.count())
         .map(|pixel| {
             let brightest = (0..p.bins).map(|b| light(pixel, b)).fold(0.0, f64::max);
-            (0..p.bins)
-                .find(|b| light(pixel, *b) >= FIRST * brightest)
-                .unwrap_or(0)
+            (0..p.bins).find(|b| light(pixel, *b) >= FIRST * brightest).unwrap_or(0)
         })
         .collect()
 }
@@ -102,10 +97,7 @@ pub enum Sight {
 }
 
 fn sizes(o: &Observation, what: &str) -> ApplyError {
-    ApplyError::Sizes {
-        variant: o.variant,
-        what: what.into(),
-    }
+    ApplyError::Sizes { variant: o.variant, what: what.into() }
 }
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
@@ -115,24 +107,13 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
     let check = |p: Pixels| {
-        if [p.width, p.height] == size {
-            Ok(p)
-        } else {
-            Err(sizes(o, "slices"))
-        }
+        if [p.width, p.height] == size { Ok(p) } else { Err(sizes(o, "slices")) }
     };
     let all = images(&polarimetric, |_, _| true);
     let epipolar = images(&check(o.pixels(EPIPOLAR, true)?)?, |_, _| true);
     let transient = check(o.pixels(TRANSIENT, false)?)?;
-    let gated = if timed {
-        Some(check(o.pixels(GATED, true)?)?)
-    } else {
-        None
-    };
-    if gated
-        .as_ref()
-        .is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements))
-    {
+    let gated = if timed { Some(check(o.pixels(GATED, true)?)?) } else { None };
+    if gated.as_ref().is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements)) {
         return Err(sizes(o, "slices in time"));
     }
     let first = first_light(&transient);
@@ -200,20 +181,10 @@ impl Seen {
             let share = |(light, (all, class)): (&f64, (&f64, &Class))| {
                 if *class == Class::Dark { 0.0 } else { light / all }
             };
-            let share = light
-                .iter()
-                .zip(everything.iter().zip(&classes))
-                .map(share)
-                .collect();
+            let share = light.iter().zip(everything.iter().zip(&classes)).map(share).collect();
             truth.push(Truth { share, classes });
         }
-        Ok(Self {
-            variant: o.variant,
-            width,
-            height,
-            images: parts,
-            truth,
-        })
+        Ok(Self { variant: o.variant, width, height, images: parts, truth })
     }
 
     /// Returns the available parts of the light, with the number of elements of each.

@@ -30,11 +30,7 @@ pub struct Task {
 macro_rules! metrics {
     ($name:literal) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {
-            $crate::application::Metric {
-                name,
-                unit: "",
-                more_is_better,
-            }
+            $crate::application::Metric { name, unit: "", more_is_better }
         }
         [
             metric(concat!($name, ": area"), true),

@@ -24,13 +24,7 @@ pub(crate) struct Kind {
 
 impl Kind {
     pub(crate) const fn new(label: u8, bounces: u32) -> Self {
-        Self {
-            path: Path { label, bounces },
-            bright: 1.0,
-            shares: &[],
-            epipolar: true,
-            delay: 0,
-        }
+        Self { path: Path { label, bounces }, bright: 1.0, shares: &[], epipolar: true, delay: 0 }
     }
 }
 
@@ -52,11 +46,7 @@ pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
         .map(|variant| {
             let lit: Vec<f64> = (0..n).map(|_| (0.6 * normal(&mut r)).exp()).collect();
             let amount = |pixel: usize, k: usize| {
-                let own = if k == kind_of(pixel, kinds.len()) {
-                    0.9
-                } else {
-                    0.0
-                };
+                let own = if k == kind_of(pixel, kinds.len()) { 0.9 } else { 0.0 };
                 let first = if k == 0 { 0.1 } else { 0.0 };
                 lit[pixel] * kinds[k].bright * (own + first)
             };
@@ -75,10 +65,7 @@ pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
                     0.5 * value(p, b, e) + NOISE / (2.0 * bins as f64).sqrt() * normal(&mut r)
                 })
             };
-            let mut o = Observation {
-                variant,
-                ..Observation::default()
-            };
+            let mut o = Observation { variant, ..Observation::default() };
             for (name, bins, epipolar) in [
                 (seen::POLARIMETRIC, 1, false),
                 (seen::EPIPOLAR, 1, true),
@@ -99,11 +86,8 @@ pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
 
 /// Returns the mean of a metric of a method over variants.
 pub(crate) fn mean(scores: &[Score], method: &str, metric: &str) -> f64 {
-    let mine: Vec<f64> = scores
-        .iter()
-        .filter(|s| s.method == method && s.metric == metric)
-        .map(|s| s.value)
-        .collect();
+    let mine: Vec<f64> =
+        scores.iter().filter(|s| s.method == method && s.metric == metric).map(|s| s.value).collect();
     assert!(!mine.is_empty(), "no {metric} of {method}");
     mine.iter().sum::<f64>() / mine.len() as f64
 }
@@ -118,15 +102,7 @@ const TASK: Task = Task {
 };
 
 const fn any(name: &'static str, space: bool, time: bool, polarization: bool) -> Isolation {
-    Isolation::new(
-        name,
-        "",
-        Family::Any {
-            space,
-            time,
-            polarization,
-        },
-    )
+    Isolation::new(name, "", Family::Any { space, time, polarization })
 }
 
 const METHODS: [Isolation; 8] = [
@@ -144,10 +120,7 @@ const METHODS: [Isolation; 8] = [
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
-    METHODS
-        .iter()
-        .map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area")))
-        .collect()
+    METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
 /// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013;
@@ -165,26 +138,18 @@ fn only(table: &[(&'static str, f64)], tell: &[&str]) {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn every_family_tells_its_own_dimension() {
     let plain = Kind::new(4, 1);
     only(&areas(plain), &[]);
-    let polarized = Kind {
-        shares: &[(5, 0.5)],
-        ..plain
-    };
+    let polarized = Kind { shares: &[(5, 0.5)], ..plain };
     only(&areas(polarized), &["all", "polarization"]);
-    let elsewhere = Kind {
-        epipolar: false,
-        ..plain
-    };
+    let elsewhere = Kind { epipolar: false, ..plain };
     only(&areas(elsewhere), &["all", "space"]);
     let late = Kind { delay: 3, ..plain };
     only(&areas(late), &["all", "time"]);
     // A photograph measures brightness, so every family does.
-    let bright = Kind {
-        bright: 60.0,
-        ..plain
-    };
+    let bright = Kind { bright: 60.0, ..plain };
     let table = areas(bright);
     for (name, a) in &table[..5] {
         assert!(*a > 0.95, "{name} {a} {table:?}");
@@ -192,18 +157,13 @@ fn every_family_tells_its_own_dimension() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_named_element_needs_its_sign() {
-    let turned = Kind {
-        shares: &[(15, -0.8)],
-        ..Kind::new(4, 1)
-    };
+    let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
     // The planted error: metal that preserves the handedness of circular light.
-    let kept = Kind {
-        shares: &[(15, 0.8)],
-        ..turned
-    };
+    let kept = Kind { shares: &[(15, 0.8)], ..turned };
     let all = observations(&[Kind::new(8, 1), kept], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method, metric| mean(&outcome.scores, method, metric);
@@ -224,15 +184,10 @@ fn a_named_element_needs_its_sign() {
 /// Gloss whose plane of incidence varies between pixels has no consistent sign, but its magnitude is
 /// detected.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn what_turns_is_told_by_its_magnitude() {
-    let task = Task {
-        named: Some(Element::of(Space::All, [0, 1])),
-        ..TASK
-    };
-    let turned = |shares| Kind {
-        shares,
-        ..Kind::new(4, 1)
-    };
+    let task = Task { named: Some(Element::of(Space::All, [0, 1])), ..TASK };
+    let turned = |shares| Kind { shares, ..Kind::new(4, 1) };
     let kinds = [
         Kind::new(8, 1),
         turned(&[(1, 0.5)]),
@@ -250,16 +205,10 @@ fn what_turns_is_told_by_its_magnitude() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn two_disturbances_need_two_dimensions() {
-    let mirrored = Kind {
-        shares: &[(15, -0.8)],
-        epipolar: false,
-        ..Kind::new(6, 2)
-    };
-    let it = Kind {
-        shares: &[(15, -0.8)],
-        ..Kind::new(4, 1)
-    };
+    let mirrored = Kind { shares: &[(15, -0.8)], epipolar: false, ..Kind::new(6, 2) };
+    let it = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let both = any("space and polarization", true, false, true);
     let methods = [both, METHODS[1], METHODS[3]];
     let all = observations(&[Kind::new(8, 1), mirrored, it], 8);
@@ -275,14 +224,8 @@ fn two_disturbances_need_two_dimensions() {
 
 #[test]
 fn light_outside_the_region_is_not_it() {
-    let task = Task {
-        region: Some(|o| seen::within(o, "left", |v| v[0] >= 0.5)),
-        ..TASK
-    };
-    let turned = Kind {
-        shares: &[(15, -0.8)],
-        ..Kind::new(4, 1)
-    };
+    let task = Task { region: Some(|o| seen::within(o, "left", |v| v[0] >= 0.5)), ..TASK };
+    let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let mut all = observations(&[Kind::new(8, 1), turned], 4);
     assert!(matches!(
         run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]),
@@ -303,17 +246,12 @@ fn light_outside_the_region_is_not_it() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn what_cannot_be_learnt_is_left_out_and_said() {
     let all = observations(&[Kind::new(8, 1)], 4);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     assert!(outcome.scores.is_empty());
     assert!(outcome.notes.iter().all(|n| n.contains("nothing to learn")));
-    assert!(matches!(
-        run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all),
-        Err(ApplyError::Empty(_))
-    ));
-    assert!(matches!(
-        run(&[TASK], &METHODS, Sight::SpaceAndTime, &all, &[]),
-        Err(ApplyError::Empty(_))
-    ));
+    assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &all, &[]), Err(ApplyError::Empty(_))));
 }

@@ -27,10 +27,7 @@ impl Classifier {
         train: &[Seen],
     ) -> Result<Self, ApplyError> {
         let of = |pixels: fn(&Seen) -> &Vec<usize>| -> Vec<Vec<f64>> {
-            train
-                .iter()
-                .flat_map(|seen| pixels(seen).iter().map(|p| features.of(seen, *p)))
-                .collect()
+            train.iter().flat_map(|seen| pixels(seen).iter().map(|p| features.of(seen, *p))).collect()
         };
         let direction = Discriminant::new(&of(|s| &s.real), &of(|s| &s.fake));
         let direction = direction.ok_or_else(|| ApplyError::Unsolved {
@@ -52,23 +49,13 @@ const DARK: f64 = 1e-6;
 
 impl Features {
     fn of(self, seen: &Seen, pixel: usize) -> Vec<f64> {
-        let p = if self == Self::Colour {
-            &seen.polarimetric
-        } else {
-            &seen.epipolar
-        };
+        let p = if self == Self::Colour { &seen.polarimetric } else { &seen.epipolar };
         let mut out = vec![];
         for lane in 0..p.wavelengths {
             let all = p.at(pixel, 0, 0, lane);
             out.extend([all, all.max(DARK).ln()]);
             if self == Self::All {
-                out.extend((1..16).map(|e| {
-                    if all > 0.0 {
-                        p.at(pixel, 0, e, lane) / all
-                    } else {
-                        0.0
-                    }
-                }));
+                out.extend((1..16).map(|e| if all > 0.0 { p.at(pixel, 0, e, lane) / all } else { 0.0 }));
             }
         }
         out

@@ -27,11 +27,7 @@ pub struct Metamerism;
 /// Number of bootstrap draws.
 const DRAWS: usize = 1000;
 
-const METRICS: [Metric; 1] = [Metric {
-    name: "area under the curve",
-    unit: "",
-    more_is_better: true,
-}];
+const METRICS: [Metric; 1] = [Metric { name: "area under the curve", unit: "", more_is_better: true }];
 
 /// Learns a score from training variants.
 type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
@@ -43,49 +39,24 @@ struct Learning {
 }
 
 const METHODS: [Learning; 6] = [
-    learning("-(2,2) epipolar", "Baek & Heide 2021", |_| {
-        Ok(Box::new(Element22))
-    }),
-    learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| {
-        Ok(Box::new(NormalizedElement22))
-    }),
+    learning("-(2,2) epipolar", "Baek & Heide 2021", |_| Ok(Box::new(Element22))),
+    learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| Ok(Box::new(NormalizedElement22))),
     learning("RGB", "linear discriminant of a photograph", |train| {
         Ok(Box::new(Classifier::learn("RGB", Features::Colour, train)?))
     }),
-    learning(
-        "epipolar RGB",
-        "linear discriminant of O'Toole et al. 2012",
-        |train| {
-            Ok(Box::new(Classifier::learn(
-                "epipolar RGB",
-                Features::EpipolarColour,
-                train,
-            )?))
-        },
-    ),
-    learning(
-        "degree of polarization",
-        "of a photograph in unpolarized light",
-        |train| Ok(Box::new(DegreeOfPolarization::learn(train))),
-    ),
-    learning(
-        "all epipolar elements",
-        "linear discriminant: the bound",
-        |train| {
-            Ok(Box::new(Classifier::learn(
-                "all epipolar elements",
-                Features::All,
-                train,
-            )?))
-        },
-    ),
+    learning("epipolar RGB", "linear discriminant of O'Toole et al. 2012", |train| {
+        Ok(Box::new(Classifier::learn("epipolar RGB", Features::EpipolarColour, train)?))
+    }),
+    learning("degree of polarization", "of a photograph in unpolarized light", |train| {
+        Ok(Box::new(DegreeOfPolarization::learn(train)))
+    }),
+    learning("all epipolar elements", "linear discriminant: the bound", |train| {
+        Ok(Box::new(Classifier::learn("all epipolar elements", Features::All, train)?))
+    }),
 ];
 
 const fn learning(name: &'static str, source: &'static str, learn: Learn) -> Learning {
-    Learning {
-        method: Method { name, source },
-        learn,
-    }
+    Learning { method: Method { name, source }, learn }
 }
 
 impl Application for Metamerism {
@@ -104,14 +75,8 @@ impl Application for Metamerism {
             test: (8..20).collect(),
             slices: vec!["polarimetric", "epipolar"],
             truth: vec![
-                Truth::Material {
-                    name: "real",
-                    of: &["peel"],
-                },
-                Truth::Material {
-                    name: "fake",
-                    of: &["apple_plastic", "pear_plastic"],
-                },
+                Truth::Material { name: "real", of: &["peel"] },
+                Truth::Material { name: "fake", of: &["apple_plastic", "pear_plastic"] },
             ],
             preview: Size { pixels: 48, spp: 16 },
             full: Size { pixels: 128, spp: 64 },
@@ -169,12 +134,8 @@ fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture 
 
 /// Formats both confidence intervals of the area for the pixels of all variants together.
 fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
-    let all = |f: fn(&Group) -> &Vec<f64>| {
-        groups
-            .iter()
-            .flat_map(|g| f(g).iter().copied())
-            .collect::<Vec<f64>>()
-    };
+    let all =
+        |f: fn(&Group) -> &Vec<f64>| groups.iter().flat_map(|g| f(g).iter().copied()).collect::<Vec<f64>>();
     let pixels = roc::delong(&all(|g| &g.positive), &all(|g| &g.negative));
     let variants = roc::bootstrap(groups, DRAWS, seed);
     format!(

@@ -25,11 +25,7 @@ pub(super) struct NormalizedElement22;
 impl Scoring for NormalizedElement22 {
     fn score(&self, seen: &Seen, pixel: usize) -> f64 {
         let all = sum(&seen.epipolar, pixel, 0);
-        if all > 0.0 {
-            -sum(&seen.epipolar, pixel, 10) / all
-        } else {
-            0.0
-        }
+        if all > 0.0 { -sum(&seen.epipolar, pixel, 10) / all } else { 0.0 }
     }
 }
 
@@ -47,11 +43,7 @@ impl DegreeOfPolarization {
             positive.extend(g.positive);
             negative.extend(g.negative);
         }
-        let sign = if area(&positive, &negative) < 0.5 {
-            -1.0
-        } else {
-            1.0
-        };
+        let sign = if area(&positive, &negative) < 0.5 { -1.0 } else { 1.0 };
         Self { sign }
     }
 }
@@ -60,15 +52,7 @@ impl Scoring for DegreeOfPolarization {
     fn score(&self, seen: &Seen, pixel: usize) -> f64 {
         let p = &seen.polarimetric;
         let all = sum(p, pixel, 0);
-        let polarized = [4, 8, 12]
-            .map(|e| sum(p, pixel, e).powi(2))
-            .iter()
-            .sum::<f64>()
-            .sqrt();
-        if all > 0.0 {
-            self.sign * polarized / all
-        } else {
-            0.0
-        }
+        let polarized = [4, 8, 12].map(|e| sum(p, pixel, e).powi(2)).iter().sum::<f64>().sqrt();
+        if all > 0.0 { self.sign * polarized / all } else { 0.0 }
     }
 }

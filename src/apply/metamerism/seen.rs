@@ -33,10 +33,7 @@ impl Seen {
         let inside = seen.real.iter().chain(&seen.fake).all(|p| *p < n);
         if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths
         {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: "slices and truth maps".into(),
-            });
+            return Err(ApplyError::Sizes { variant: o.variant, what: "slices and truth maps".into() });
         }
         if seen.real.is_empty() || seen.fake.is_empty() {
             return Err(ApplyError::Empty(format!(
@@ -56,8 +53,5 @@ pub(super) trait Scoring {
 /// Returns the scores of the pixels of a variant.
 pub(super) fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
     let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
-    Group {
-        positive: of(&seen.real),
-        negative: of(&seen.fake),
-    }
+    Group { positive: of(&seen.real), negative: of(&seen.fake) }
 }

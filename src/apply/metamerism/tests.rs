@@ -33,11 +33,7 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
                     let shared = normal(&mut r);
                     for e in 0..16 {
                         for lane in 0..3 {
-                            let red = if lane == 2 {
-                                is * d.red[usize::from(!full)]
-                            } else {
-                                0.0
-                            };
+                            let red = if lane == 2 { is * d.red[usize::from(!full)] } else { 0.0 };
                             let share = match e {
                                 0 => 1.0 + red,
                                 4 if full => 0.3 + is * d.polarized,
@@ -50,14 +46,9 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
                         }
                     }
                 }
-                slice([SIZE[0], SIZE[1], 1, 3], 0.02, |p, _, e, k| {
-                    values[(16 * p + e) * 3 + k]
-                })
+                slice([SIZE[0], SIZE[1], 1, 3], 0.02, |p, _, e, k| values[(16 * p + e) * 3 + k])
             };
-            let mut o = Observation {
-                variant,
-                ..Observation::default()
-            };
+            let mut o = Observation { variant, ..Observation::default() };
             o.slices.insert("polarimetric".into(), image(true));
             o.slices.insert("epipolar".into(), image(false));
             for (name, wanted) in [("real", true), ("fake", false)] {
@@ -75,18 +66,10 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     let all = observations(d, 8);
     let outcome = Metamerism.run(&all[..4], &all[4..]).expect("it runs");
     let mean = |name: &str| {
-        let mine: Vec<f64> = outcome
-            .scores
-            .iter()
-            .filter(|s| s.method == name)
-            .map(|s| s.value)
-            .collect();
+        let mine: Vec<f64> = outcome.scores.iter().filter(|s| s.method == name).map(|s| s.value).collect();
         mine.iter().sum::<f64>() / mine.len() as f64
     };
-    METHODS
-        .iter()
-        .map(|m| (m.method.name, mean(m.method.name)))
-        .collect()
+    METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
 /// 640 pixels of a kind: the standard error of an area of one half is √(1/12 · 2/640) = 0.0161, also for
@@ -104,60 +87,39 @@ fn only(table: &[(&'static str, f64)], tell: &[&str]) {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn nothing_tells_what_does_not_differ() {
     only(&areas(Difference::default()), &[]);
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn each_score_tells_its_own_difference() {
     let bound = "all epipolar elements";
     let of = |d: Difference| areas(d);
-    let t22 = Difference {
-        element22: 0.2,
-        ..Difference::default()
-    };
+    let t22 = Difference { element22: 0.2, ..Difference::default() };
     only(&of(t22), &["-(2,2) epipolar", "-(2,2)/(0,0) epipolar", bound]);
-    let full = Difference {
-        red: [0.5, 0.0],
-        ..Difference::default()
-    };
+    let full = Difference { red: [0.5, 0.0], ..Difference::default() };
     // A brighter red also changes the degree of polarization, because the polarized part does not grow with
     // it.
     let table = of(full);
-    assert!(
-        table[2].1 > 0.9 && NONE.contains(&table[3].1) && NONE.contains(&table[5].1),
-        "{table:?}"
-    );
-    let epipolar = Difference {
-        red: [0.0, 0.5],
-        ..Difference::default()
-    };
+    assert!(table[2].1 > 0.9 && NONE.contains(&table[3].1) && NONE.contains(&table[5].1), "{table:?}");
+    let epipolar = Difference { red: [0.0, 0.5], ..Difference::default() };
     let table = of(epipolar);
-    assert!(
-        table[3].1 > 0.9 && NONE.contains(&table[2].1) && table[5].1 > 0.9,
-        "{table:?}"
-    );
+    assert!(table[3].1 > 0.9 && NONE.contains(&table[2].1) && table[5].1 > 0.9, "{table:?}");
     for sign in [1.0, -1.0] {
-        let d = Difference {
-            polarized: 0.2 * sign,
-            ..Difference::default()
-        };
+        let d = Difference { polarized: 0.2 * sign, ..Difference::default() };
         only(&of(d), &["degree of polarization"]);
     }
-    let hidden = Difference {
-        hidden: 0.1,
-        ..Difference::default()
-    };
+    let hidden = Difference { hidden: 0.1, ..Difference::default() };
     only(&of(hidden), &[bound]);
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn a_fake_with_more_of_it_is_told_the_wrong_way_round() {
     // The planted error: exchanged fruit.
-    let d = Difference {
-        element22: -0.05,
-        ..Difference::default()
-    };
+    let d = Difference { element22: -0.05, ..Difference::default() };
     let table = areas(d);
     assert!(table[0].1 < 0.1, "{table:?}");
     assert!(table[5].1 > 0.9, "{table:?}");
@@ -169,23 +131,14 @@ fn without_fruit_it_says_so() {
     if let Some(map) = all[1].truth.get_mut("fake") {
         map.data.fill(0.0);
     }
-    assert!(matches!(
-        Metamerism.run(&all[..1], &all[1..]),
-        Err(ApplyError::Empty(_))
-    ));
-    assert!(matches!(
-        Metamerism.run(&[], &all[..1]),
-        Err(ApplyError::Empty(_))
-    ));
+    assert!(matches!(Metamerism.run(&all[..1], &all[1..]), Err(ApplyError::Empty(_))));
+    assert!(matches!(Metamerism.run(&[], &all[..1]), Err(ApplyError::Empty(_))));
 }
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
-    let task = Metamerism
-        .task(&[])
-        .expect("nothing to learn")
-        .expect("it is linear");
+    let task = Metamerism.task(&[]).expect("nothing to learn").expect("it is linear");
     let names: Vec<&str> = Metamerism.methods().iter().map(|m| m.name).collect();
     assert_eq!(task.method, names[0]);
     assert_eq!(task.baselines, ["RGB", "epipolar RGB", "degree of polarization"]);

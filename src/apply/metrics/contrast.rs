@@ -14,25 +14,15 @@ pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: us
         let pixel = &m.data[i * m.channels..(i + 1) * m.channels];
         pixel.iter().sum::<f64>() / m.channels as f64
     };
-    let n = mask
-        .len()
-        .min(depth.len())
-        .min(image.width * image.height)
-        .min(truth.width * truth.height);
+    let n = mask.len().min(depth.len()).min(image.width * image.height).min(truth.width * truth.height);
     let inside: Vec<usize> = (0..n).filter(|i| mask[*i] && depth[*i].is_finite()).collect();
     let (low, high) = inside
         .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), i| {
-            (a.min(depth[*i]), b.max(depth[*i]))
-        });
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), i| (a.min(depth[*i]), b.max(depth[*i])));
     let step = |i: usize| (((depth[i] - low) / (high - low) * bins as f64) as usize).min(bins - 1);
     (0..bins)
         .map(|bin| {
-            let here: Vec<usize> = inside
-                .iter()
-                .copied()
-                .filter(|i| high > low && step(*i) == bin)
-                .collect();
+            let here: Vec<usize> = inside.iter().copied().filter(|i| high > low && step(*i) == bin).collect();
             let mut sorted: Vec<f64> = here.iter().map(|i| mean(truth, *i)).collect();
             sorted.sort_by(f64::total_cmp);
             let (Some(first), Some(last)) = (sorted.first(), sorted.last()) else {
@@ -41,14 +31,8 @@ pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: us
             // Values between the two are ambiguous.
             let third = (last - first) / 3.0;
             let (dark, bright): (Vec<_>, Vec<_>) = (
-                here.iter()
-                    .copied()
-                    .filter(|i| mean(truth, *i) <= first + third)
-                    .collect(),
-                here.iter()
-                    .copied()
-                    .filter(|i| mean(truth, *i) >= last - third)
-                    .collect(),
+                here.iter().copied().filter(|i| mean(truth, *i) <= first + third).collect(),
+                here.iter().copied().filter(|i| mean(truth, *i) >= last - third).collect(),
             );
             let of = |m: &Map| {
                 let level = |all: &[usize]| all.iter().map(|i| mean(m, *i)).sum::<f64>() / all.len() as f64;
@@ -79,11 +63,7 @@ mod tests {
         }
         // Without marks, there is no contrast.
         let plain = Map::from_fn(16, 40, 1, |_, _, out| out[0] = 1.0);
-        assert!(
-            by_depth(&seen, &plain, &depth, &mask, 4, 0.1)
-                .iter()
-                .all(|c| c.is_nan())
-        );
+        assert!(by_depth(&seen, &plain, &depth, &mask, 4, 0.1).iter().all(|c| c.is_nan()));
     }
 
     #[test]

@@ -87,11 +87,7 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let sum =
         |f: &dyn Fn(f64, f64) -> f64| image.iter().zip(light).map(|(x, y)| f(x - a, y - b)).sum::<f64>();
     let (xy, xx, yy) = (sum(&|x, y| x * y), sum(&|x, _| x * x), sum(&|_, y| y * y));
-    if xx == 0.0 && yy > 0.0 {
-        0.0
-    } else {
-        xy / (xx * yy).sqrt()
-    }
+    if xx == 0.0 && yy > 0.0 { 0.0 } else { xy / (xx * yy).sqrt() }
 }
 
 /// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is √(1 -
@@ -119,11 +115,7 @@ pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 
 pub fn error(image: &[f64], light: &[f64], gain: f64) -> f64 {
     let left: f64 = image.iter().zip(light).map(|(i, l)| (gain * i - l).powi(2)).sum();
     let whole: f64 = light.iter().map(|l| l * l).sum();
-    if whole > 0.0 {
-        (left / whole).sqrt()
-    } else {
-        f64::NAN
-    }
+    if whole > 0.0 { (left / whole).sqrt() } else { f64::NAN }
 }
 
 #[cfg(test)]

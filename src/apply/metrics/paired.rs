@@ -21,18 +21,13 @@ pub struct Estimate {
 #[must_use]
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
-    let rows: Vec<&[f64]> = table
-        .iter()
-        .map(|row| &row[..seeds])
-        .filter(|row| row.iter().all(|v| v.is_finite()))
-        .collect();
+    let rows: Vec<&[f64]> =
+        table.iter().map(|row| &row[..seeds]).filter(|row| row.iter().all(|v| v.is_finite())).collect();
     let (v, s) = (rows.len() as f64, seeds as f64);
     let counts = [rows.len(), seeds];
     let mean = rows.iter().flat_map(|r| r.iter()).sum::<f64>() / (v * s);
     let row_means: Vec<f64> = rows.iter().map(|r| r.iter().sum::<f64>() / s).collect();
-    let column_means: Vec<f64> = (0..seeds)
-        .map(|j| rows.iter().map(|r| r[j]).sum::<f64>() / v)
-        .collect();
+    let column_means: Vec<f64> = (0..seeds).map(|j| rows.iter().map(|r| r[j]).sum::<f64>() / v).collect();
     let spread = |means: &[f64]| means.iter().map(|m| (m - mean).powi(2)).sum::<f64>();
     let of_rows = s * spread(&row_means) / (v - 1.0);
     let of_columns = v * spread(&column_means) / (s - 1.0);
@@ -56,9 +51,7 @@ pub fn estimate(table: &[Vec<f64>]) -> Estimate {
 #[must_use]
 pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Estimate {
     let rows = a.iter().zip(b);
-    let table: Vec<Vec<f64>> = rows
-        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect())
-        .collect();
+    let table: Vec<Vec<f64>> = rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect();
     estimate(&table)
 }
 
@@ -85,9 +78,7 @@ mod tests {
             // The sum of twelve uniform numbers minus six has variance 1.
             let mut sum = -6.0;
             for _ in 0..12 {
-                state = state
-                    .wrapping_mul(6364136223846793005)
-                    .wrapping_add(1442695040888963407);
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                 sum += (state >> 33) as f64 / f64::from(1_u32 << 31);
             }
             sum
@@ -111,11 +102,7 @@ mod tests {
         }
         let n = f64::from(trials);
         let error = ((squares / n - (said / n).powi(2)) / n).sqrt();
-        assert!(
-            (said / n - truth).abs() < 5.0 * error,
-            "{} ± {error}, truth {truth}",
-            said / n
-        );
+        assert!((said / n - truth).abs() < 5.0 * error, "{} ± {error}, truth {truth}", said / n);
         // The means scatter accordingly: the relative error of a variance from n draws is √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
         // The planted error: treating all numbers as independent would be far off.

@@ -19,10 +19,7 @@ pub fn mean_squared_difference(image: &Map, truth: &Map, mask: &[bool]) -> f64 {
     }
     let (mut sum, mut n) = (0.0, 0.0);
     let channels = image.channels.max(1);
-    let pixels = image
-        .data
-        .chunks_exact(channels)
-        .zip(truth.data.chunks_exact(channels));
+    let pixels = image.data.chunks_exact(channels).zip(truth.data.chunks_exact(channels));
     for ((a, b), _) in pixels.zip(mask).filter(|(_, m)| **m) {
         sum += a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         n += channels as f64;

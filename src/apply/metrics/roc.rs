@@ -39,11 +39,7 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     };
     let of = |v: &[f64]| variance(v) / v.len() as f64;
     let error = (of(&of_positive) + of(&of_negative)).sqrt();
-    Area {
-        area,
-        error,
-        interval: [-1.0, 1.0].map(|side| (area + side * NORMAL_95 * error).clamp(0.0, 1.0)),
-    }
+    Area { area, error, interval: [-1.0, 1.0].map(|side| (area + side * NORMAL_95 * error).clamp(0.0, 1.0)) }
 }
 
 /// Returns for each positive the share of negatives below it, and for each negative the share of positives
@@ -79,10 +75,7 @@ pub struct Group {
 pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let pooled = |chosen: &[usize]| {
         let take = |f: fn(&Group) -> &Vec<f64>| -> Vec<f64> {
-            chosen
-                .iter()
-                .flat_map(|i| f(&groups[*i]).iter().copied())
-                .collect()
+            chosen.iter().flat_map(|i| f(&groups[*i]).iter().copied()).collect()
         };
         area(&take(|g| &g.positive), &take(|g| &g.negative))
     };
@@ -95,10 +88,8 @@ pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
         if found.len() == draws || !whole.is_finite() {
             break;
         }
-        let chosen: Vec<usize> = all
-            .iter()
-            .map(|_| (random.next_u64() % groups.len().max(1) as u64) as usize)
-            .collect();
+        let chosen: Vec<usize> =
+            all.iter().map(|_| (random.next_u64() % groups.len().max(1) as u64) as usize).collect();
         let value = pooled(&chosen);
         if value.is_finite() {
             found.push(value);
@@ -112,11 +103,7 @@ pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
         let place = (share * (n - 1.0)).round().max(0.0) as usize;
         found.get(place).copied().unwrap_or(f64::NAN)
     };
-    Area {
-        area: whole,
-        error,
-        interval: [at(0.025), at(0.975)],
-    }
+    Area { area: whole, error, interval: [at(0.025), at(0.975)] }
 }
 
 #[cfg(test)]
@@ -125,9 +112,7 @@ mod tests {
 
     fn numbers(seed: u64, n: usize) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
-        (0..n)
-            .map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
-            .collect()
+        (0..n).map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64).collect()
     }
 
     #[test]
@@ -160,11 +145,7 @@ mod tests {
         }
         let n = trials as f64;
         // The estimated variance equals that of the areas, which n draws determine to √(2/n).
-        assert!(
-            (said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(),
-            "{}",
-            said / seen
-        );
+        assert!((said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", said / seen);
         let share = f64::from(covered) / n;
         // 95 %, minus the error of the normal approximation at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
@@ -176,10 +157,7 @@ mod tests {
         let shifts = numbers(5, 40);
         let groups: Vec<Group> = shifts
             .chunks_exact(2)
-            .map(|s| Group {
-                positive: vec![s[0] + 0.2; 20],
-                negative: vec![s[1]; 20],
-            })
+            .map(|s| Group { positive: vec![s[0] + 0.2; 20], negative: vec![s[1]; 20] })
             .collect();
         let take = |f: fn(&Group) -> &Vec<f64>| groups.iter().flat_map(|g| f(g).clone()).collect::<Vec<_>>();
         let naive = delong(&take(|g| &g.positive), &take(|g| &g.negative));
@@ -190,17 +168,9 @@ mod tests {
             &groups.iter().map(|g| g.positive[0]).collect::<Vec<_>>(),
             &groups.iter().map(|g| g.negative[0]).collect::<Vec<_>>(),
         );
-        assert!(
-            (grouped.error / single.error - 1.0).abs() < 0.15,
-            "{} {}",
-            grouped.error,
-            single.error
-        );
+        assert!((grouped.error / single.error - 1.0).abs() < 0.15, "{} {}", grouped.error, single.error);
         assert!(naive.error < 0.3 * grouped.error);
-        assert!(
-            bootstrap(&groups, 2000, 1) == grouped,
-            "the same seed, the same draws"
-        );
+        assert!(bootstrap(&groups, 2000, 1) == grouped, "the same seed, the same draws");
         assert!(bootstrap(&[], 100, 1).area.is_nan());
     }
 }

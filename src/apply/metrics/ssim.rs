@@ -45,11 +45,7 @@ fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64>
     let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
     let blur = |v: &[f64]| blurred(v, image.width);
     let (mx, my) = (blur(&x), blur(&y));
-    let (xx, yy, xy) = (
-        blur(&product(&x, &x)),
-        blur(&product(&y, &y)),
-        blur(&product(&x, &y)),
-    );
+    let (xx, yy, xy) = (blur(&product(&x, &x)), blur(&product(&y, &y)), blur(&product(&x, &y)));
     let (c1, c2) = ((K1 * range).powi(2), (K2 * range).powi(2));
     (0..x.len())
         .map(|i| {
@@ -111,10 +107,7 @@ mod tests {
             epsilon = 1e-9
         );
         // A negative image changes the sign of covariances.
-        let mirrored = Map {
-            data: a.data.iter().map(|v| 1.0 - v).collect(),
-            ..a.clone()
-        };
+        let mirrored = Map { data: a.data.iter().map(|v| 1.0 - v).collect(), ..a.clone() };
         assert!(ssim(&mirrored, &a, &all, 1.0) < 0.0);
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
@@ -124,10 +117,7 @@ mod tests {
     #[test]
     fn scikit_image_gives_the_same() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));
-        let flatter = Map {
-            data: a.data.iter().map(|v| 0.7 * v + 0.1).collect(),
-            ..a.clone()
-        };
+        let flatter = Map { data: a.data.iter().map(|v| 0.7 * v + 0.1).collect(), ..a.clone() };
         let all = vec![true; a.data.len()];
         approx::assert_relative_eq!(ssim(&a, &b, &all, 1.0), 0.431706250239, epsilon = 1e-11);
         approx::assert_relative_eq!(ssim(&a, &flatter, &all, 1.0), 0.940174395066, epsilon = 1e-11);

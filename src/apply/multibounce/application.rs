@@ -28,12 +28,7 @@ impl Application for Multibounce {
     }
 
     fn plan(&self) -> Plan {
-        let paths = Truth::Slice {
-            name: seen::PATHS,
-            slice: seen::PATHS,
-            of: itself,
-            samples: 16,
-        };
+        let paths = Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 16 };
         Plan {
             scene: self.scene,
             train: (0..3).collect(),
@@ -42,10 +37,7 @@ impl Application for Multibounce {
             slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
             truth: [&[paths], self.maps].concat(),
             preview: Size { pixels: 64, spp: 32 },
-            full: Size {
-                pixels: 128,
-                spp: 128,
-            },
+            full: Size { pixels: 128, spp: 128 },
         }
     }
 

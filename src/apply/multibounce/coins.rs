@@ -66,9 +66,6 @@ pub const COINS: Multibounce = Multibounce {
     name: "multibounce-coins",
     shows: "which Mueller element isolates which light between coins and a mirror (Fig. 13)",
     scene: "coins_mirror/variants.toml",
-    maps: &[Truth::Material {
-        name: "table",
-        of: &["table"],
-    }],
+    maps: &[Truth::Material { name: "table", of: &["table"] }],
     tasks: &TASKS,
 };

@@ -19,9 +19,7 @@ fn patch(p: Path) -> bool {
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];
-    let on_it = seen::within(o, "position", |p| {
-        p.len() == 3 && side * (p[0] - x) * (p[1] - y) > 0.0
-    })?;
+    let on_it = seen::within(o, "position", |p| p.len() == 3 && side * (p[0] - x) * (p[1] - y) > 0.0)?;
     let walls = seen::within(o, "walls", |share| share[0] >= 0.5)?;
     Ok(on_it.iter().zip(&walls).map(|(a, b)| *a && *b).collect())
 }
@@ -90,19 +88,9 @@ pub const DISCO_BALL: Multibounce = Multibounce {
     shows: "which Mueller element isolates which light between a disco ball and painted walls (Fig. 13)",
     scene: "disco_ball/variants.toml",
     maps: &[
-        Truth::Material {
-            name: "floor",
-            of: &["floor"],
-        },
-        Truth::Material {
-            name: "walls",
-            of: &["floor", "white", "red", "blue"],
-        },
-        Truth::Layer {
-            name: "position",
-            layer: "position",
-            through: false,
-        },
+        Truth::Material { name: "floor", of: &["floor"] },
+        Truth::Material { name: "walls", of: &["floor", "white", "red", "blue"] },
+        Truth::Layer { name: "position", layer: "position", through: false },
     ],
     tasks: &TASKS,
 };

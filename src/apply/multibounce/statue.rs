@@ -63,36 +63,12 @@ const TASKS: [Task; 4] = [
 ];
 
 const METHODS: [Isolation; 7] = [
-    Isolation::new(
-        "(3,3) at a time",
-        "Baek & Heide 2021",
-        Family::NamedAtATime { either: false },
-    ),
-    Isolation::new(
-        "(3,3) at a time, either sign",
-        "its sign learnt",
-        Family::NamedAtATime { either: true },
-    ),
-    Isolation::new(
-        "any element at a time",
-        "learnt: the bound of single elements",
-        any(false, true, true),
-    ),
-    Isolation::new(
-        "(3,3) without time, either sign",
-        "its sign learnt",
-        Family::NamedEitherSign,
-    ),
-    Isolation::new(
-        "polarization only",
-        "learnt element of all light",
-        any(false, false, true),
-    ),
-    Isolation::new(
-        "time only",
-        "learnt: (0,0) of a bin (Velten et al. 2013)",
-        any(false, true, false),
-    ),
+    Isolation::new("(3,3) at a time", "Baek & Heide 2021", Family::NamedAtATime { either: false }),
+    Isolation::new("(3,3) at a time, either sign", "its sign learnt", Family::NamedAtATime { either: true }),
+    Isolation::new("any element at a time", "learnt: the bound of single elements", any(false, true, true)),
+    Isolation::new("(3,3) without time, either sign", "its sign learnt", Family::NamedEitherSign),
+    Isolation::new("polarization only", "learnt element of all light", any(false, false, true)),
+    Isolation::new("time only", "learnt: (0,0) of a bin (Velten et al. 2013)", any(false, true, false)),
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
 
@@ -111,12 +87,7 @@ impl Application for Statue {
             train: (0..6).collect(),
             test: (6..14).collect(),
             slices: vec![seen::TRANSIENT],
-            truth: vec![Truth::Slice {
-                name: seen::PATHS,
-                slice: seen::PATHS,
-                of: itself,
-                samples: 4,
-            }],
+            truth: vec![Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 4 }],
             preview: Size { pixels: 40, spp: 32 },
             full: Size { pixels: 96, spp: 128 },
         }

@@ -45,25 +45,10 @@ const BOUND: &str = "any element of space and polarization";
 fn hands_tell_odd_from_even() {
     let coins = [
         Kind::new(8, 1),
-        Kind {
-            shares: &[(15, -0.8)],
-            ..Kind::new(4, 1)
-        },
-        Kind {
-            shares: &[(15, 0.8)],
-            epipolar: false,
-            ..Kind::new(6, 2)
-        },
-        Kind {
-            shares: &[(15, -0.7)],
-            delay: 4,
-            ..Kind::new(6, 3)
-        },
-        Kind {
-            shares: &[(4, -0.3)],
-            epipolar: false,
-            ..Kind::new(10, 2)
-        },
+        Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) },
+        Kind { shares: &[(15, 0.8)], epipolar: false, ..Kind::new(6, 2) },
+        Kind { shares: &[(15, -0.7)], delay: 4, ..Kind::new(6, 3) },
+        Kind { shares: &[(4, -0.3)], epipolar: false, ..Kind::new(10, 2) },
     ];
     let outcome = run(&COINS, &coins);
     assert!(area(&outcome, NAMED, "two reflections by metal") > 0.95);
@@ -82,22 +67,10 @@ fn hands_tell_odd_from_even() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn signs_that_are_not_the_papers_are_told() {
-    let kind = |sign: &'static [(usize, f64)]| Kind {
-        shares: sign,
-        epipolar: false,
-        ..Kind::new(10, 2)
-    };
-    let ball = |sign| {
-        [
-            Kind::new(8, 1),
-            Kind {
-                shares: &[(1, 0.4)],
-                ..Kind::new(4, 1)
-            },
-            kind(sign),
-        ]
-    };
+    let kind = |sign: &'static [(usize, f64)]| Kind { shares: sign, epipolar: false, ..Kind::new(10, 2) };
+    let ball = |sign| [Kind::new(8, 1), Kind { shares: &[(1, 0.4)], ..Kind::new(4, 1) }, kind(sign)];
     let signs: [(&'static [(usize, f64)], bool); 2] = [(&[(2, 0.4)], true), (&[(2, -0.4)], false)];
     for (sign, right) in signs {
         let outcome = run(&DISCO_BALL, &ball(sign));
@@ -105,10 +78,7 @@ fn signs_that_are_not_the_papers_are_told() {
         let (good, bad) = if right { (left, other) } else { (other, left) };
         // A fifth of the negatives are patches of the other diagonal, which have the same sign here: they are
         // separated at random.
-        assert!(
-            (good - 0.9).abs() < 0.03 && (bad - 0.1).abs() < 0.03,
-            "{good} {bad}"
-        );
+        assert!((good - 0.9).abs() < 0.03 && (bad - 0.1).abs() < 0.03, "{good} {bad}");
         for task in TURNS {
             for method in [EITHER, "space only"] {
                 let equal = area(&outcome, method, task);
@@ -118,15 +88,13 @@ fn signs_that_are_not_the_papers_are_told() {
         assert!(area(&outcome, NAMED, "gloss of walls") > 0.95);
         // The room has no interreflection of matte surfaces: that task reports it and has no metrics.
         assert!(
-            outcome
-                .notes
-                .iter()
-                .any(|n| n.starts_with("interreflection of walls") && n.contains("nothing"))
+            outcome.notes.iter().any(|n| n.starts_with("interreflection of walls") && n.contains("nothing"))
         );
     }
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn plans_name_what_tasks_need() {
     for application in [&DISCO_BALL as &dyn Application, &COINS] {
         let all = room(application, &[Kind::new(8, 1), Kind::new(4, 1)]);
@@ -141,9 +109,7 @@ fn plans_name_what_tasks_need() {
 fn diagonals_are_of_the_ball() {
     let [up_right, other] = [1.0, -1.0].map(|side| {
         let mut all = room(&DISCO_BALL, &[Kind::new(8, 1)]);
-        all[0]
-            .values
-            .extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);
+        all[0].values.extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);
         disco_ball::diagonal(&all[0], side).expect("maps")
     });
     // (1, ±1) is to the lower right of (0.5, 2).
@@ -155,24 +121,15 @@ fn diagonals_are_of_the_ball() {
 fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
     let kinds = [
         Kind::new(8, 1),
-        Kind {
-            shares: &[(15, -0.8)],
-            ..Kind::new(4, 1)
-        },
-        Kind {
-            delay: 4,
-            ..Kind::new(10, 3)
-        },
-        Kind {
-            shares: mirrored,
-            delay: 4,
-            ..Kind::new(6, 3)
-        },
+        Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) },
+        Kind { delay: 4, ..Kind::new(10, 3) },
+        Kind { shares: mirrored, delay: 4, ..Kind::new(6, 3) },
     ];
     run(&Statue, &kinds)
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn times_and_hands_together_tell_metal_in_a_mirror() {
     let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
     let metal = "metal in the mirror";
@@ -185,10 +142,7 @@ fn times_and_hands_together_tell_metal_in_a_mirror() {
     assert!(area(&outcome, either, "metal, direct") > 0.95);
     // Without time, directly seen metal is above one negative in three; without polarization, paint in the
     // mirror is equal to metal.
-    for (method, expected) in [
-        ("(3,3) without time, either sign", 5.0 / 6.0),
-        ("time only", 5.0 / 6.0),
-    ] {
+    for (method, expected) in [("(3,3) without time, either sign", 5.0 / 6.0), ("time only", 5.0 / 6.0)] {
         let found = area(&outcome, method, metal);
         assert!((found - expected).abs() < 0.08, "{method}: {found}");
     }

@@ -44,9 +44,7 @@ impl Problem {
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
         let factor = (-14..0).find_map(loaded)?;
-        Some(Self {
-            rows: factor.l().transpose(),
-        })
+        Some(Self { rows: factor.l().transpose() })
     }
 }
 
@@ -98,10 +96,7 @@ pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
     let biases: Vec<f64> = p[n..].iter().map(|b| b * first).collect();
     let offset = weights.iter().zip(&biases).map(|(w, b)| w * b).sum();
     Ok(WeightsAndBiases {
-        fit: Linear {
-            weights: DVector::from_column_slice(&weights),
-            offset,
-        },
+        fit: Linear { weights: DVector::from_column_slice(&weights), offset },
         weights,
         biases,
     })
@@ -137,11 +132,7 @@ mod tests {
             weights: DVector::from_column_slice(&[0.8 * 3.0 / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
             offset: 1.2 * 3.0,
         };
-        approx::assert_relative_eq!(
-            problem.evaluate(&image).0,
-            moments.loss(&fit) / 9.0,
-            epsilon = 1e-9
-        );
+        approx::assert_relative_eq!(problem.evaluate(&image).0, moments.loss(&fit) / 9.0, epsilon = 1e-9);
         let p: Vec<f64> = (0..12).map(|i| 0.1 * f64::from(i) - 0.4).collect();
         let gradient = problem.evaluate(&p).1;
         for i in 0..12 {
@@ -161,10 +152,7 @@ mod tests {
         let found = minimize(&moments).expect("a minimum");
         let best = moments.loss(&least_squares(&moments));
         let reached = moments.loss(&found.fit);
-        assert!(
-            reached >= best * (1.0 - 1e-9) && reached < best * 1.001,
-            "{reached} {best}"
-        );
+        assert!(reached >= best * (1.0 - 1e-9) && reached < best * 1.001, "{reached} {best}");
         let offset: f64 = found.weights.iter().zip(&found.biases).map(|(w, b)| w * b).sum();
         approx::assert_relative_eq!(offset, found.fit.offset, epsilon = 1e-9);
         assert!(minimize(&Moments::none(3)).is_err());

@@ -58,9 +58,7 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     };
     let grid = (-16..=2).map(|k| 10_f64.powf(f64::from(k) / 2.0));
     let losses = grid.map(|lambda| (lambda, loss(lambda)));
-    let best = losses
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map_or(1e-4, |(lambda, _)| lambda);
+    let best = losses.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1e-4, |(lambda, _)| lambda);
     (ridge(&all, best), best)
 }
 
@@ -69,11 +67,7 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
 #[must_use]
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
-    let stays_positive = |share: f64| {
-        (&c.xx - DMatrix::from_diagonal(&c.noise) * share)
-            .cholesky()
-            .is_some()
-    };
+    let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();
     let (mut low, mut high) = (0.0, 1.0 / TAKEN);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
@@ -146,11 +140,7 @@ pub(crate) mod tests {
     #[test]
     fn exact_examples_are_solved_exactly() {
         let moments = examples(50, 0.0);
-        for fit in [
-            least_squares(&moments),
-            ridge(&moments, 0.0),
-            without_noise(&moments).0,
-        ] {
+        for fit in [least_squares(&moments), ridge(&moments, 0.0), without_noise(&moments).0] {
             approx::assert_relative_eq!(fit.weights, DVector::from_row_slice(&[2.0, -3.0]), epsilon = 1e-8);
             approx::assert_relative_eq!(fit.offset, 1.0, epsilon = 1e-7);
             assert!(moments.loss(&fit) < 1e-12);
@@ -183,11 +173,7 @@ pub(crate) mod tests {
         let x: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), f64::from(i), 7.0]).collect();
         let y: Vec<f64> = (0..20).map(|i| f64::from(4 * i + 1)).collect();
         let fit = least_squares(&Moments::of(3, &x, &[0.0; 60], &y));
-        approx::assert_relative_eq!(
-            fit.weights,
-            DVector::from_row_slice(&[2.0, 2.0, 0.0]),
-            epsilon = 1e-4
-        );
+        approx::assert_relative_eq!(fit.weights, DVector::from_row_slice(&[2.0, 2.0, 0.0]), epsilon = 1e-4);
         approx::assert_relative_eq!(fit.offset, 1.0, epsilon = 1e-4);
     }
 

@@ -34,12 +34,7 @@ impl Linear {
     /// Returns the estimate from features.
     #[must_use]
     pub fn of(&self, features: &[f64]) -> f64 {
-        self.offset
-            + features
-                .iter()
-                .zip(self.weights.iter())
-                .map(|(x, w)| x * w)
-                .sum::<f64>()
+        self.offset + features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum::<f64>()
     }
 }
 
@@ -93,11 +88,7 @@ impl Moments {
     #[must_use]
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
-        parts
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| *i != left_out)
-            .for_each(|(_, p)| all.add(p));
+        parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
         all
     }
 
@@ -173,22 +164,13 @@ mod tests {
         let x = [1.0, 2.0, -1.0, 0.5, 3.0, 1.0, 0.0, -2.0];
         let y = [1.0, 0.0, 2.0, -1.0];
         let moments = Moments::of(2, &x, &[0.1; 8], &y);
-        let fit = Linear {
-            weights: DVector::from_row_slice(&[0.3, -0.7]),
-            offset: 0.2,
-        };
-        let direct = x
-            .chunks_exact(2)
-            .zip(y)
-            .map(|(x, y)| (fit.of(x) - y).powi(2))
-            .sum::<f64>()
-            / 4.0;
+        let fit = Linear { weights: DVector::from_row_slice(&[0.3, -0.7]), offset: 0.2 };
+        let direct = x.chunks_exact(2).zip(y).map(|(x, y)| (fit.of(x) - y).powi(2)).sum::<f64>() / 4.0;
         approx::assert_relative_eq!(moments.loss(&fit), direct, epsilon = 1e-12);
         approx::assert_relative_eq!(moments.noise[1], 0.04, epsilon = 1e-12);
         // Parts add up, with and without a left-out part.
-        let parts: Vec<Moments> = (0..4)
-            .map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i]))
-            .collect();
+        let parts: Vec<Moments> =
+            (0..4).map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i])).collect();
         approx::assert_relative_eq!(Moments::sum(&parts).xx, moments.xx, epsilon = 1e-12);
         let three = Moments::of(2, &x[2..], &[0.1; 6], &y[1..]);
         approx::assert_relative_eq!(Moments::without(&parts, 0).xy, three.xy, epsilon = 1e-12);

@@ -9,10 +9,7 @@ pub(super) struct EpipolarConfocal;
 
 impl Descattering for EpipolarConfocal {
     fn method(&self) -> Method {
-        Method {
-            name: "epipolar confocal",
-            source: "O'Toole et al. 2012",
-        }
+        Method { name: "epipolar confocal", source: "O'Toole et al. 2012" }
     }
 
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {

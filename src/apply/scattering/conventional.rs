@@ -8,10 +8,7 @@ pub(super) struct Conventional;
 
 impl Descattering for Conventional {
     fn method(&self) -> Method {
-        Method {
-            name: "conventional",
-            source: "a photograph",
-        }
+        Method { name: "conventional", source: "a photograph" }
     }
 
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {

@@ -21,10 +21,7 @@ pub(super) struct CrossPolarization {
 impl CrossPolarization {
     pub(super) const LINEAR: Self = Self {
         element: 1,
-        method: Method {
-            name: "cross-polarization, linear",
-            source: "Treibitz & Schechner 2009",
-        },
+        method: Method { name: "cross-polarization, linear", source: "Treibitz & Schechner 2009" },
     };
     pub(super) const CIRCULAR: Self = Self {
         element: 3,

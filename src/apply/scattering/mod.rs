@@ -50,11 +50,7 @@ const METRICS: [Metric; 2 + PARTS] = [
 ];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
-    Metric {
-        name,
-        unit,
-        more_is_better: true,
-    }
+    Metric { name, unit, more_is_better: true }
 }
 
 /// Returns all methods, ours first.
@@ -86,10 +82,7 @@ impl Application for Scattering {
 
     fn plan(&self) -> Plan {
         let of = |things: &[u64], milk: &[u64]| {
-            things
-                .iter()
-                .flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m))
-                .collect()
+            things.iter().flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m)).collect()
         };
         Plan {
             scene: "milky_tank/variants.toml",
@@ -103,14 +96,8 @@ impl Application for Scattering {
                     of: |variant| variant - variant % CONCENTRATIONS,
                     samples: 4,
                 },
-                Truth::Material {
-                    name: "inside",
-                    of: &["apple", "card", "doll", "pear", "ruler"],
-                },
-                Truth::Material {
-                    name: "ruler",
-                    of: &["ruler"],
-                },
+                Truth::Material { name: "inside", of: &["apple", "card", "doll", "pear", "ruler"] },
+                Truth::Material { name: "ruler", of: &["ruler"] },
                 Truth::Texture("texture"),
             ],
             preview: Size { pixels: 72, spp: 16 },
@@ -232,10 +219,7 @@ fn scores(method: &'static str, map: &Map, seen: &Seen) -> Vec<Score> {
         let (found, there) = (by(map), by(truth));
         found.into_iter().zip(there).map(|(a, b)| a / b)
     };
-    let values = [
-        psnr(map, truth, &seen.mask, seen.peak),
-        ssim(map, truth, &seen.mask, seen.peak),
-    ];
+    let values = [psnr(map, truth, &seen.mask, seen.peak), ssim(map, truth, &seen.mask, seen.peak)];
     Score::each(method, seen.variant, &METRICS, values.into_iter().chain(kept)).collect()
 }
 

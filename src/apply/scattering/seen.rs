@@ -34,12 +34,7 @@ impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let whole = |name: &str| -> Result<Vec<bool>, ApplyError> {
             let map = o.truth(name)?;
-            Ok(map
-                .data
-                .iter()
-                .step_by(map.channels.max(1))
-                .map(|v| *v >= 1.0)
-                .collect())
+            Ok(map.data.iter().step_by(map.channels.max(1)).map(|v| *v >= 1.0).collect())
         };
         let texture = o.truth("texture")?;
         let mut seen = Self {
@@ -52,12 +47,7 @@ impl Seen {
             peak: 0.0,
             mask: whole("inside")?,
             ruler: whole("ruler")?,
-            depth: texture
-                .data
-                .iter()
-                .step_by(texture.channels.max(1))
-                .copied()
-                .collect(),
+            depth: texture.data.iter().step_by(texture.channels.max(1)).copied().collect(),
         };
         let [n, lanes] = [seen.polarimetric.count(), seen.polarimetric.wavelengths];
         let slices = [&seen.epipolar, &seen.gated, &seen.transient];
@@ -66,17 +56,9 @@ impl Seen {
             && seen.truth.data.len() == n * lanes
             && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3];
         if !equal {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: "slices and truth maps".into(),
-            });
+            return Err(ApplyError::Sizes { variant: o.variant, what: "slices and truth maps".into() });
         }
-        let counted = seen
-            .truth
-            .data
-            .chunks_exact(lanes.max(1))
-            .zip(&seen.mask)
-            .filter(|(_, m)| **m);
+        let counted = seen.truth.data.chunks_exact(lanes.max(1)).zip(&seen.mask).filter(|(_, m)| **m);
         seen.peak = counted.flat_map(|(v, _)| v.iter().copied()).fold(0.0, f64::max);
         if seen.peak <= 0.0 {
             return Err(ApplyError::Empty(format!(
@@ -96,10 +78,7 @@ pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyE
     };
     let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
     match train.iter().chain(test).find(|s| shape(s) != shape(first)) {
-        Some(other) => Err(ApplyError::Sizes {
-            variant: other.variant,
-            what: "wavelengths or bins".into(),
-        }),
+        Some(other) => Err(ApplyError::Sizes { variant: other.variant, what: "wavelengths or bins".into() }),
         None => Ok(first.polarimetric.wavelengths),
     }
 }

@@ -14,10 +14,7 @@ pub(super) struct PolarizedStriping;
 
 impl Descattering for PolarizedStriping {
     fn method(&self) -> Method {
-        Method {
-            name: "polarized light striping",
-            source: "Gupta et al. 2008",
-        }
+        Method { name: "polarized light striping", source: "Gupta et al. 2008" }
     }
 
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {

@@ -42,44 +42,26 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
             // Non-epipolar light is unpolarized.
             let of = |p: usize, element: usize, lane: usize, full: bool, bin: Option<usize>| {
                 let i = 3 * p + lane;
-                let s = if bin.is_none_or(|b| b == BINS - 1) {
-                    things[i]
-                } else {
-                    0.0
-                };
+                let s = if bin.is_none_or(|b| b == BINS - 1) { things[i] } else { 0.0 };
                 let here = match bin {
                     None => 1.0,
                     Some(b) if b < milk.bins => 1.0 / milk.bins as f64,
                     Some(_) => 0.0,
                 };
                 let along = milk.epipolar * veil[i] * keeps(milk.linear, milk.circular, element);
-                let beside = if full && element == 0 {
-                    (1.0 - milk.epipolar) * off_plane[i]
-                } else {
-                    0.0
-                };
+                let beside = if full && element == 0 { (1.0 - milk.epipolar) * off_plane[i] } else { 0.0 };
                 s * keeps(milk.things, 0.0, element) + here * (along + beside)
             };
-            let one = |full: bool| {
-                slice([SIZE[0], SIZE[1], 1, 3], 0.0, |p, _, e, k| {
-                    of(p, e, k, full, None)
-                })
-            };
-            let binned = |full: bool| {
-                slice([SIZE[0], SIZE[1], BINS, 3], 0.0, |p, b, e, k| {
-                    of(p, e, k, full, Some(b))
-                })
-            };
+            let one = |full: bool| slice([SIZE[0], SIZE[1], 1, 3], 0.0, |p, _, e, k| of(p, e, k, full, None));
+            let binned =
+                |full: bool| slice([SIZE[0], SIZE[1], BINS, 3], 0.0, |p, b, e, k| of(p, e, k, full, Some(b)));
             let mut transient = binned(true);
             for t in [&mut transient.mean, &mut transient.error] {
                 *t = t
                     .select(tensor::axes::AxisKind::StokesOut, 0)
                     .select(tensor::axes::AxisKind::StokesIn, 0);
             }
-            let mut o = Observation {
-                variant,
-                ..Observation::default()
-            };
+            let mut o = Observation { variant, ..Observation::default() };
             for (name, slice) in [
                 ("polarimetric", one(true)),
                 ("epipolar", one(false)),
@@ -87,9 +69,13 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
                 ("transient", transient),
                 (
                     seen::CLEAR,
-                    slice([SIZE[0], SIZE[1], 1, 3], 0.0, |p, _, e, k| {
-                        if e == 0 { things[3 * p + k] } else { 0.0 }
-                    }),
+                    slice(
+                        [SIZE[0], SIZE[1], 1, 3],
+                        0.0,
+                        |p, _, e, k| {
+                            if e == 0 { things[3 * p + k] } else { 0.0 }
+                        },
+                    ),
                 ),
             ] {
                 o.slices.insert(name.into(), slice);
@@ -114,17 +100,10 @@ fn psnr_of(milk: Milk) -> Vec<(&'static str, f64)> {
     let all = observations(milk, 11);
     let outcome = Scattering.run(&all[..2], &all[2..]).expect("it runs");
     let mean = |name: &str| {
-        let mine = outcome
-            .scores
-            .iter()
-            .filter(|s| s.method == name && s.metric == "PSNR");
+        let mine = outcome.scores.iter().filter(|s| s.method == name && s.metric == "PSNR");
         mine.map(|s| s.value).sum::<f64>() / 2.0
     };
-    Scattering
-        .methods()
-        .iter()
-        .map(|m| (m.name, mean(m.name)))
-        .collect()
+    Scattering.methods().iter().map(|m| (m.name, mean(m.name))).collect()
 }
 
 fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
@@ -135,13 +114,7 @@ fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
 const EXACT: f64 = 80.0;
 const VEILED: f64 = 25.0;
 
-const PLAIN: Milk = Milk {
-    linear: 0.0,
-    circular: 0.0,
-    things: 0.0,
-    epipolar: 1.0,
-    bins: BINS,
-};
+const PLAIN: Milk = Milk { linear: 0.0, circular: 0.0, things: 0.0, epipolar: 1.0, bins: BINS };
 
 #[test]
 fn without_polarization_or_space_or_time_nothing_helps() {
@@ -153,20 +126,13 @@ fn without_polarization_or_space_or_time_nothing_helps() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
     for things in [0.0, 0.2] {
-        let milk = Milk {
-            linear: 0.7,
-            things,
-            ..PLAIN
-        };
+        let milk = Milk { linear: 0.7, things, ..PLAIN };
         let table = psnr_of(milk);
         assert!(of(&table, "cross-polarization, linear") > EXACT, "{table:?}");
-        for other in [
-            "conventional",
-            "epipolar confocal",
-            "cross-polarization, circular",
-        ] {
+        for other in ["conventional", "epipolar confocal", "cross-polarization, circular"] {
             assert!(of(&table, other) < VEILED, "{other} {table:?}");
         }
         // Our method includes it as a special case.
@@ -193,25 +159,15 @@ fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
 
 #[test]
 fn circular_light_takes_circularly_polarized_backscatter_away() {
-    let table = psnr_of(Milk {
-        circular: -0.5,
-        ..PLAIN
-    });
+    let table = psnr_of(Milk { circular: -0.5, ..PLAIN });
     assert!(of(&table, "cross-polarization, circular") > EXACT, "{table:?}");
     assert!(of(&table, "cross-polarization, linear") < VEILED, "{table:?}");
 }
 
 #[test]
 fn epipolar_light_takes_backscatter_off_the_plane_away() {
-    let table = psnr_of(Milk {
-        epipolar: 0.0,
-        ..PLAIN
-    });
-    for exact in [
-        "epipolar confocal",
-        "polarized light striping",
-        "W, b by least squares",
-    ] {
+    let table = psnr_of(Milk { epipolar: 0.0, ..PLAIN });
+    for exact in ["epipolar confocal", "polarized light striping", "W, b by least squares"] {
         assert!(of(&table, exact) > EXACT, "{exact} {table:?}");
     }
     for veiled in ["conventional", "cross-polarization, linear"] {
@@ -222,11 +178,7 @@ fn epipolar_light_takes_backscatter_off_the_plane_away() {
 #[test]
 fn striping_needs_both_lines_and_polarization() {
     // The non-epipolar veil has another degree of polarization than the epipolar one.
-    let table = psnr_of(Milk {
-        linear: 0.6,
-        epipolar: 0.5,
-        ..PLAIN
-    });
+    let table = psnr_of(Milk { linear: 0.6, epipolar: 0.5, ..PLAIN });
     assert!(of(&table, "polarized light striping") > EXACT, "{table:?}");
     for veiled in ["epipolar confocal", "cross-polarization, linear", "conventional"] {
         assert!(of(&table, veiled) < VEILED + 5.0, "{veiled} {table:?}");
@@ -235,10 +187,7 @@ fn striping_needs_both_lines_and_polarization() {
 
 #[test]
 fn a_gate_opens_when_the_milk_is_silent() {
-    let table = psnr_of(Milk {
-        bins: BINS - 1,
-        ..PLAIN
-    });
+    let table = psnr_of(Milk { bins: BINS - 1, ..PLAIN });
     for exact in ["time gating", "time-gated W, b by ridge regression"] {
         assert!(of(&table, exact) > 60.0, "{exact} {table:?}");
     }
@@ -269,27 +218,15 @@ fn what_is_missing_is_said() {
     let mut all = observations(PLAIN, 3);
     assert!(matches!(Scattering.run(&[], &all), Err(ApplyError::Empty(_))));
     all[1].slices.remove("gated");
-    assert!(matches!(
-        Scattering.run(&all[..2], &all[2..]),
-        Err(ApplyError::Missing { .. })
-    ));
+    assert!(matches!(Scattering.run(&all[..2], &all[2..]), Err(ApplyError::Missing { .. })));
 }
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
-    let milk = Milk {
-        linear: 0.5,
-        circular: 0.3,
-        things: 0.2,
-        epipolar: 0.5,
-        bins: 2,
-    };
+    let milk = Milk { linear: 0.5, circular: 0.3, things: 0.2, epipolar: 0.5, bins: 2 };
     let all = observations(milk, 3);
-    let task = Scattering
-        .task(&all[..2])
-        .expect("it learns")
-        .expect("it is linear");
+    let task = Scattering.task(&all[..2]).expect("it learns").expect("it is linear");
     let names: Vec<&str> = Scattering.methods().iter().map(|m| m.name).collect();
     assert_eq!(task.method, names[0]);
     assert!(task.baselines.len() == 6 && task.baselines.iter().all(|b| names[1..].contains(b)));

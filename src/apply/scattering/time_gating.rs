@@ -15,10 +15,7 @@ pub(super) struct TimeGating;
 
 impl Descattering for TimeGating {
     fn method(&self) -> Method {
-        Method {
-            name: "time gating",
-            source: "range gating",
-        }
+        Method { name: "time gating", source: "range gating" }
     }
 
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {
@@ -35,10 +32,7 @@ impl Descattering for TimeGating {
             let projected = all.projected(&window);
             let fit = least_squares(&projected);
             let loss = projected.loss(&fit);
-            let linear = Linear {
-                weights: window * fit.weights[0],
-                offset: fit.offset,
-            };
+            let linear = Linear { weights: window * fit.weights[0], offset: fit.offset };
             (linear, loss)
         });
         let best = fits.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -50,9 +44,7 @@ impl Descattering for TimeGating {
 
     fn note(&self, fits: &[Linear]) -> Option<String> {
         let window = |fit: &Linear| {
-            let open: Vec<usize> = (0..fit.weights.len())
-                .filter(|i| fit.weights[*i] != 0.0)
-                .collect();
+            let open: Vec<usize> = (0..fit.weights.len()).filter(|i| fit.weights[*i] != 0.0).collect();
             Some(format!("{}..{}", open.first()?, open.last()? + 1))
         };
         let all: Option<Vec<String>> = fits.iter().map(window).collect();

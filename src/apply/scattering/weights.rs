@@ -54,12 +54,7 @@ impl Descattering for Weights {
         let all = Moments::sum(&moments);
         Ok(match self.0 {
             Solver::Lbfgs => {
-                minimize(&all)
-                    .map_err(|cause| ApplyError::Unsolved {
-                        method: "L-BFGS",
-                        cause,
-                    })?
-                    .fit
+                minimize(&all).map_err(|cause| ApplyError::Unsolved { method: "L-BFGS", cause })?.fit
             }
             Solver::LeastSquares => least_squares(&all),
             Solver::Ridge => ridge_by_cross_validation(&moments).0,
@@ -70,10 +65,7 @@ impl Descattering for Weights {
 
 impl Descattering for Gated {
     fn method(&self) -> Method {
-        Method {
-            name: "time-gated W, b by ridge regression",
-            source: "new here",
-        }
+        Method { name: "time-gated W, b by ridge regression", source: "new here" }
     }
 
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {

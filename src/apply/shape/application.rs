@@ -37,48 +37,18 @@ pub(super) const METHODS: [(Method, Route); 9] = [
         Way::Joint(Code::Micro, Light::Epipolar),
         false,
     ),
-    route(
-        "Gray code",
-        "Inokuchi et al. 1984",
-        Way::StructuredLight(Code::Gray, Light::All),
-        false,
-    ),
-    route(
-        "phase shift",
-        "Srinivasan et al. 1984",
-        Way::StructuredLight(Code::Phase, Light::All),
-        false,
-    ),
-    route(
-        "micro phase shift",
-        "Gupta & Nayar 2012",
-        Way::StructuredLight(Code::Micro, Light::All),
-        false,
-    ),
-    route(
-        "XOR codes",
-        "Gupta et al. 2011",
-        Way::StructuredLight(Code::Logical, Light::All),
-        false,
-    ),
+    route("Gray code", "Inokuchi et al. 1984", Way::StructuredLight(Code::Gray, Light::All), false),
+    route("phase shift", "Srinivasan et al. 1984", Way::StructuredLight(Code::Phase, Light::All), false),
+    route("micro phase shift", "Gupta & Nayar 2012", Way::StructuredLight(Code::Micro, Light::All), false),
+    route("XOR codes", "Gupta et al. 2011", Way::StructuredLight(Code::Logical, Light::All), false),
     route(
         "epipolar micro phase shift",
         "O'Toole et al. 2014",
         Way::StructuredLight(Code::Micro, Light::Epipolar),
         false,
     ),
-    route(
-        "polarization",
-        "Atkinson & Hancock 2006",
-        Way::Polarization(Light::All),
-        false,
-    ),
-    route(
-        "micro phase shift + polarization",
-        "Baek et al. 2018",
-        Way::Joint(Code::Micro, Light::All),
-        false,
-    ),
+    route("polarization", "Atkinson & Hancock 2006", Way::Polarization(Light::All), false),
+    route("micro phase shift + polarization", "Baek et al. 2018", Way::Joint(Code::Micro, Light::All), false),
     route(
         "Gray code of the sprayed twin",
         "the paper's pseudo truth",
@@ -93,10 +63,7 @@ fn sprayed(variant: u64) -> u64 {
 }
 
 fn unsolved(method: &'static str) -> impl Fn(ShapeError) -> ApplyError {
-    move |e| ApplyError::Unsolved {
-        method,
-        cause: e.to_string(),
-    }
+    move |e| ApplyError::Unsolved { method, cause: e.to_string() }
 }
 
 impl Application for ShapeScan {
@@ -111,35 +78,20 @@ impl Application for ShapeScan {
     /// Even variants are translucent, odd ones their sprayed twins; each six variants include all materials
     /// and statues.
     fn plan(&self) -> Plan {
-        let layer = |name, layer| Truth::Layer {
-            name,
-            layer,
-            through: false,
-        };
+        let layer = |name, layer| Truth::Layer { name, layer, through: false };
         Plan {
             scene: "sss_statue/variants.toml",
             train: vec![0, 4, 8],
             test: (12..24).step_by(2).collect(),
             slices: vec!["columns", "epipolar_columns", "polarimetric", "epipolar"],
             truth: vec![
-                Truth::Material {
-                    name: "statue",
-                    of: &["statue", "spray"],
-                },
+                Truth::Material { name: "statue", of: &["statue", "spray"] },
                 layer("position", "position"),
                 layer("normal", "geometric_normal"),
-                Truth::Slice {
-                    name: "sprayed columns",
-                    slice: "columns",
-                    of: sprayed,
-                    samples: 1,
-                },
+                Truth::Slice { name: "sprayed columns", slice: "columns", of: sprayed, samples: 1 },
             ],
             preview: Size { pixels: 64, spp: 32 },
-            full: Size {
-                pixels: 128,
-                spp: 256,
-            },
+            full: Size { pixels: 128, spp: 256 },
         }
     }
 
@@ -163,13 +115,9 @@ impl Application for ShapeScan {
                 outcome.scores.extend(scores(method.name, seen, &surface));
                 outcome.pictures.extend(pictures(method.name, seen, &surface));
             }
-            outcome
-                .notes
-                .push(format!("{}, seed {}: {words}", method.name, test[0].seed));
+            outcome.notes.push(format!("{}, seed {}: {words}", method.name, test[0].seed));
         }
-        let truths = test
-            .iter()
-            .map(|seen| colours("truth", seen.variant, &seen.normals));
+        let truths = test.iter().map(|seen| colours("truth", seen.variant, &seen.normals));
         outcome.pictures.extend(truths);
         Ok(outcome)
     }
@@ -179,13 +127,8 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
     let n = angular(&surface.normals, &seen.normals, None);
     let z = depth_errors(&surface.depth, &seen.depth, None);
     let known = |e: Errors, value: f64| if e.coverage > 0.0 { value } else { f64::NAN };
-    let values = [
-        known(n, n.mean),
-        known(n, n.median),
-        known(z, 1e3 * z.mean),
-        known(z, 1e3 * z.median),
-        n.coverage,
-    ];
+    let values =
+        [known(n, n.mean), known(n, n.median), known(z, 1e3 * z.mean), known(z, 1e3 * z.median), n.coverage];
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
@@ -196,13 +139,7 @@ fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
         // Channels of pictures are sorted by wavelength: blue comes first.
         out.copy_from_slice(&[-n[2], -n[1], n[0]].map(|v| 0.5 * (1.0 + v)));
     });
-    Picture {
-        method,
-        name: "normals",
-        variant: Some(variant),
-        shared: true,
-        map,
-    }
+    Picture { method, name: "normals", variant: Some(variant), shared: true, map }
 }
 
 /// Draws normals as colours, and their angular errors.
@@ -212,12 +149,7 @@ fn pictures(method: &'static str, seen: &Seen, surface: &Surface) -> [Picture; 2
         let [n, t] = [&surface.normals, &seen.normals].map(|m| m.at(x, y));
         out[0] = crate::metrics::angle::angle_deg(n, t);
     });
-    let error = Picture {
-        method,
-        name: "error of normals",
-        variant: Some(seen.variant),
-        shared: false,
-        map: off,
-    };
+    let error =
+        Picture { method, name: "error of normals", variant: Some(seen.variant), shared: false, map: off };
     [colours(method, seen.variant, &surface.normals), error]
 }

@@ -28,10 +28,7 @@ impl Patterns {
     #[must_use]
     pub fn from_fn(captures: usize, columns: usize, drive: impl Fn(usize, usize) -> f64) -> Self {
         let drives = (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect());
-        Self {
-            columns,
-            drives: drives.collect(),
-        }
+        Self { columns, drives: drives.collect() }
     }
 }
 
@@ -85,22 +82,14 @@ impl ColumnLight {
     pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
         let (light, columns) = (&self.light, patterns.columns);
         if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {
-            return Err(CodeError::Columns {
-                light: light.channels,
-                patterns: columns,
-            });
+            return Err(CodeError::Columns { light: light.channels, patterns: columns });
         }
-        Ok(Map::from_fn(
-            light.width,
-            light.height,
-            patterns.drives.len(),
-            |x, y, out| {
-                let t = light.at(x, y);
-                for (out, drive) in out.iter_mut().zip(&patterns.drives) {
-                    *out = t.iter().zip(drive).map(|(t, p)| t * p).sum();
-                }
-            },
-        ))
+        Ok(Map::from_fn(light.width, light.height, patterns.drives.len(), |x, y, out| {
+            let t = light.at(x, y);
+            for (out, drive) in out.iter_mut().zip(&patterns.drives) {
+                *out = t.iter().zip(drive).map(|(t, p)| t * p).sum();
+            }
+        }))
     }
 }
 
@@ -121,10 +110,7 @@ impl Decoded {
         decode: impl Fn(&[f64]) -> (f64, f64),
     ) -> Result<Self, CodeError> {
         if captures.channels != want {
-            return Err(CodeError::Captures {
-                got: captures.channels,
-                want,
-            });
+            return Err(CodeError::Captures { got: captures.channels, want });
         }
         let mut confidence = Map::from_fn(captures.width, captures.height, 1, |_, _, _| {});
         let column = Map::from_fn(captures.width, captures.height, 1, |x, y, out| {
@@ -152,13 +138,7 @@ mod tests {
         assert_eq!(light.binned(2).light.data, [3.0, 0.0, 3.0, 1.0]);
         assert_eq!(light.binned(0), light);
         let other = Patterns::from_fn(1, 4, |_, _| 0.0);
-        assert_eq!(
-            light.capture(&other),
-            Err(CodeError::Columns {
-                light: 3,
-                patterns: 4
-            })
-        );
+        assert_eq!(light.capture(&other), Err(CodeError::Columns { light: 3, patterns: 4 }));
         let decoded = Decoded::by_pixel(&captures, 5, |_| (0.0, 0.0));
         assert_eq!(decoded, Err(CodeError::Captures { got: 2, want: 5 }));
     }

@@ -36,11 +36,7 @@ fn inside(mask: Option<&Map>, pixel: usize) -> bool {
 /// true normal.
 #[must_use]
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
-    let pairs = normals
-        .data
-        .chunks_exact(3)
-        .zip(truth.data.chunks_exact(3))
-        .enumerate();
+    let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
         (t[0].is_finite() && inside(mask, i)).then(|| angle_deg(n, t))
     };
@@ -63,12 +59,7 @@ mod tests {
     #[test]
     fn means_medians_and_coverage() {
         let nan = f64::NAN;
-        let map = |data: &[f64]| Map {
-            width: data.len(),
-            height: 1,
-            channels: 1,
-            data: data.to_vec(),
-        };
+        let map = |data: &[f64]| Map { width: data.len(), height: 1, channels: 1, data: data.to_vec() };
         let (got, truth) = (map(&[1.0, 2.5, nan, 4.0, 9.0]), map(&[1.0, 2.0, 3.0, 3.0, nan]));
         let e = depth_errors(&got, &truth, None);
         assert_eq!((e.mean, e.median, e.coverage), (0.5, 0.5, 0.75));

@@ -34,9 +34,7 @@ pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
 
 /// Returns alternating bit patterns and inverses, from a function of pattern number and column.
 pub(super) fn with_inverses(columns: usize, bit: impl Fn(usize, usize) -> bool) -> Patterns {
-    Patterns::from_fn(2 * bits(columns), columns, |k, u| {
-        f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1)))
-    })
+    Patterns::from_fn(2 * bits(columns), columns, |k, u| f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1))))
 }
 
 /// Returns the bits of captures with their inverses, and the minimum contrast.
@@ -53,11 +51,7 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
 
 /// Returns the column's centre, or NaN if it is outside or the contrast is too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
-    if column < columns && contrast > 0.0 && contrast >= least {
-        column as f64 + 0.5
-    } else {
-        f64::NAN
-    }
+    if column < columns && contrast > 0.0 && contrast >= least { column as f64 + 0.5 } else { f64::NAN }
 }
 
 /// Returns the patterns: bits from the coarsest, each followed by its inverse.
@@ -74,10 +68,7 @@ pub fn patterns(columns: usize) -> Patterns {
 pub fn decode(captures: &Map, columns: usize, least_contrast: f64) -> Result<Decoded, CodeError> {
     Decoded::by_pixel(captures, 2 * bits(columns), |pixel| {
         let (read, contrast) = read_bits(pixel);
-        (
-            checked(column_of(read), columns, contrast, least_contrast),
-            contrast,
-        )
+        (checked(column_of(read), columns, contrast, least_contrast), contrast)
     })
 }
 
@@ -115,11 +106,7 @@ mod tests {
     fn brighter_indirect_light_is_taken_for_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);
         let got = columns_of(&light, 256, 0.0);
-        assert!(
-            got.iter()
-                .enumerate()
-                .all(|(i, c)| *c == ((i + 128) % 256) as f64 + 0.5)
-        );
+        assert!(got.iter().enumerate().all(|(i, c)| *c == ((i + 128) % 256) as f64 + 0.5));
     }
 
     /// Light blurred by σ columns has contrast about exp(-2π²σ²/16)·4/π of the finest stripes, whose period
@@ -132,14 +119,7 @@ mod tests {
         let inner = 20..236;
         assert!(got[inner.clone()].iter().all(|c| c.is_nan()));
         let got = columns_of(&Light::direct(0.1).plus_blurred(0.9, 3.0, 0.0), 256, 0.01);
-        assert!(
-            got[inner]
-                .iter()
-                .enumerate()
-                .filter(|(i, c)| **c == *i as f64 + 20.5)
-                .count()
-                > 150
-        );
+        assert!(got[inner].iter().enumerate().filter(|(i, c)| **c == *i as f64 + 20.5).count() > 150);
     }
 
     /// 20,000 pixels with noise of 1/8 of the amplitude: a bit's difference is 8/√2 = 5.7 standard errors, so
@@ -147,9 +127,7 @@ mod tests {
     #[test]
     fn bits_are_wrong_as_often_as_noise_says() {
         let n = 256;
-        let clean = one_row(n, &Light::direct(1.0))
-            .capture(&patterns(n))
-            .expect("captures");
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n)).expect("captures");
         for (sigma, wrong) in [(0.125, 8e-9), (0.5, 0.0786)] {
             let (mut bad, mut all) = (0.0, 0.0);
             for seed in 0..79 {
@@ -162,11 +140,7 @@ mod tests {
                 }
             }
             let error = (wrong * (1.0 - wrong) / all).sqrt();
-            assert!(
-                (bad / all - wrong).abs() <= 5.0 * error + 1e-12,
-                "{sigma}: {}",
-                bad / all
-            );
+            assert!((bad / all - wrong).abs() <= 5.0 * error + 1e-12, "{sigma}: {}", bad / all);
         }
     }
 }

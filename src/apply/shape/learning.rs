@@ -116,10 +116,7 @@ impl Route {
         // A joint method uses the best parameters of its scan, which are much faster to find.
         let (mut best, mut words) = match self.method {
             Method::Joint(code, light) => {
-                let scan = Self {
-                    method: Method::StructuredLight(code, light),
-                    ..self
-                };
+                let scan = Self { method: Method::StructuredLight(code, light), ..self };
                 let (parameters, words) = scan.learn(train)?;
                 (parameters, vec![words])
             }

@@ -110,22 +110,15 @@ mod tests {
 
     fn problem(w: usize, h: usize, mut of: impl FnMut() -> Step) -> LogDepth {
         let mut list = || (0..w * h).map(|_| of()).collect();
-        LogDepth {
-            width: w,
-            values: list(),
-            right: list(),
-            down: list(),
-        }
+        LogDepth { width: w, values: list(), right: list(), down: list() }
     }
 
     /// Random weights and steps: equal to Cholesky's solution of the dense normal equations.
     #[test]
     fn conjugate_gradients_agree_with_cholesky() {
         let mut stream = Stream::new(3, 1, 4);
-        let p = problem(9, 7, || Step {
-            step: normal(&mut stream),
-            weight: 0.05 + f64::from(stream.uniform()),
-        });
+        let p =
+            problem(9, 7, || Step { step: normal(&mut stream), weight: 0.05 + f64::from(stream.uniform()) });
         let n = 63;
         let (mut a, mut b) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
         for (i, v) in p.values.iter().enumerate() {
@@ -157,13 +150,9 @@ mod tests {
             let errors: Vec<f64> = (0..60)
                 .map(|seed| {
                     let mut stream = Stream::new(seed, 5, 6);
-                    let truth: Vec<f64> = (0..w * h)
-                        .map(|i| 0.3 * ((i % w) as f64).sin() + (i / w) as f64)
-                        .collect();
-                    let mut p = problem(w, h, || Step {
-                        step: 0.0,
-                        weight: 1.0,
-                    });
+                    let truth: Vec<f64> =
+                        (0..w * h).map(|i| 0.3 * ((i % w) as f64).sin() + (i / w) as f64).collect();
+                    let mut p = problem(w, h, || Step { step: 0.0, weight: 1.0 });
                     for (i, v) in p.values.iter_mut().enumerate() {
                         v.step = truth[i] + normal(&mut stream);
                     }
@@ -179,10 +168,7 @@ mod tests {
                 .collect();
             let mean = errors.iter().sum::<f64>() / 60.0;
             let variance = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / 59.0;
-            assert!(
-                (mean - theory).abs() < 5.0 * (variance / 60.0).sqrt(),
-                "{q}: {mean} {theory}"
-            );
+            assert!((mean - theory).abs() < 5.0 * (variance / 60.0).sqrt(), "{q}: {mean} {theory}");
         }
     }
 
@@ -191,22 +177,9 @@ mod tests {
         let p = problem(3, 2, Step::default);
         let start = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         assert_eq!(p.solve(&start, 1e-9), start);
-        let mut one = problem(3, 1, || Step {
-            step: 0.5,
-            weight: 1.0,
-        });
-        one.values = vec![
-            Step {
-                step: 2.0,
-                weight: 1.0,
-            },
-            Step::default(),
-            Step::default(),
-        ];
+        let mut one = problem(3, 1, || Step { step: 0.5, weight: 1.0 });
+        one.values = vec![Step { step: 2.0, weight: 1.0 }, Step::default(), Step::default()];
         let got = one.solve(&[0.0; 3], 1e-12);
-        assert!(
-            got.iter().zip([2.0, 2.5, 3.0]).all(|(g, w)| (g - w).abs() < 1e-9),
-            "{got:?}"
-        );
+        assert!(got.iter().zip([2.0, 2.5, 3.0]).all(|(g, w)| (g - w).abs() < 1e-9), "{got:?}");
     }
 }

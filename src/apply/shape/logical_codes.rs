@@ -53,14 +53,8 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     Decoded::by_pixel(captures, 2 * n, |pixel| {
         let (read, contrast) = read_bits(pixel);
         let of_base = read[n - 1 - base];
-        let true_bits = read
-            .iter()
-            .enumerate()
-            .map(|(k, bit)| bit ^ (n - 1 - k != base && of_base));
-        (
-            checked(column_of(true_bits), columns, contrast, least_contrast),
-            contrast,
-        )
+        let true_bits = read.iter().enumerate().map(|(k, bit)| bit ^ (n - 1 - k != base && of_base));
+        (checked(column_of(true_bits), columns, contrast, least_contrast), contrast)
     })
 }
 
@@ -71,10 +65,8 @@ pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {
         let of = |d: &Decoded| (d.column.data[i], d.confidence.data[i]);
-        let pairs = codes
-            .iter()
-            .enumerate()
-            .flat_map(|(k, a)| codes[k + 1..].iter().map(move |b| (of(a), of(b))));
+        let pairs =
+            codes.iter().enumerate().flat_map(|(k, a)| codes[k + 1..].iter().map(move |b| (of(a), of(b))));
         let agreed = pairs.filter(|(a, b)| (a.0 - b.0).abs() <= 1.0);
         let best = agreed.max_by(|a, b| a.0.1.max(a.1.1).total_cmp(&b.0.1.max(b.1.1)));
         (*column, out.confidence.data[i]) =
@@ -92,10 +84,7 @@ mod tests {
     fn right(light: &Light, base: Base, n: usize) -> usize {
         let captures = one_row(n, light).capture(&patterns(n, base)).expect("captures");
         let got = decode(&captures, n, base, 0.0).expect("a code").column.data;
-        got.iter()
-            .enumerate()
-            .filter(|(i, c)| **c == *i as f64 + 0.5)
-            .count()
+        got.iter().enumerate().filter(|(i, c)| **c == *i as f64 + 0.5).count()
     }
 
     #[test]
@@ -124,15 +113,9 @@ mod tests {
     fn long_range_light_does_not_turn_bits() {
         let n = 256;
         let light = Light::direct(1.0).plus_blurred(1.5, 12.0, 64.0);
-        let captures = one_row(n, &light)
-            .capture(&gray_code::patterns(n))
-            .expect("captures");
+        let captures = one_row(n, &light).capture(&gray_code::patterns(n)).expect("captures");
         let gray = gray_code::decode(&captures, n, 0.0).expect("a code").column.data;
-        let wrong = gray
-            .iter()
-            .enumerate()
-            .filter(|(i, c)| **c != *i as f64 + 0.5)
-            .count();
+        let wrong = gray.iter().enumerate().filter(|(i, c)| **c != *i as f64 + 0.5).count();
         assert!(wrong > 100, "{wrong}");
         for base in [Base::Xor02, Base::Xor04] {
             assert_eq!(right(&light, base, n), n, "{base:?}");

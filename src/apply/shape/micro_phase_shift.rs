@@ -23,11 +23,7 @@ fn name(coordinate: f64, periods: &[f64]) -> Vec<f64> {
     let phase = |p: f64| TAU * coordinate / p;
     let first = periods.first().map(|p| phase(*p));
     let others = periods.iter().skip(1).map(|p| phase(*p).cos());
-    first
-        .into_iter()
-        .flat_map(|f| [f.cos(), f.sin()])
-        .chain(others)
-        .collect()
+    first.into_iter().flat_map(|f| [f.cos(), f.sin()]).chain(others).collect()
 }
 
 fn distance2(a: &[f64], b: &[f64]) -> f64 {
@@ -56,9 +52,8 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
     for _ in 0..TRIES {
-        let set: Vec<f64> = (0..count)
-            .map(|_| mean * (1.0 + (f64::from(stream.uniform()) - 0.5) / 6.0))
-            .collect();
+        let set: Vec<f64> =
+            (0..count).map(|_| mean * (1.0 + (f64::from(stream.uniform()) - 0.5) / 6.0)).collect();
         let margin = margin(columns, &set);
         if margin > best.0 {
             best = (margin, set);
@@ -70,11 +65,7 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
 /// Returns the patterns: three of the first period, one of each other.
 #[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
-    let captures = if periods.is_empty() {
-        0
-    } else {
-        periods.len() + STEPS - 1
-    };
+    let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
     Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {
         None => sinusoid(u, periods[0], k as f64 * TAU / STEPS as f64),
         Some(other) => sinusoid(u, periods[other + 1], 0.0),
@@ -101,11 +92,7 @@ pub fn decode(
         let offset = pixel[..STEPS].iter().sum::<f64>() / STEPS as f64;
         let part = |turn: fn(f64) -> f64| {
             let terms = pixel[..STEPS].iter().enumerate();
-            terms
-                .map(|(k, i)| i * turn(TAU * k as f64 / STEPS as f64))
-                .sum::<f64>()
-                * 2.0
-                / STEPS as f64
+            terms.map(|(k, i)| i * turn(TAU * k as f64 / STEPS as f64)).sum::<f64>() * 2.0 / STEPS as f64
         };
         let (cos, sin) = (part(f64::cos), part(f64::sin));
         let amplitude = cos.hypot(sin);
@@ -114,16 +101,10 @@ pub fn decode(
             return (f64::NAN, contrast);
         }
         let others = pixel[STEPS..].iter().map(|i| i - offset);
-        let read: Vec<f64> = [cos, sin]
-            .into_iter()
-            .chain(others)
-            .map(|v| v / amplitude)
-            .collect();
+        let read: Vec<f64> = [cos, sin].into_iter().chain(others).map(|v| v / amplitude).collect();
         let distances = names.iter().map(|n| distance2(n, &read));
         let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-        let column = nearest.map_or(f64::NAN, |(u, _)| {
-            unwrap(sin.atan2(cos), periods[0], u as f64 + 0.5)
-        });
+        let column = nearest.map_or(f64::NAN, |(u, _)| unwrap(sin.atan2(cos), periods[0], u as f64 + 0.5));
         let inside = (0.0..=columns as f64).contains(&column);
         (if inside { column } else { f64::NAN }, contrast)
     })
@@ -135,13 +116,12 @@ mod tests {
     use crate::shape::synthetic::{Light, noisy, one_row};
 
     fn columns_of(light: &Light, n: usize, periods: &[f64]) -> Vec<f64> {
-        let captures = one_row(n, light)
-            .capture(&patterns(n, periods))
-            .expect("captures");
+        let captures = one_row(n, light).capture(&patterns(n, periods)).expect("captures");
         decode(&captures, n, periods, 0.0).expect("a code").column.data
     }
 
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn direct_light_is_decoded_exactly() {
         for n in [256, 500] {
             let p = periods(n, 16.0, 5);
@@ -162,6 +142,7 @@ mod tests {
     /// The light that biases a period of the image's width by 13 columns (see `phase_shift`) biases no column
     /// by more than 1e-6: at periods of 16, a Gaussian of σ = 20 is attenuated by exp(-2π²·400/256) = 4e-14.
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn smooth_indirect_light_does_not_bias() {
         let n = 1024;
         let p = periods(n, 16.0, 5);
@@ -184,21 +165,18 @@ mod tests {
         let turn = TAU * 4.0 / p[0];
         let bias = (0.3 * turn.sin()).atan2(1.0 + 0.3 * turn.cos()) / TAU * p[0];
         let near = got.iter().enumerate().take(n - 5);
-        let right = near
-            .filter(|(i, c)| (*c - *i as f64 - 0.5 - bias).abs() < 1e-9)
-            .count();
+        let right = near.filter(|(i, c)| (*c - *i as f64 - 0.5 - bias).abs() < 1e-9).count();
         assert!(right > 200, "{right}");
     }
 
     /// Noise σ in three captures of amplitude ½ changes the phase by σ√(2/3)/½: 300 × 256 pixels, within five
     /// errors.
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn noise_moves_columns_as_theory_says() {
         let (n, sigma) = (256, 0.004);
         let p = periods(n, 16.0, 5);
-        let clean = one_row(n, &Light::direct(1.0))
-            .capture(&patterns(n, &p))
-            .expect("captures");
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..300 {
             let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0).expect("a code");
@@ -210,10 +188,7 @@ mod tests {
         let theory = (p[0] / TAU * 2.0 * sigma).powi(2) * 2.0 / 3.0;
         let error = theory * (2.0_f64 / count).sqrt();
         let variance = sum / count;
-        assert!(
-            (variance - theory).abs() < 5.0 * error + 0.002 * theory,
-            "{variance} {theory}"
-        );
+        assert!((variance - theory).abs() < 5.0 * error + 0.002 * theory, "{variance} {theory}");
     }
 
     #[test]

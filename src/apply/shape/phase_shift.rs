@@ -31,9 +31,7 @@ pub fn periods(columns: usize) -> Vec<f64> {
 /// Refuses invalid periods.
 fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     let falls = periods.windows(2).all(|p| p[0] > p[1]) && periods.iter().all(|p| *p >= 2.0);
-    let spans = periods
-        .first()
-        .is_some_and(|p| *p >= columns as f64 && p.is_finite());
+    let spans = periods.first().is_some_and(|p| *p >= columns as f64 && p.is_finite());
     if falls && spans {
         return Ok(());
     }
@@ -79,17 +77,10 @@ pub fn decode(
         for (i, (k, period)) in pixel.chunks_exact(STEPS).zip(periods).enumerate() {
             let (sin, cos) = (k[1] - k[3], k[0] - k[2]);
             let phase = sin.atan2(cos);
-            column = if i == 0 {
-                phase.rem_euclid(TAU) / TAU * period
-            } else {
-                unwrap(phase, *period, column)
-            };
+            column =
+                if i == 0 { phase.rem_euclid(TAU) / TAU * period } else { unwrap(phase, *period, column) };
             let total: f64 = k.iter().sum();
-            contrast = if total > 0.0 {
-                2.0 * sin.hypot(cos) / total
-            } else {
-                0.0
-            };
+            contrast = if total > 0.0 { 2.0 * sin.hypot(cos) / total } else { 0.0 };
         }
         let inside = (0.0..=columns as f64).contains(&column);
         let sure = contrast > 0.0 && contrast >= least_contrast;
@@ -103,9 +94,7 @@ mod tests {
     use crate::shape::synthetic::{Light, noisy, one_row};
 
     fn columns_of(light: &Light, n: usize, periods: &[f64]) -> Vec<f64> {
-        let captures = one_row(n, light)
-            .capture(&patterns(n, periods))
-            .expect("captures");
+        let captures = one_row(n, light).capture(&patterns(n, periods)).expect("captures");
         decode(&captures, n, periods, 0.0).expect("a code").column.data
     }
 
@@ -114,9 +103,7 @@ mod tests {
         let n = 256;
         let p = periods(n);
         assert_eq!(p, [256.0, 64.0, 16.0]);
-        let captures = one_row(n, &Light::direct(0.3))
-            .capture(&patterns(n, &p))
-            .expect("captures");
+        let captures = one_row(n, &Light::direct(0.3)).capture(&patterns(n, &p)).expect("captures");
         let got = decode(&captures, n, &p, 0.0).expect("a code");
         for (i, column) in got.column.data.iter().enumerate() {
             assert!((column - i as f64 - 0.5).abs() < 1e-9, "{i}: {column}");
@@ -182,9 +169,7 @@ mod tests {
     #[test]
     fn noise_moves_columns_as_theory_says() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);
-        let clean = one_row(n, &Light::direct(1.0))
-            .capture(&patterns(n, &p))
-            .expect("captures");
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..500 {
             let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0).expect("a code");
@@ -195,22 +180,13 @@ mod tests {
         }
         let (variance, theory) = (sum / count, (16.0 / TAU * sigma * 2.0_f64.sqrt()).powi(2));
         let error = theory * (2.0_f64 / count).sqrt();
-        assert!(
-            (variance - theory).abs() < 5.0 * error + 0.002 * theory,
-            "{variance} {theory}"
-        );
+        assert!((variance - theory).abs() < 5.0 * error + 0.002 * theory, "{variance} {theory}");
     }
 
     #[test]
     fn periods_that_decode_nothing_are_refused() {
         let captures = Map::from_fn(1, 1, 4, |_, _, o| o.fill(1.0));
-        for bad in [
-            vec![],
-            vec![8.0],
-            vec![64.0, 64.0],
-            vec![f64::NAN],
-            vec![64.0, 1.0],
-        ] {
+        for bad in [vec![], vec![8.0], vec![64.0, 64.0], vec![f64::NAN], vec![64.0, 1.0]] {
             assert!(decode(&captures, 64, &bad, 0.0).is_err(), "{bad:?}");
         }
     }

@@ -164,10 +164,7 @@ pub(super) mod tests {
     fn a_normal_to_the_upper_right_has_positive_s2() {
         let camera = rig(64, 256).camera;
         let up_right = normal(&camera, [32, 32], 0.5, std::f64::consts::FRAC_PI_4);
-        assert!(
-            up_right.x > 0.1 && up_right.y < -0.1 && up_right.z < -0.8,
-            "{up_right}"
-        );
+        assert!(up_right.x > 0.1 && up_right.y < -0.1 && up_right.z < -0.8, "{up_right}");
     }
 
     #[test]

@@ -68,20 +68,13 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
         let first = (at[1] * w + at[0]) * 3;
         normals.data[first..first + 3].copy_from_slice(chosen.as_slice());
     };
-    for at in (0..h)
-        .flat_map(|y| (0..w).map(move |x| [x, y]))
-        .filter(|at| known(*at))
-    {
+    for at in (0..h).flat_map(|y| (0..w).map(move |x| [x, y])).filter(|at| known(*at)) {
         // Pixels outside the image do not define the outline.
         let beside = around(at, 1).any(|n| within(n) && !is_inside(n));
         if beside {
             let outside = around(at, REACH).filter(|n| within(*n) && !is_inside(*n));
             let toward = outside.fold(Vector3::zeros(), |sum, n| {
-                let step = Vector3::new(
-                    (n[0] - at[0] as isize) as f64,
-                    (n[1] - at[1] as isize) as f64,
-                    0.0,
-                );
+                let step = Vector3::new((n[0] - at[0] as isize) as f64, (n[1] - at[1] as isize) as f64, 0.0);
                 sum + step / step.norm_squared()
             });
             decide(at, toward, &mut normals);
@@ -104,12 +97,9 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
         }
     }
     while let Some(Next { at, .. }) = queue.pop() {
-        let decided = around(at, 1)
-            .filter_map(pixel)
-            .map(|[x, y]| Vector3::from_column_slice(normals.at(x, y)));
-        let toward = decided
-            .filter(|n| n.x.is_finite())
-            .fold(Vector3::zeros(), |sum, n| sum + n);
+        let decided =
+            around(at, 1).filter_map(pixel).map(|[x, y]| Vector3::from_column_slice(normals.at(x, y)));
+        let toward = decided.filter(|n| n.x.is_finite()).fold(Vector3::zeros(), |sum, n| sum + n);
         decide(at, toward, &mut normals);
         ask(at, &mut queued, &mut queue);
     }

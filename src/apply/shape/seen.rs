@@ -28,15 +28,9 @@ pub(super) struct Seen {
 /// Returns the means of a slice at the wavelength, over `y` and `x`, with the remaining `channels` entries as
 /// channels.
 fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Result<Map, ApplyError> {
-    let wrong = |axis| ApplyError::Axis {
-        variant: o.variant,
-        slice: name.to_owned(),
-        axis,
-    };
+    let wrong = |axis| ApplyError::Axis { variant: o.variant, slice: name.to_owned(), axis };
     let mean = &o.slice(name)?.mean;
-    let lane = mean
-        .find(AxisKind::Wavelength)
-        .map_or(0, |at| mean.axes[at].nearest(WAVELENGTH));
+    let lane = mean.find(AxisKind::Wavelength).map_or(0, |at| mean.axes[at].nearest(WAVELENGTH));
     let one = mean.select(AxisKind::Wavelength, lane);
     if (one.find(AxisKind::Y), one.find(AxisKind::X)) != (Some(0), Some(1)) {
         return Err(wrong("rows and columns of the camera"));
@@ -45,12 +39,7 @@ fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Re
     if one.data.len() != width * height * channels {
         return Err(wrong(axis));
     }
-    Ok(Map {
-        width,
-        height,
-        channels,
-        data: one.data.iter().map(|v| f64::from(*v)).collect(),
-    })
+    Ok(Map { width, height, channels, data: one.data.iter().map(|v| f64::from(*v)).collect() })
 }
 
 impl Seen {
@@ -65,22 +54,12 @@ impl Seen {
             if [map.width, map.height] == size {
                 Ok(map)
             } else {
-                Err(ApplyError::Sizes {
-                    variant: o.variant,
-                    what: format!("the camera and {what}"),
-                })
+                Err(ApplyError::Sizes { variant: o.variant, what: format!("the camera and {what}") })
             }
         };
         let light = |name: &str| {
-            let columns = image(
-                o,
-                name,
-                rig.projector.resolution[0],
-                "all columns of the projector",
-            )?;
-            Ok(ColumnLight {
-                light: fits(columns, name)?,
-            })
+            let columns = image(o, name, rig.projector.resolution[0], "all columns of the projector")?;
+            Ok(ColumnLight { light: fits(columns, name)? })
         };
         let mueller = |name: &str| fits(image(o, name, 16, "whole Mueller matrices")?, name);
         let truth = |name: &str, channels: usize| {
@@ -88,20 +67,13 @@ impl Seen {
             if map.channels == channels {
                 Ok(map)
             } else {
-                Err(ApplyError::Sizes {
-                    variant: o.variant,
-                    what: format!("channels of {name}"),
-                })
+                Err(ApplyError::Sizes { variant: o.variant, what: format!("channels of {name}") })
             }
         };
         let (share, position, normal) = (truth("statue", 1)?, truth("position", 3)?, truth("normal", 3)?);
         let camera = &rig.camera;
         let mask = Map::from_fn(size[0], size[1], 1, |x, y, out| {
-            let known = position
-                .at(x, y)
-                .iter()
-                .chain(normal.at(x, y))
-                .all(|v| v.is_finite());
+            let known = position.at(x, y).iter().chain(normal.at(x, y)).all(|v| v.is_finite());
             out[0] = f64::from(u8::from(share.at(x, y)[0] >= 1.0 && known));
         });
         if mask.data.iter().all(|m| *m == 0.0) {
@@ -113,11 +85,7 @@ impl Seen {
         let forward = camera.axes.column(2).into_owned();
         let depth = Map::from_fn(size[0], size[1], 1, |x, y, out| {
             let p = Vector3::from_column_slice(position.at(x, y));
-            out[0] = if mask.at(x, y)[0] == 0.0 {
-                f64::NAN
-            } else {
-                forward.dot(&(p - camera.origin))
-            };
+            out[0] = if mask.at(x, y)[0] == 0.0 { f64::NAN } else { forward.dot(&(p - camera.origin)) };
         });
         let normals = Map::from_fn(size[0], size[1], 3, |x, y, out| {
             let n = camera.axes.transpose() * Vector3::from_column_slice(normal.at(x, y));
@@ -135,17 +103,7 @@ impl Seen {
             mask,
             rig: rig.clone(),
         };
-        let sprayed = Inputs {
-            columns: light("sprayed columns")?,
-            ..inputs.clone()
-        };
-        Ok(Self {
-            variant: o.variant,
-            seed: o.seed,
-            inputs,
-            sprayed,
-            depth,
-            normals,
-        })
+        let sprayed = Inputs { columns: light("sprayed columns")?, ..inputs.clone() };
+        Ok(Self { variant: o.variant, seed: o.seed, inputs, sprayed, depth, normals })
     }
 }

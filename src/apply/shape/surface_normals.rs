@@ -100,11 +100,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
         }
         if let Some(p) = plane(&points, window.robust) {
             let slope = [p.x * camera.focal[0], p.y * camera.focal[1]];
-            let a = Vector3::new(
-                slope[0],
-                slope[1],
-                p.z - slope[0] * middle.x - slope[1] * middle.y,
-            );
+            let a = Vector3::new(slope[0], slope[1], p.z - slope[0] * middle.x - slope[1] * middle.y);
             // Away from the camera: a·ray > 0.
             if a.dot(&middle) > 0.0 {
                 out.copy_from_slice((-a.normalize()).as_slice());
@@ -135,10 +131,7 @@ mod tests {
                 *z *= 0.7 + 0.6 * f64::from(stream.uniform());
             }
         }
-        let robust = Window {
-            radius: 2,
-            robust: true,
-        };
+        let robust = Window { radius: 2, robust: true };
         let clean = normals(&camera, &shape.depth, robust);
         for (got, want) in clean.data.chunks(3).zip(shape.normals.data.chunks(3)) {
             assert!(angle(got, want) < 1e-7, "{got:?} {want:?}");
@@ -151,12 +144,7 @@ mod tests {
         // On average 5 of 25 depths are wrong; more than half are wrong only rarely (p < 1e-3 inside, more in
         // corners of 9).
         assert!(wrong(robust) < 48 * 48 / 20, "{}", wrong(robust));
-        assert!(
-            wrong(Window {
-                robust: false,
-                ..robust
-            }) > 48 * 48 * 9 / 10
-        );
+        assert!(wrong(Window { robust: false, ..robust }) > 48 * 48 * 9 / 10);
     }
 
     /// Inverse depths with noise σ: least squares over 5 × 5 pixels have slopes of variance σ²/50 per pixel
@@ -172,14 +160,7 @@ mod tests {
             let depth = Map::from_fn(21, 21, 1, |_, _, o| {
                 o[0] = 1.0 / (flat + sigma * normal(&mut stream));
             });
-            let got = normals(
-                &camera,
-                &depth,
-                Window {
-                    radius: 2,
-                    robust: false,
-                },
-            );
+            let got = normals(&camera, &depth, Window { radius: 2, robust: false });
             for (x, y) in [3, 10, 17].into_iter().flat_map(|x| [3, 10, 17].map(|y| (x, y))) {
                 let n = got.at(x, y);
                 let slope =
@@ -190,47 +171,20 @@ mod tests {
         }
         let theory = sigma * sigma / 50.0;
         let error = theory * (2.0_f64 / count).sqrt();
-        assert!(
-            (sum / count - theory).abs() < 5.0 * error,
-            "{} {theory}",
-            sum / count
-        );
+        assert!((sum / count - theory).abs() < 5.0 * error, "{} {theory}", sum / count);
     }
 
     #[test]
     fn a_sphere_has_its_normals_to_second_order() {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
-        let got = normals(
-            &camera,
-            &shape.depth,
-            Window {
-                radius: 1,
-                robust: false,
-            },
-        );
+        let got = normals(&camera, &shape.depth, Window { radius: 1, robust: false });
         let facing = |n: &[f64]| n[2] < -0.8;
         let pairs = got.data.chunks(3).zip(shape.normals.data.chunks(3));
-        let errors: Vec<f64> = pairs
-            .filter(|(_, w)| facing(w))
-            .map(|(g, w)| angle(g, w))
-            .collect();
-        assert!(
-            errors.len() > 1000 && errors.iter().all(|e| *e < 0.01),
-            "{}",
-            errors.len()
-        );
-        let lone = Map::from_fn(3, 3, 1, |x, y, o| {
-            o[0] = if (x, y) == (1, 1) { 1.0 } else { f64::NAN }
-        });
-        let none = normals(
-            &camera,
-            &lone,
-            Window {
-                radius: 1,
-                robust: true,
-            },
-        );
+        let errors: Vec<f64> = pairs.filter(|(_, w)| facing(w)).map(|(g, w)| angle(g, w)).collect();
+        assert!(errors.len() > 1000 && errors.iter().all(|e| *e < 0.01), "{}", errors.len());
+        let lone = Map::from_fn(3, 3, 1, |x, y, o| o[0] = if (x, y) == (1, 1) { 1.0 } else { f64::NAN });
+        let none = normals(&camera, &lone, Window { radius: 1, robust: true });
         assert!(none.data.iter().all(|v| v.is_nan()));
     }
 }

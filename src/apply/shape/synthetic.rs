@@ -20,12 +20,7 @@ pub struct Light {
 
 impl Light {
     pub fn direct(direct: f64) -> Self {
-        Self {
-            direct,
-            constant: 0.0,
-            at: None,
-            blurred: None,
-        }
+        Self { direct, constant: 0.0, at: None, blurred: None }
     }
 
     /// Adds this much light in total, uniformly from all columns.
@@ -35,18 +30,12 @@ impl Light {
 
     /// Adds this much light from one other column.
     pub fn plus_at(self, light: f64, column: Elsewhere) -> Self {
-        Self {
-            at: Some((light, column)),
-            ..self
-        }
+        Self { at: Some((light, column)), ..self }
     }
 
     /// Adds this much light in total from a Gaussian of columns of width σ, around a shifted column.
     pub fn plus_blurred(self, light: f64, sigma: f64, shift: f64) -> Self {
-        Self {
-            blurred: Some([light, sigma, shift]),
-            ..self
-        }
+        Self { blurred: Some([light, sigma, shift]), ..self }
     }
 
     fn of(&self, c: usize, out: &mut [f64]) {
@@ -67,9 +56,7 @@ impl Light {
 
 /// Returns a row of as many pixels as columns.
 pub fn one_row(columns: usize, light: &Light) -> ColumnLight {
-    ColumnLight {
-        light: Map::from_fn(columns, 1, columns, |x, _, out| light.of(x, out)),
-    }
+    ColumnLight { light: Map::from_fn(columns, 1, columns, |x, _, out| light.of(x, out)) }
 }
 
 /// Returns a standard normal number (Box & Muller).
@@ -82,9 +69,7 @@ pub fn normal(stream: &mut Stream) -> f64 {
 pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
     let mut stream = Stream::new(seed, 1, 2);
     let mut out = map.clone();
-    out.data
-        .iter_mut()
-        .for_each(|v| *v += sigma * normal(&mut stream));
+    out.data.iter_mut().for_each(|v| *v += sigma * normal(&mut stream));
     out
 }
 
@@ -99,10 +84,7 @@ pub fn rig(size: usize, columns: usize) -> Rig {
         axes: Rotation3::from_axis_angle(&Vector3::y_axis(), (-x / 0.2).atan()).into_inner()
             * Matrix3::identity(),
     };
-    Rig {
-        camera: toward(-0.03, size),
-        projector: toward(0.03, columns),
-    }
+    Rig { camera: toward(-0.03, size), projector: toward(0.03, columns) }
 }
 
 /// Depths and camera-frame normals of a surface in a camera image; NaN outside it.
@@ -153,10 +135,7 @@ impl Shape {
     pub fn columns(&self, rig: &Rig) -> Map {
         Map::from_fn(self.depth.width, self.depth.height, 1, |x, y, out| {
             let z = self.depth.at(x, y)[0];
-            out[0] = rig
-                .projector
-                .project(rig.camera.point(x, y, z))
-                .map_or(f64::NAN, |p| p[0]);
+            out[0] = rig.projector.project(rig.camera.point(x, y, z)).map_or(f64::NAN, |p| p[0]);
         })
     }
 }

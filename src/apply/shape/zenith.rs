@@ -66,13 +66,8 @@ pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
         return [f64::NAN; 2];
     }
     let brewster = n.atan();
-    let above = invert(0.0, FRAC_PI_2 - brewster, degree, |below| {
-        specular(FRAC_PI_2 - below, n)
-    });
-    [
-        invert(0.0, brewster, degree, |zenith| specular(zenith, n)),
-        FRAC_PI_2 - above,
-    ]
+    let above = invert(0.0, FRAC_PI_2 - brewster, degree, |below| specular(FRAC_PI_2 - below, n));
+    [invert(0.0, brewster, degree, |zenith| specular(zenith, n)), FRAC_PI_2 - above]
 }
 
 #[cfg(test)]
@@ -87,16 +82,9 @@ mod tests {
         for n in [1.3, 1.5, 1.8] {
             for zenith in [0.1, 0.4, 0.8, 1.1, 1.4_f64] {
                 let fresnel = dielectric(zenith.cos() as f32, Spectral::splat(n as f32));
-                let block = fresnel
-                    .reflection
-                    .to_mueller()
-                    .lane(0)
-                    .map(|row| row.map(f64::from));
+                let block = fresnel.reflection.to_mueller().lane(0).map(|row| row.map(f64::from));
                 let (mean, difference) = (block[0][0], block[1][0]);
-                assert!(
-                    (difference / mean - specular(zenith, n)).abs() < 2e-5,
-                    "{n} {zenith}"
-                );
+                assert!((difference / mean - specular(zenith, n)).abs() < 2e-5, "{n} {zenith}");
                 // The rest is transmitted, with equal shares in both directions.
                 let through = difference / (1.0 - mean);
                 assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
@@ -109,10 +97,7 @@ mod tests {
         for n in [1.3, 1.5, 1.8] {
             for step in 0..150 {
                 let zenith = f64::from(step) * 0.01;
-                assert!(
-                    (of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6,
-                    "{n} {zenith}"
-                );
+                assert!((of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6, "{n} {zenith}");
                 let both = of_specular(specular(zenith, n), n);
                 let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
                 // At Brewster's angle the degree has zero slope: half of the digits are lost.

@@ -36,12 +36,10 @@ pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
 /// Returns the correlation of the score's positive part, which is displayed, with the light of the target
 /// over lit places.
 pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let pairs = seen.lit.iter().map(|place| {
-        (
-            scoring.score(seen, target, *place).max(0.0),
-            seen.light(target, *place),
-        )
-    });
+    let pairs = seen
+        .lit
+        .iter()
+        .map(|place| (scoring.score(seen, target, *place).max(0.0), seen.light(target, *place)));
     pearson(&pairs.collect::<Vec<_>>())
 }
 
@@ -55,20 +53,14 @@ pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Targe
         sums[pixel].0 += scoring.score(seen, target, *place).max(0.0);
         sums[pixel].1 += seen.light(target, *place);
     }
-    let pairs: Vec<(f64, f64)> = sums
-        .into_iter()
-        .zip(lit)
-        .filter_map(|(s, l)| l.then_some(s))
-        .collect();
+    let pairs: Vec<(f64, f64)> = sums.into_iter().zip(lit).filter_map(|(s, l)| l.then_some(s)).collect();
     pearson(&pairs)
 }
 
 /// Returns Pearson's correlation; 0 for a constant score, NaN for a constant truth.
 fn pearson(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
-    let (a, b) = pairs
-        .iter()
-        .fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
     let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
     for (x, y) in pairs {
         let (x, y) = (x - a, y - b);

@@ -30,72 +30,34 @@ type Judge = fn(&Scoring, &Seen, Target) -> f64;
 const METRICS: [(Metric, Judge, Target); 10] = [
     metric("area under the curve, inverting", area, Target::Inverting),
     metric("area under the curve, keeping", area, Target::Keeping),
-    metric(
-        "area, inverting, mean of those of bins",
-        area_by_bin,
-        Target::Inverting,
-    ),
-    metric(
-        "area, keeping, mean of those of bins",
-        area_by_bin,
-        Target::Keeping,
-    ),
+    metric("area, inverting, mean of those of bins", area_by_bin, Target::Inverting),
+    metric("area, keeping, mean of those of bins", area_by_bin, Target::Keeping),
     metric("F1, inverting", f1, Target::Inverting),
     metric("F1, keeping", f1, Target::Keeping),
     metric("correlation, inverting", correlation, Target::Inverting),
     metric("correlation, keeping", correlation, Target::Keeping),
-    metric(
-        "correlation, inverting, summed over time",
-        correlation_in_total,
-        Target::Inverting,
-    ),
-    metric(
-        "correlation, keeping, summed over time",
-        correlation_in_total,
-        Target::Keeping,
-    ),
+    metric("correlation, inverting, summed over time", correlation_in_total, Target::Inverting),
+    metric("correlation, keeping, summed over time", correlation_in_total, Target::Keeping),
 ];
 
 const fn metric(name: &'static str, judge: Judge, target: Target) -> (Metric, Judge, Target) {
-    let metric = Metric {
-        name,
-        unit: "",
-        more_is_better: true,
-    };
+    let metric = Metric { name, unit: "", more_is_better: true };
     (metric, judge, target)
 }
 
 const METHODS: [(Method, Measure); 6] = [
+    (Method::new("(3,3) of the bin", "Baek & Heide 2021"), Measure::Circular),
+    (Method::new("(3,3)/(0,0) of the bin", "the same over intensity"), Measure::CircularShare),
     (
-        Method::new("(3,3) of the bin", "Baek & Heide 2021"),
-        Measure::Circular,
-    ),
-    (
-        Method::new("(3,3)/(0,0) of the bin", "the same over intensity"),
-        Measure::CircularShare,
-    ),
-    (
-        Method::new(
-            "circular pair, time-gated",
-            "two captures, as Treibitz & Schechner 2009",
-        ),
+        Method::new("circular pair, time-gated", "two captures, as Treibitz & Schechner 2009"),
         Measure::CircularPair,
     ),
     (
-        Method::new(
-            "parallel less crossed, time-gated",
-            "two captures through linear polarizers",
-        ),
+        Method::new("parallel less crossed, time-gated", "two captures through linear polarizers"),
         Measure::LinearPair,
     ),
-    (
-        Method::new("transient intensity", "Velten et al. 2013"),
-        Measure::Intensity,
-    ),
-    (
-        Method::new("(3,3) summed over time", "without time"),
-        Measure::Integrated,
-    ),
+    (Method::new("transient intensity", "Velten et al. 2013"), Measure::Intensity),
+    (Method::new("(3,3) summed over time", "without time"), Measure::Integrated),
 ];
 
 impl Application for Transient {
@@ -113,12 +75,7 @@ impl Application for Transient {
             train: (0..6).collect(),
             test: (6..14).collect(),
             slices: vec![TRANSIENT],
-            truth: vec![Truth::Slice {
-                name: LABELLED,
-                slice: LABELLED,
-                of: itself,
-                samples: 4,
-            }],
+            truth: vec![Truth::Slice { name: LABELLED, slice: LABELLED, of: itself, samples: 4 }],
             preview: Size { pixels: 40, spp: 32 },
             full: Size { pixels: 96, spp: 128 },
         }
@@ -140,25 +97,17 @@ impl Application for Transient {
             for seen in &test {
                 let values = METRICS.map(|(_, judge, target)| judge(&scoring, seen, target));
                 let metrics = METRICS.iter().map(|(metric, ..)| metric);
-                outcome
-                    .scores
-                    .extend(Score::each(method.name, seen.variant, metrics, values));
+                outcome.scores.extend(Score::each(method.name, seen.variant, metrics, values));
                 outcome.pictures.extend(TARGETS.map(|target| {
-                    picture(
-                        method.name,
-                        measure != Measure::CircularShare,
-                        seen,
-                        target,
-                        |place| scoring.score(seen, target, place).max(0.0),
-                    )
+                    picture(method.name, measure != Measure::CircularShare, seen, target, |place| {
+                        scoring.score(seen, target, place).max(0.0)
+                    })
                 }));
             }
         }
         for seen in &test {
             outcome.pictures.extend(TARGETS.map(|target| {
-                picture("truth: labels", true, seen, target, |place| {
-                    seen.light(target, place)
-                })
+                picture("truth: labels", true, seen, target, |place| seen.light(target, place))
             }));
             outcome.notes.push(of_all(seen));
         }
@@ -186,12 +135,7 @@ fn picture(
         },
         variant: Some(seen.variant),
         shared,
-        map: Map {
-            width: seen.pixels.width,
-            height: seen.pixels.height,
-            channels: 1,
-            data: sums,
-        },
+        map: Map { width: seen.pixels.width, height: seen.pixels.height, channels: 1, data: sums },
     }
 }
 

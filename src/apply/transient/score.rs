@@ -59,19 +59,11 @@ const STEPS: usize = 200;
 impl Scoring {
     /// Learns undetermined signs, and the thresholds of best F1, from training variants.
     pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
-        let mut out = Self {
-            measure,
-            sign: [1.0; 2],
-            threshold: [f64::INFINITY; 2],
-        };
+        let mut out = Self { measure, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
         for (i, target) in TARGETS.into_iter().enumerate() {
             out.sign[i] = measure.sign(target).unwrap_or_else(|| {
                 let [positive, negative] = out.groups(train, target, |_| true);
-                if area(&positive, &negative) < 0.5 {
-                    -1.0
-                } else {
-                    1.0
-                }
+                if area(&positive, &negative) < 0.5 { -1.0 } else { 1.0 }
             });
             let [positive, negative] = out.groups(train, target, |_| true);
             out.threshold[i] = best_threshold(&positive, &negative);

@@ -61,16 +61,8 @@ impl Seen {
             }
         });
         let mean = all.iter().sum::<f64>() / pixels.count().max(1) as f64;
-        let lit = (0..places)
-            .filter(|p| all[*p] > 0.0 && all[*p] >= LEAST * mean)
-            .collect();
-        Ok(Self {
-            variant: o.variant,
-            pixels,
-            lit,
-            labelled,
-            all,
-        })
+        let lit = (0..places).filter(|p| all[*p] > 0.0 && all[*p] >= LEAST * mean).collect();
+        Ok(Self { variant: o.variant, pixels, lit, labelled, all })
     }
 
     /// Returns the specular light of a target at a place.
@@ -86,16 +78,12 @@ impl Seen {
     /// Returns element 4 i + j at a place, summed over wavelengths.
     pub(super) fn element(&self, place: usize, element: usize) -> f64 {
         let (pixel, bin) = (place / self.pixels.bins, place % self.pixels.bins);
-        (0..self.pixels.wavelengths)
-            .map(|lane| self.pixels.at(pixel, bin, element, lane))
-            .sum()
+        (0..self.pixels.wavelengths).map(|lane| self.pixels.at(pixel, bin, element, lane)).sum()
     }
 
     /// Returns the same, summed over the bins of the place's pixel.
     pub(super) fn integrated(&self, place: usize, element: usize) -> f64 {
         let first = place - place % self.pixels.bins;
-        (first..first + self.pixels.bins)
-            .map(|p| self.element(p, element))
-            .sum()
+        (first..first + self.pixels.bins).map(|p| self.element(p, element)).sum()
     }
 }

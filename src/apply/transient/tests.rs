@@ -24,12 +24,7 @@ struct Differs {
     mixed: bool,
 }
 
-const AS_IN_NATURE: Differs = Differs {
-    circular: true,
-    linear: true,
-    bright: 1.0,
-    mixed: true,
-};
+const AS_IN_NATURE: Differs = Differs { circular: true, linear: true, bright: 1.0, mixed: true };
 
 /// 0: odd, 1: even, 2: diffuse.
 fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
@@ -47,10 +42,7 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
                     (0.3 * normal(&mut r)).exp() * if specular { d.bright } else { 1.0 }
                 })
                 .collect();
-            let mut o = Observation {
-                variant,
-                ..Observation::default()
-            };
+            let mut o = Observation { variant, ..Observation::default() };
             let seen = slice([SIZE[0], SIZE[1], BINS, 1], 0.01, |p, bin, e, _| {
                 let k = kind(p, bin, d.mixed);
                 let share = match e {
@@ -62,11 +54,8 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
                 bright[p * BINS + bin] * share + 0.02 * normal(&mut r)
             });
             o.slices.insert(TRANSIENT.into(), seen);
-            let axis = |kind, n: usize| Axis {
-                kind,
-                coords: (0..n).map(|i| i as f64).collect(),
-                chunk: n as u64,
-            };
+            let axis =
+                |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
             let mut mean = Tensor::zeros(
                 "labelled",
                 vec![
@@ -93,9 +82,7 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
 }
 
 fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
-    let outcome = Transient
-        .run(&observations(d, 0..3), &observations(d, 3..6))
-        .expect("it runs");
+    let outcome = Transient.run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
     move |method, metric| {
         let mine: Vec<f64> = outcome
             .scores
@@ -117,17 +104,9 @@ const KEEPING: &str = "area under the curve, keeping";
 #[test]
 fn circular_polarization_tells_odd_from_even() {
     let of = worth(AS_IN_NATURE);
-    for method in [
-        "(3,3) of the bin",
-        "(3,3)/(0,0) of the bin",
-        "circular pair, time-gated",
-    ] {
+    for method in ["(3,3) of the bin", "(3,3)/(0,0) of the bin", "circular pair, time-gated"] {
         for metric in [INVERTING, KEEPING, "area, keeping, mean of those of bins"] {
-            assert!(
-                of(method, metric) > 0.999,
-                "{method}, {metric}: {}",
-                of(method, metric)
-            );
+            assert!(of(method, metric) > 0.999, "{method}, {metric}: {}", of(method, metric));
         }
         assert!(of(method, "F1, inverting") > 0.98);
     }
@@ -148,34 +127,18 @@ fn circular_polarization_tells_odd_from_even() {
 /// polarization if only it differs, and the sum over time if pixels are of one kind.
 #[test]
 fn baselines_tell_what_they_can() {
-    let d = Differs {
-        circular: false,
-        linear: false,
-        bright: 6.0,
-        mixed: true,
-    };
+    let d = Differs { circular: false, linear: false, bright: 6.0, mixed: true };
     let of = worth(d);
     assert!((of("(3,3) of the bin", INVERTING) - 0.5).abs() < 0.08);
     assert!((of("transient intensity", INVERTING) - 0.75).abs() < 0.05);
-    let d = Differs {
-        circular: false,
-        linear: true,
-        bright: 1.0,
-        mixed: true,
-    };
+    let d = Differs { circular: false, linear: true, bright: 1.0, mixed: true };
     let of = worth(d);
     assert!(of("parallel less crossed, time-gated", KEEPING) > of("(3,3) of the bin", KEEPING) + 0.15);
-    let d = Differs {
-        mixed: false,
-        ..AS_IN_NATURE
-    };
+    let d = Differs { mixed: false, ..AS_IN_NATURE };
     let of = worth(d);
     assert!(of("(3,3) summed over time", INVERTING) > 0.999);
     // A sum of six bins has less noise than one.
-    let (one, six) = (
-        of("(3,3) of the bin", INVERTING),
-        of("(3,3) summed over time", INVERTING),
-    );
+    let (one, six) = (of("(3,3) of the bin", INVERTING), of("(3,3) summed over time", INVERTING));
     assert!(six >= one - 1e-3, "{six} against {one}");
 }
 
@@ -183,22 +146,11 @@ fn baselines_tell_what_they_can() {
 /// variants differ.
 #[test]
 fn signs_are_learnt_from_training_variants_alone() {
-    let dim = Differs {
-        bright: 0.1,
-        ..AS_IN_NATURE
-    };
-    let bright = Differs {
-        bright: 6.0,
-        ..AS_IN_NATURE
-    };
+    let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
+    let bright = Differs { bright: 6.0, ..AS_IN_NATURE };
     let area = |train, test| {
-        let outcome = Transient
-            .run(&observations(train, 0..3), &observations(test, 3..6))
-            .expect("it runs");
-        let s = outcome
-            .scores
-            .iter()
-            .find(|s| s.method == "transient intensity" && s.metric == INVERTING);
+        let outcome = Transient.run(&observations(train, 0..3), &observations(test, 3..6)).expect("it runs");
+        let s = outcome.scores.iter().find(|s| s.method == "transient intensity" && s.metric == INVERTING);
         s.expect("a score").value
     };
     assert!(area(dim, dim) > 0.7 && area(bright, bright) > 0.7);

@@ -25,17 +25,9 @@ impl Board {
     pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
         let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
         if sane && square.is_finite() && square > 0.0 {
-            Ok(Self {
-                columns,
-                rows,
-                square,
-            })
+            Ok(Self { columns, rows, square })
         } else {
-            Err(Fault::Board {
-                columns,
-                rows,
-                square,
-            })
+            Err(Fault::Board { columns, rows, square })
         }
     }
 

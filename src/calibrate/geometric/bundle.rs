@@ -98,9 +98,7 @@ impl State {
             *device = device.with(&moved);
         }
         if self.devices.len() > 1 {
-            next.relative = self
-                .relative
-                .changed(std::array::from_fn(|i| shared[self.free + i]));
+            next.relative = self.relative.changed(std::array::from_fn(|i| shared[self.free + i]));
         }
         for (pose, by) in next.poses.iter_mut().zip(own) {
             *pose = pose.changed((*by).into());
@@ -140,10 +138,7 @@ impl State {
         let n = self.shared();
         let lenses: Vec<_> = self.devices.iter().map(Device::lens).collect();
         let pose = &self.poses[v];
-        let rows: usize = corners
-            .iter()
-            .map(|c| if c.projector.is_some() { 4 } else { 2 })
-            .sum();
+        let rows: usize = corners.iter().map(|c| if c.projector.is_some() { 4 } else { 2 }).sum();
         let mut jacobian = DMatrix::zeros(rows, n + 6);
         let mut residual = DVector::zeros(rows);
         let (mut row, mut sum) = (0, 0.0);
@@ -157,9 +152,7 @@ impl State {
             let scale = weight.sqrt() / w.sigma[0];
             let by_pose = camera.by_point * moves(&turned);
             self.fill(&mut jacobian, row, 0, &camera, &Matrix2::identity(), scale);
-            jacobian
-                .fixed_view_mut::<2, 6>(row, n)
-                .copy_from(&(by_pose * scale));
+            jacobian.fixed_view_mut::<2, 6>(row, n).copy_from(&(by_pose * scale));
             residual.fixed_rows_mut::<2>(row).copy_from(&(off * scale));
             row += 2;
             let (Some((q, j)), Some(projector)) = (&corner.projector, self.devices.get(1)) else {
@@ -175,9 +168,7 @@ impl State {
             self.fill(&mut jacobian, row, 0, &camera, &-j, scale);
             self.fill(&mut jacobian, row, 1, &thrown, &Matrix2::identity(), scale);
             let by_relative = thrown.by_point * moves(&far) * scale;
-            jacobian
-                .fixed_view_mut::<2, 6>(row, self.free)
-                .copy_from(&by_relative);
+            jacobian.fixed_view_mut::<2, 6>(row, self.free).copy_from(&by_relative);
             let turn = thrown.by_point * self.relative.rotation;
             let own = (turn * moves(&turned) - j * by_pose) * scale;
             jacobian.fixed_view_mut::<2, 6>(row, n).copy_from(&own);
@@ -203,9 +194,7 @@ impl State {
             let squared = jacobian.tr_mul(&jacobian);
             let right = jacobian.tr_mul(&residual);
             normal.shared += squared.view((0, 0), (n, n));
-            normal
-                .mixed
-                .push(squared.fixed_columns::<6>(n).rows(0, n).into_owned());
+            normal.mixed.push(squared.fixed_columns::<6>(n).rows(0, n).into_owned());
             normal.own.push(squared.fixed_view::<6, 6>(n, n).into_owned());
             normal.shared_right += right.rows(0, n);
             normal.own_right.push(right.fixed_rows::<6>(n).into_owned());
@@ -243,11 +232,7 @@ fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
 
 /// Returns Huber's loss of a distance, and the weight of its square.
 fn huber(r: f64, bound: f64) -> (f64, f64) {
-    if r <= bound || r.is_nan() {
-        (0.5 * r * r, 1.0)
-    } else {
-        (bound * (r - 0.5 * bound), bound / r)
-    }
+    if r <= bound || r.is_nan() { (0.5 * r * r, 1.0) } else { (bound * (r - 0.5 * bound), bound / r) }
 }
 
 impl Normal {
@@ -272,9 +257,7 @@ impl Normal {
             inverses.push(inverse);
         }
         // Parameters differ by orders of magnitude, so scale the diagonal to 1.
-        let scale = schur
-            .diagonal()
-            .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+        let scale = schur.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
         let d = DMatrix::from_diagonal(&scale);
         let solved = (&d * schur * &d).cholesky()?.solve(&right.component_mul(&scale));
         let shared = solved.component_mul(&scale);

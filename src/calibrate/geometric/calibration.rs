@@ -111,12 +111,7 @@ impl DeviceTable {
             opencv: list.filter(|k| device.model != Model::Fisheye && !k.is_empty()),
             fisheye: (device.model == Model::Fisheye)
                 .then(|| std::array::from_fn(|i| device.coefficients[i])),
-            pose: PoseTable {
-                extrinsics: Extrinsics {
-                    rotation,
-                    t: pose.translation.into(),
-                },
-            },
+            pose: PoseTable { extrinsics: Extrinsics { rotation, t: pose.translation.into() } },
         }
     }
 
@@ -141,10 +136,7 @@ impl DeviceTable {
             (Some(_), Some(_)) => return None,
         };
         let plain = skew == 0.0 && below == 0.0 && last == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
-        let finite = [fx, fy, cx, cy]
-            .iter()
-            .chain(&coefficients)
-            .all(|x| x.is_finite());
+        let finite = [fx, fy, cx, cy].iter().chain(&coefficients).all(|x| x.is_finite());
         let sized = self.resolution.iter().all(|n| (1..=32768).contains(n));
         (plain && finite && sized).then(|| Device {
             size: self.resolution,
@@ -162,12 +154,8 @@ impl DeviceTable {
         let rotation = Matrix3::from_fn(|i, j| e.rotation[i][j]);
         let translation = Vector3::from(e.t);
         let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
-        (off < 1e-6 && rotation.determinant() > 0.0 && translation.iter().all(|x| x.is_finite())).then_some(
-            Pose {
-                rotation,
-                translation,
-            },
-        )
+        (off < 1e-6 && rotation.determinant() > 0.0 && translation.iter().all(|x| x.is_finite()))
+            .then_some(Pose { rotation, translation })
     }
 }
 
@@ -216,11 +204,7 @@ impl Calibration {
             },
             covariance: CovarianceTable {
                 names,
-                rows: fit
-                    .covariance
-                    .row_iter()
-                    .map(|r| r.iter().copied().collect())
-                    .collect(),
+                rows: fit.covariance.row_iter().map(|r| r.iter().copied().collect()).collect(),
             },
         }
     }
@@ -249,31 +233,19 @@ impl Calibration {
         let mut entries = vec![];
         for (device, prefix) in [(Some(&self.camera), ""), (self.projector.as_ref(), "projector_")] {
             let Some(d) = device else { continue };
-            let lens = d
-                .opencv
-                .clone()
-                .or(d.fisheye.map(|k| k.to_vec()))
-                .unwrap_or_else(|| vec![0.0; 5]);
+            let lens = d.opencv.clone().or(d.fisheye.map(|k| k.to_vec())).unwrap_or_else(|| vec![0.0; 5]);
             entries.push(format!("\"{prefix}image_width\": {}", d.resolution[0]));
             entries.push(format!("\"{prefix}image_height\": {}", d.resolution[1]));
-            entries.push(format!(
-                "\"{prefix}camera_matrix\": {}",
-                matrix(3, 3, d.opencv_matrix.as_flattened())
-            ));
-            entries.push(format!(
-                "\"{prefix}distortion_coefficients\": {}",
-                matrix(1, lens.len(), &lens)
-            ));
+            entries
+                .push(format!("\"{prefix}camera_matrix\": {}", matrix(3, 3, d.opencv_matrix.as_flattened())));
+            entries.push(format!("\"{prefix}distortion_coefficients\": {}", matrix(1, lens.len(), &lens)));
             if d.fisheye.is_some() {
                 entries.push(format!("\"{prefix}distortion_model\": \"fisheye\""));
             }
         }
         if let Some(p) = &self.projector {
             let e = &p.pose.extrinsics;
-            entries.push(format!(
-                "\"projector_R\": {}",
-                matrix(3, 3, e.rotation.as_flattened())
-            ));
+            entries.push(format!("\"projector_R\": {}", matrix(3, 3, e.rotation.as_flattened())));
             entries.push(format!("\"projector_T\": {}", matrix(3, 1, &e.t)));
         }
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))

@@ -40,12 +40,8 @@ impl Root {
             let rows = jacobian.nrows();
             // The pose comes first. Zero rows pad views that have fewer measurements than parameters.
             let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
-            ordered
-                .view_mut((0, 0), (rows, 6))
-                .copy_from(&jacobian.columns(n, 6));
-            ordered
-                .view_mut((0, 6), (rows, n))
-                .copy_from(&jacobian.columns(0, n));
+            ordered.view_mut((0, 0), (rows, 6)).copy_from(&jacobian.columns(n, 6));
+            ordered.view_mut((0, 6), (rows, n)).copy_from(&jacobian.columns(0, n));
             ordered.view_mut((0, n + 6), (rows, 1)).copy_from(&residual);
             for i in 0..n {
                 squares[i] += jacobian.column(i).norm_squared();
@@ -59,9 +55,7 @@ impl Root {
             let old = all.nrows();
             let mut stacked = DMatrix::zeros(old + n + 1, n + 1);
             stacked.rows_mut(0, old).copy_from(&all);
-            stacked
-                .rows_mut(old, n + 1)
-                .copy_from(&r.view((6, 6), (n + 1, n + 1)));
+            stacked.rows_mut(old, n + 1).copy_from(&r.view((6, 6), (n + 1, n + 1)));
             all = stacked.qr().r();
         }
         Some(Self {

@@ -23,9 +23,7 @@ pub enum Model {
     Fisheye,
 }
 
-const OPENCV: [&str; 12] = [
-    "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4",
-];
+const OPENCV: [&str; 12] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"];
 
 impl Model {
     /// Returns the names of the coefficients in OpenCV's order.
@@ -46,9 +44,7 @@ impl Model {
         let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
         match self {
             Self::Pinhole => Distortion::None,
-            Self::Fisheye => Distortion::Fisheye(Fisheye {
-                k: [at(0), at(1), at(2), at(3)],
-            }),
+            Self::Fisheye => Distortion::Fisheye(Fisheye { k: [at(0), at(1), at(2), at(3)] }),
             // Do not use `from`: it maps zeros to `None`, but the derivatives are needed there.
             Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv::from_list(k)),
         }
@@ -107,11 +103,7 @@ impl Device {
     /// Returns the names of [`Self::parameters`].
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        ["fx", "fy", "cx", "cy"]
-            .iter()
-            .chain(self.model.names())
-            .copied()
-            .collect()
+        ["fx", "fy", "cx", "cy"].iter().chain(self.model.names()).copied().collect()
     }
 
     /// Returns the device with other [`Self::parameters`].
@@ -133,10 +125,7 @@ impl Device {
     }
 
     fn pixel(&self, d: DVec2) -> Vector2<f64> {
-        Vector2::new(
-            self.focal.x * d.x + self.centre.x,
-            self.focal.y * d.y + self.centre.y,
-        )
+        Vector2::new(self.focal.x * d.x + self.centre.x, self.focal.y * d.y + self.centre.y)
     }
 
     /// Like [`Self::project`], with all derivatives. `lens` is [`Self::lens`].
@@ -151,12 +140,8 @@ impl Device {
         let f = self.focal;
         let bend = Matrix2::new(f.x * a, f.x * b, f.y * c, f.y * e);
         let slope = Matrix2x3::new(1.0, 0.0, -p.x, 0.0, 1.0, -p.y) / x.z;
-        let mut by_parameters = vec![
-            Vector2::new(d.x, 0.0),
-            Vector2::new(0.0, d.y),
-            Vector2::x(),
-            Vector2::y(),
-        ];
+        let mut by_parameters =
+            vec![Vector2::new(d.x, 0.0), Vector2::new(0.0, d.y), Vector2::x(), Vector2::y()];
         let scaled = |v: &DVec2| Vector2::new(f.x * v.x, f.y * v.y);
         let count = self.coefficients.len();
         match lens {
@@ -164,11 +149,7 @@ impl Device {
             Distortion::Opencv(l) => by_parameters.extend(l.by_coefficients(p)[..count].iter().map(scaled)),
             Distortion::Fisheye(l) => by_parameters.extend(l.by_coefficients(p).iter().map(scaled)),
         }
-        Some(Seen {
-            at: self.pixel(d),
-            by_point: bend * slope,
-            by_parameters,
-        })
+        Some(Seen { at: self.pixel(d), by_point: bend * slope, by_parameters })
     }
 
     /// Returns the undistorted normalized coordinates of a pixel, or `None` without an inverse of the lens.
@@ -199,14 +180,7 @@ pub struct Free {
 
 impl Default for Free {
     fn default() -> Self {
-        Self {
-            focal: true,
-            aspect: true,
-            centre: true,
-            tangential: true,
-            k3: true,
-            lens: true,
-        }
+        Self { focal: true, aspect: true, centre: true, tangential: true, k3: true, lens: true }
     }
 }
 
@@ -268,13 +242,7 @@ mod tests {
 
     #[test]
     fn derivatives_are_differences() {
-        for model in [
-            Model::Pinhole,
-            Model::Five,
-            Model::Eight,
-            Model::Twelve,
-            Model::Fisheye,
-        ] {
+        for model in [Model::Pinhole, Model::Five, Model::Eight, Model::Twelve, Model::Fisheye] {
             let mut d = Device::pinhole([640, 480], [700.0, 690.0], [320.0, 241.0], model);
             for (i, c) in d.coefficients.iter_mut().enumerate() {
                 *c = 0.05 / (1.0 + i as f64) * if i % 2 == 0 { 1.0 } else { -1.0 };

@@ -69,18 +69,14 @@ impl Planes {
         let camera = self.all(&self.camera, |p| self.of_camera(p));
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let known = projector.iter().flatten();
-        let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
-            (a.min(*x), b.max(*x))
-        });
+        let (least, most) =
+            known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
         let count = f64::from(count.max(1));
         let band = |angle: &Option<f64>| {
             let at = (angle.as_ref()? - least) / (most - least) * count;
             (at >= 0.0 && at <= count).then_some(at.min(count - 1.0) as u32)
         };
-        [
-            camera.iter().map(band).collect(),
-            projector.iter().map(band).collect(),
-        ]
+        [camera.iter().map(band).collect(), projector.iter().map(band).collect()]
     }
 
     /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
@@ -99,16 +95,8 @@ impl Planes {
                 let there = other.and_then(|j| projector.get(j)).copied().flatten();
                 there.map_or(0.0, |b| b - a)
             };
-            let beside = if (i + 1) % width == 0 {
-                i.checked_sub(1)
-            } else {
-                Some(i + 1)
-            };
-            let below = if i + width < projector.len() {
-                Some(i + width)
-            } else {
-                i.checked_sub(width)
-            };
+            let beside = if (i + 1) % width == 0 { i.checked_sub(1) } else { Some(i + 1) };
+            let below = if i + width < projector.len() { Some(i + width) } else { i.checked_sub(width) };
             let turn = step(beside).hypot(step(below));
             covered.push((a - reach * turn, a + reach * turn));
         }
@@ -144,12 +132,7 @@ mod tests {
         camera.coefficients = vec![-0.2, 0.05, 0.002, -0.001, 0.0];
         let mut projector = Device::pinhole([80, 50], [90.0, 90.0], [40.0, 40.0], Model::Five);
         projector.coefficients = vec![0.1, 0.0, 0.0, 0.0, 0.0];
-        Planes::new(
-            &camera,
-            &projector,
-            &Pose::new([0.03, -0.2, 0.05], [0.2, 0.04, 0.02]),
-        )
-        .unwrap()
+        Planes::new(&camera, &projector, &Pose::new([0.03, -0.2, 0.05], [0.2, 0.04, 0.02])).unwrap()
     }
 
     proptest! {
@@ -186,20 +169,9 @@ mod tests {
         let lit: Vec<bool> = projector.iter().map(|b| *b == Some(4)).collect();
         let seen = planes.lit(&lit, 0.6);
         let of_band = camera.iter().filter(|b| **b == Some(4)).count();
-        let both = camera
-            .iter()
-            .zip(&seen)
-            .filter(|(b, s)| **b == Some(4) && **s)
-            .count();
-        let outside = camera
-            .iter()
-            .zip(&seen)
-            .filter(|(b, s)| **b != Some(4) && **s)
-            .count();
-        assert!(
-            both * 100 > of_band * 98 && outside * 5 < of_band,
-            "{both} of {of_band}, {outside}"
-        );
+        let both = camera.iter().zip(&seen).filter(|(b, s)| **b == Some(4) && **s).count();
+        let outside = camera.iter().zip(&seen).filter(|(b, s)| **b != Some(4) && **s).count();
+        assert!(both * 100 > of_band * 98 && outside * 5 < of_band, "{both} of {of_band}, {outside}");
         assert!(Planes::new(&planes.camera, &planes.projector, &Pose::default()).is_none());
     }
 }

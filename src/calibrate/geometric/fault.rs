@@ -6,11 +6,7 @@ pub enum Fault {
     #[error("no view shows the board: use images that show the complete board")]
     NoViews,
     #[error("view {view}: got {found} points, but the board has {wanted}")]
-    Count {
-        view: usize,
-        found: usize,
-        wanted: usize,
-    },
+    Count { view: usize, found: usize, wanted: usize },
     #[error("view {view}: a coordinate is not a finite number of pixels")]
     NotFinite { view: usize },
     #[error(
@@ -20,11 +16,7 @@ pub enum Fault {
     #[error(
         "a board of {columns} × {rows} corners with squares of {square} m: expected at least 3 × 3 inner corners and a positive length"
     )]
-    Board {
-        columns: usize,
-        rows: usize,
-        square: f64,
-    },
+    Board { columns: usize, rows: usize, square: f64 },
     #[error("{measured} coordinates do not determine {unknown} unknowns: use more views, or fix parameters")]
     TooFew { measured: usize, unknown: usize },
     #[error("these views do not determine {what}; {fix}")]

@@ -23,12 +23,7 @@ impl Setup {
     /// Creates a setup with all parameters free.
     #[must_use]
     pub fn new(size: [u32; 2], model: Model) -> Self {
-        Self {
-            size,
-            model,
-            free: Free::default(),
-            start: None,
-        }
+        Self { size, model, free: Free::default(), start: None }
     }
 }
 
@@ -78,11 +73,7 @@ const HOPELESS: f64 = 0.02;
 pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit, Fault> {
     check(setups, views)?;
     let start = begin(setups, views, robust)?;
-    let measured: usize = views
-        .iter()
-        .flatten()
-        .map(|c| if c.projector.is_some() { 4 } else { 2 })
-        .sum();
+    let measured: usize = views.iter().flatten().map(|c| if c.projector.is_some() { 4 } else { 2 }).sum();
     let unknown = start.shared() + 6 * views.len();
     if measured <= unknown {
         return Err(Fault::TooFew { measured, unknown });
@@ -100,10 +91,8 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
             state = polish(state, views, &w);
         }
         let rms = rms(&state, views, &w);
-        let hopeless = rms
-            .iter()
-            .zip(setups)
-            .any(|(r, s)| r.is_nan() || *r > HOPELESS * f64::from(s.size[0]));
+        let hopeless =
+            rms.iter().zip(setups).any(|(r, s)| r.is_nan() || *r > HOPELESS * f64::from(s.size[0]));
         if hopeless {
             return Err(no_fit(&state, views, &w));
         }
@@ -125,9 +114,7 @@ fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
     for (v, corners) in views.iter().enumerate() {
         let bounded = |p: &Vector2<f64>| p.iter().all(|x| x.abs() < 1e6);
         let finite = corners.iter().all(|c| {
-            let thrown = c
-                .projector
-                .is_none_or(|(q, j)| bounded(&q) && j.iter().all(|x| x.abs() < 1e6));
+            let thrown = c.projector.is_none_or(|(q, j)| bounded(&q) && j.iter().all(|x| x.abs() < 1e6));
             bounded(&c.camera) && thrown && c.board.iter().all(|x| x.abs() < 1e6)
         });
         if !finite {
@@ -139,9 +126,7 @@ fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
 
 fn no_fit(state: &State, views: &[Vec<Corner>], w: &Weights) -> Fault {
     let rms = rms(state, views, w);
-    Fault::NoFit {
-        rms: rms.into_iter().fold(0.0, f64::max),
-    }
+    Fault::NoFit { rms: rms.into_iter().fold(0.0, f64::max) }
 }
 
 /// Fits each device independently, then computes their relative pose.
@@ -153,13 +138,7 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     let thrown: Vec<Vec<Corner>> = views
         .iter()
         .map(|corners| {
-            let of = |c: &Corner| {
-                c.projector.map(|(q, _)| Corner {
-                    camera: q,
-                    projector: None,
-                    ..*c
-                })
-            };
+            let of = |c: &Corner| c.projector.map(|(q, _)| Corner { camera: q, projector: None, ..*c });
             corners.iter().filter_map(of).collect()
         })
         .collect();
@@ -169,11 +148,8 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     }
     let few: Vec<_> = lit.iter().map(|v| thrown[*v].clone()).collect();
     let projector = alone(setup, &few, robust)?;
-    let each: Vec<Pose> = lit
-        .iter()
-        .zip(&projector.poses)
-        .map(|(v, p)| p.after(&camera.poses[*v].inverse()))
-        .collect();
+    let each: Vec<Pose> =
+        lit.iter().zip(&projector.poses).map(|(v, p)| p.after(&camera.poses[*v].inverse())).collect();
     let (mut devices, mut ties) = (camera.devices, camera.ties);
     devices.extend(projector.devices);
     let behind = |tie: &Option<(usize, f64)>| tie.map(|(i, by)| (i + camera.free, by));
@@ -196,30 +172,15 @@ fn mean(all: &[Pose]) -> Pose {
         (Some(u), Some(v)) if (u * v).determinant() > 0.0 => u * v,
         _ => all[0].rotation,
     };
-    Pose {
-        rotation,
-        translation: all.iter().map(|p| p.translation).sum::<Vector3<f64>>() / n,
-    }
+    Pose { rotation, translation: all.iter().map(|p| p.translation).sum::<Vector3<f64>>() / n }
 }
 
 /// Fits one device from each initial estimate, first without its lens. Returns the first good or the best.
 fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
-    let pairs: Vec<_> = views
-        .iter()
-        .map(|v| v.iter().map(|c| (c.board.xy(), c.camera)).unzip())
-        .collect();
+    let pairs: Vec<_> = views.iter().map(|v| v.iter().map(|c| (c.board.xy(), c.camera)).unzip()).collect();
     let hs = zhang::homographies(&pairs).map_err(|view| Fault::Collinear { view: view + 1 })?;
-    let apart: Vec<Vec<Corner>> = views
-        .iter()
-        .map(|v| {
-            v.iter()
-                .map(|c| Corner {
-                    projector: None,
-                    ..*c
-                })
-                .collect()
-        })
-        .collect();
+    let apart: Vec<Vec<Corner>> =
+        views.iter().map(|v| v.iter().map(|c| Corner { projector: None, ..*c }).collect()).collect();
     let starts = match &setup.start {
         Some(device) => vec![device.clone()],
         None => zhang::beginnings(setup.size, setup.model, &hs),
@@ -233,18 +194,9 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let device = hold(device, setup);
         let poses: Option<Vec<Pose>> = hs.iter().map(|h| zhang::pose(&device, h)).collect();
         let Some(poses) = poses else { continue };
-        let first = Free {
-            lens: false,
-            centre: false,
-            ..setup.free
-        };
-        let mut state = State {
-            ties: vec![vec![]],
-            devices: vec![device],
-            free: 0,
-            relative: Pose::default(),
-            poses,
-        };
+        let first = Free { lens: false, centre: false, ..setup.free };
+        let mut state =
+            State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
         // Free the parameters in stages: pinhole, dominant lens terms, all. This avoids poles of rational
         // lenses.
@@ -300,10 +252,7 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
-            let mut all: Vec<f64> = distances(&state, views, device)
-                .into_iter()
-                .map(|(_, d)| d)
-                .collect();
+            let mut all: Vec<f64> = distances(&state, views, device).into_iter().map(|(_, d)| d).collect();
             all.sort_by(f64::total_cmp);
             // The median distance in the plane is 1.1774 standard deviations of a coordinate.
             let middle = all.get(all.len() / 2).copied().unwrap_or(1.0);
@@ -393,9 +342,8 @@ fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance)
     let covariance = &spread * &inverse.shared * spread.transpose();
     open::refuse_uncertain(&state, &covariance)?;
     let outliers = w.out.iter().enumerate();
-    let outliers = outliers
-        .flat_map(|(v, out)| (0..out.len()).filter(|c| out[*c]).map(move |c| (v, c)))
-        .collect();
+    let outliers =
+        outliers.flat_map(|(v, out)| (0..out.len()).filter(|c| out[*c]).map(move |c| (v, c))).collect();
     Ok(Fit {
         notes: open::notes(&state, &covariance),
         devices: state.devices,
@@ -415,9 +363,7 @@ impl Fit {
     pub fn errors(&self, device: usize) -> Vec<f64> {
         let first: usize = self.devices[..device].iter().map(|d| d.parameters().len()).sum();
         let n = self.devices[device].parameters().len();
-        (first..first + n)
-            .map(|i| self.covariance[(i, i)].sqrt())
-            .collect()
+        (first..first + n).map(|i| self.covariance[(i, i)].sqrt()).collect()
     }
 
     /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in

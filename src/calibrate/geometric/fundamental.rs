@@ -20,11 +20,7 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
 /// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×. `None` if the devices coincide.
 #[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
-    let k = |d: &Device| {
-        Matrix3::new(
-            d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0,
-        )
-    };
+    let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
     let essential = cross(&relative.translation) * relative.rotation;
     let f = k(projector).try_inverse()?.transpose() * essential * k(camera).try_inverse()?;
     let f = f / f.norm();
@@ -49,17 +45,7 @@ pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> 
     let mut rows = vec![];
     for (p, q) in p.iter().zip(q) {
         let (p, q) = (apply(&a, *p), apply(&b, *q));
-        rows.extend([
-            q.x * p.x,
-            q.x * p.y,
-            q.x,
-            q.y * p.x,
-            q.y * p.y,
-            q.y,
-            p.x,
-            p.y,
-            1.0,
-        ]);
+        rows.extend([q.x * p.x, q.x * p.y, q.x, q.y * p.x, q.y * p.y, q.y, p.x, p.y, 1.0]);
     }
     let design = DMatrix::from_row_slice(p.len(), 9, &rows);
     // Coplanar points make three more singular values zero.
@@ -95,11 +81,7 @@ fn refine(f: Matrix3<f64>, p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fun
     let mut damping = 1e-3;
     for _ in 0..50 {
         let change = |d: &SVector<f64, 7>| {
-            (
-                turned(&u, Vector3::new(d[0], d[1], d[2])),
-                s + d[6],
-                turned(&v, Vector3::new(d[3], d[4], d[5])),
-            )
+            (turned(&u, Vector3::new(d[0], d[1], d[2])), s + d[6], turned(&v, Vector3::new(d[3], d[4], d[5])))
         };
         let slopes: Vec<Vec<f64>> = (0..7)
             .map(|i| {
@@ -160,11 +142,7 @@ mod tests {
         camera.coefficients = vec![-0.2, 0.1, 0.001, -0.001, 0.0];
         let mut projector = Device::pinhole([800, 600], [900.0, 905.0], [400.0, 500.0], Model::Five);
         projector.coefficients = vec![-0.05, 0.02, 0.0, 0.0, 0.0];
-        (
-            camera,
-            projector,
-            Pose::new([0.02, -0.3, 0.01], [0.3, 0.05, 0.04]),
-        )
+        (camera, projector, Pose::new([0.02, -0.3, 0.01], [0.3, 0.05, 0.04]))
     }
 
     fn points(n: u32, noise: f64) -> (Vec<Vector2<f64>>, Vec<Vector2<f64>>) {
@@ -180,10 +158,7 @@ mod tests {
                 let mut e = || Vector2::new(random(), random()) * noise;
                 let p = camera.project(&at).unwrap() + e();
                 let q = projector.project(&relative.apply(at)).unwrap() + e();
-                (
-                    undistorted(&camera, p).unwrap(),
-                    undistorted(&projector, q).unwrap(),
-                )
+                (undistorted(&camera, p).unwrap(), undistorted(&projector, q).unwrap())
             })
             .unzip()
     }
@@ -201,25 +176,15 @@ mod tests {
         let (p, q) = points(400, 1.0);
         let noisy = of_points(&p, &q).unwrap();
         let (p, q) = points(400, 0.0);
-        let rms = (p
-            .iter()
-            .zip(&q)
-            .map(|(p, q)| sampson(&noisy, *p, *q).powi(2))
-            .sum::<f64>()
-            / 400.0)
-            .sqrt();
+        let rms =
+            (p.iter().zip(&q).map(|(p, q)| sampson(&noisy, *p, *q).powi(2)).sum::<f64>() / 400.0).sqrt();
         assert!(rms < 0.1, "{rms}");
     }
 
     #[test]
     fn points_of_a_plane_give_none() {
-        let p: Vec<_> = (0..30)
-            .map(|i| Vector2::new(f64::from(i % 6), f64::from(i / 6)))
-            .collect();
-        let q: Vec<_> = p
-            .iter()
-            .map(|p| Vector2::new(2.0 * p.x + 1.0, p.y - 0.1 * p.x))
-            .collect();
+        let p: Vec<_> = (0..30).map(|i| Vector2::new(f64::from(i % 6), f64::from(i / 6))).collect();
+        let q: Vec<_> = p.iter().map(|p| Vector2::new(2.0 * p.x + 1.0, p.y - 0.1 * p.x)).collect();
         assert_eq!(of_points(&p, &q), None);
     }
 

@@ -53,10 +53,8 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
         return None;
     }
     let (a, b) = (normalization(from)?, normalization(to)?);
-    let (from, to): (Vec<_>, Vec<_>) = (
-        from.iter().map(|p| apply(&a, *p)).collect(),
-        to.iter().map(|p| apply(&b, *p)).collect(),
-    );
+    let (from, to): (Vec<_>, Vec<_>) =
+        (from.iter().map(|p| apply(&a, *p)).collect(), to.iter().map(|p| apply(&b, *p)).collect());
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
     for ((p, q), w) in from.iter().zip(&to).zip(weights) {
         let rows = [
@@ -82,11 +80,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
     let h = Matrix3::from_row_iterator(h.iter().copied());
     let h = refine(h, &from, &to, weights);
     let h = b.try_inverse()? * h * a;
-    let scale = if h[(2, 2)].abs() > 1e-12 * h.norm() {
-        h[(2, 2)]
-    } else {
-        h.norm()
-    };
+    let scale = if h[(2, 2)].abs() > 1e-12 * h.norm() { h[(2, 2)] } else { h.norm() };
     let h = h / scale;
     h.iter().all(|x| x.is_finite()).then_some(h)
 }
@@ -95,8 +89,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
 fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Matrix3<f64> {
     let cost = |h: &Matrix3<f64>| -> f64 {
         let each = from.iter().zip(to).zip(weights);
-        each.map(|((p, q), w)| w * (apply(h, *p) - q).norm_squared())
-            .sum()
+        each.map(|((p, q), w)| w * (apply(h, *p) - q).norm_squared()).sum()
     };
     let mut best = cost(&h);
     for _ in 0..10 {
@@ -179,14 +172,9 @@ mod tests {
 
     #[test]
     fn lines_give_none() {
-        let from: Vec<_> = (0..10)
-            .map(|i| Vector2::new(f64::from(i), 2.0 * f64::from(i)))
-            .collect();
+        let from: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i), 2.0 * f64::from(i))).collect();
         let to: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i * i), 1.0)).collect();
         assert_eq!(fit(&from, &to), None);
-        assert_eq!(
-            fit(&[Vector2::new(1.0, 1.0); 5], &[Vector2::new(1.0, 1.0); 5]),
-            None
-        );
+        assert_eq!(fit(&[Vector2::new(1.0, 1.0); 5], &[Vector2::new(1.0, 1.0); 5]), None);
     }
 }

@@ -28,11 +28,7 @@ impl Image {
     /// Creates an image from values row by row, or returns `None` if their number is not width × height.
     #[must_use]
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
-        (width.checked_mul(height) == Some(values.len())).then_some(Self {
-            width,
-            height,
-            values,
-        })
+        (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
     }
 
     #[must_use]
@@ -65,9 +61,8 @@ impl Image {
     #[must_use]
     pub fn blurred(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
-        let mut kernel: Vec<f32> = (-reach..=reach)
-            .map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp())
-            .collect();
+        let mut kernel: Vec<f32> =
+            (-reach..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
         let sum: f32 = kernel.iter().sum();
         kernel.iter_mut().for_each(|k| *k /= sum);
         let pass = |image: &Self, dx: isize, dy: isize| {
@@ -78,10 +73,7 @@ impl Image {
                     out.push(taps.map(|(k, i)| k * image.at(x + i * dx, y + i * dy)).sum());
                 }
             }
-            Self {
-                values: out,
-                ..*image
-            }
+            Self { values: out, ..*image }
         };
         pass(&pass(self, 1, 0), 0, 1)
     }
@@ -94,25 +86,17 @@ impl Image {
     /// # Errors
     /// [`ImageError`] if the format is another one, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
-        let error = |message: String| ImageError {
-            path: path.to_owned(),
-            message,
-        };
+        let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {
             "png" => photo(path, ImageFormat::Png),
             "jpg" | "jpeg" => photo(path, ImageFormat::Jpeg),
-            "npy" => npy(path).map(|image| Loaded {
-                image,
-                orientation: 1,
-            }),
+            "npy" => npy(path).map(|image| Loaded { image, orientation: 1 }),
             _ => Err("expected a .png (8 or 16 bits), .jpg or .npy image: convert the file".into()),
         };
         let loaded = loaded.map_err(error)?;
         let values = &loaded.image.values;
         if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
-            return Err(error(
-                "it has no pixels, or pixels that are not finite numbers".into(),
-            ));
+            return Err(error("it has no pixels, or pixels that are not finite numbers".into()));
         }
         Ok(loaded)
     }
@@ -146,18 +130,14 @@ fn is_cut_off(jpeg: &[u8]) -> bool {
 
 fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let mut bytes = vec![];
-    base::input::open(path)
-        .and_then(|mut file| file.read_to_end(&mut bytes))
-        .map_err(|e| e.to_string())?;
+    base::input::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|e| e.to_string())?;
     let name = match format {
         ImageFormat::Jpeg => "JPEG",
         _ => "PNG",
     };
     let other = image::guess_format(&bytes).ok().filter(|found| *found != format);
     if let Some(other) = other {
-        return Err(format!(
-            "its content is {other:?}, not {name}: change the extension"
-        ));
+        return Err(format!("its content is {other:?}, not {name}: change the extension"));
     }
     if format == ImageFormat::Jpeg && is_cut_off(&bytes) {
         return Err("the JPEG file is truncated: copy it again".into());
@@ -183,20 +163,13 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
         ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
             photo.as_bytes().iter().map(|b| f32::from(*b)).collect()
         }
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => photo
-            .as_bytes()
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| f32::from(u16::from_ne_bytes(*b)))
-            .collect(),
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
+            photo.as_bytes().as_chunks().0.iter().map(|b| f32::from(u16::from_ne_bytes(*b))).collect()
+        }
         other => return Err(format!("its pixels are {other:?}: convert it to 8 or 16 bits")),
     };
     let image = Image::new(width, height, grey(&samples, channels)).ok_or("it is damaged")?;
-    Ok(Loaded {
-        image,
-        orientation: orientation.to_exif(),
-    })
+    Ok(Loaded { image, orientation: orientation.to_exif() })
 }
 
 fn npy(path: &Path) -> Result<Image, String> {
@@ -205,10 +178,7 @@ fn npy(path: &Path) -> Result<Image, String> {
         [h, w] => (h, w, 1),
         [h, w, d] if d > 0 => (h, w, d),
         _ => {
-            return Err(format!(
-                "its shape is {:?}; expected (height, width)",
-                reader.shape
-            ));
+            return Err(format!("its shape is {:?}; expected (height, width)", reader.shape));
         }
     };
     if reader.len() > MOST {
@@ -216,10 +186,7 @@ fn npy(path: &Path) -> Result<Image, String> {
     }
     let mut all = vec![0.0_f32; reader.len()];
     reader.read(0, &mut all).map_err(|e| e.to_string())?;
-    let values = all
-        .chunks_exact(depth)
-        .map(|c| c.iter().sum::<f32>() / depth as f32)
-        .collect();
+    let values = all.chunks_exact(depth).map(|c| c.iter().sum::<f32>() / depth as f32).collect();
     Image::new(width, height, values).ok_or_else(|| "it is damaged".into())
 }
 
@@ -273,12 +240,8 @@ mod tests {
 
     #[test]
     fn between_pixels_is_linear() {
-        let image = Image::new(
-            4,
-            3,
-            (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect(),
-        )
-        .unwrap();
+        let image =
+            Image::new(4, 3, (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect()).unwrap();
         for (x, y) in [(0.5, 0.5), (1.7, 2.1), (3.5, 2.5)] {
             assert!((f64::from(image.between(x, y)) - (x - 0.5 + 10.0 * (y - 0.5))).abs() < 1e-5);
         }
@@ -363,11 +326,7 @@ mod tests {
     fn damaged_and_misnamed_images_are_refused() {
         let whole = jpeg(true, 0);
         for keep in 1..whole.len() - 2 {
-            assert!(
-                loaded("a.jpg", &whole[..keep]).is_err(),
-                "{keep} bytes of {}",
-                whole.len()
-            );
+            assert!(loaded("a.jpg", &whole[..keep]).is_err(), "{keep} bytes of {}", whole.len());
         }
         let said = loaded("a.png", &whole).unwrap_err();
         assert!(said.contains("its content is Jpeg, not PNG"), "{said}");
@@ -380,9 +339,7 @@ mod tests {
         let values: Vec<u16> = (0..35).map(|i| i * 1801).collect();
         let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(7, 5, values.clone()).unwrap();
         let mut bytes = vec![];
-        DynamicImage::ImageLuma16(image)
-            .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
-            .unwrap();
+        DynamicImage::ImageLuma16(image).write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
         let found = loaded("a.png", &bytes).unwrap().image;
         assert!(found.values.iter().zip(&values).all(|(a, b)| *a == f32::from(*b)));
     }

@@ -26,34 +26,19 @@ fn names(state: &State) -> Vec<String> {
                 let who = title(d);
                 let more = format!("{who} {name}");
                 let old = &mut names[*i];
-                *old = if old.is_empty() {
-                    more
-                } else {
-                    format!("{old} and {name}")
-                };
+                *old = if old.is_empty() { more } else { format!("{old} and {name}") };
             }
         }
     }
     if state.devices.len() > 1 {
-        let pose = [
-            "rotation about x",
-            "rotation about y",
-            "rotation about z",
-            "x",
-            "y",
-            "z",
-        ];
+        let pose = ["rotation about x", "rotation about y", "rotation about z", "x", "y", "z"];
         names.extend(pose.map(|p| format!("the projector's {p} relative to the camera")));
     }
     names
 }
 
 fn title(device: usize) -> &'static str {
-    if device == 0 {
-        "the camera's"
-    } else {
-        "the projector's"
-    }
+    if device == 0 { "the camera's" } else { "the projector's" }
 }
 
 /// Returns the fault of a singular system.
@@ -75,21 +60,14 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
     }
     let names = names(state);
     let most = vector.amax();
-    let those: Vec<&str> = (0..names.len())
-        .filter(|i| vector[*i].abs() > 0.3 * most)
-        .map(|i| names[i].as_str())
-        .collect();
-    let lens = those
-        .iter()
-        .all(|n| n.contains(" k") || n.contains(" p") || n.contains(" s"));
+    let those: Vec<&str> =
+        (0..names.len()).filter(|i| vector[*i].abs() > 0.3 * most).map(|i| names[i].as_str()).collect();
+    let lens = those.iter().all(|n| n.contains(" k") || n.contains(" p") || n.contains(" s"));
     Err(Fault::NotDetermined {
         what: if those.len() == 1 {
             format!("{} independently of the board poses", those[0])
         } else {
-            format!(
-                "{} independently of each other and of the board poses",
-                those.join(", ")
-            )
+            format!("{} independently of each other and of the board poses", those.join(", "))
         },
         fix: if lens {
             "use fewer distortion coefficients, or views that reach the corners of the image".into()
@@ -124,9 +102,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
         first += device.parameters().len();
     }
     if state.devices.len() > 1 {
-        let worst = (0..3)
-            .map(|i| covariance[(first + i, first + i)].sqrt())
-            .fold(0.0, f64::max);
+        let worst = (0..3).map(|i| covariance[(first + i, first + i)].sqrt()).fold(0.0, f64::max);
         if worst > WORST_ANGLE {
             return Err(Fault::NotDetermined {
                 what: format!(

@@ -13,10 +13,7 @@ pub struct Pose {
 
 impl Default for Pose {
     fn default() -> Self {
-        Self {
-            rotation: Matrix3::identity(),
-            translation: Vector3::zeros(),
-        }
+        Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
     }
 }
 
@@ -50,10 +47,7 @@ impl Pose {
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
-        Self {
-            rotation: back,
-            translation: -(back * self.translation),
-        }
+        Self { rotation: back, translation: -(back * self.translation) }
     }
 
     /// Returns the pose rotated by exp(ω) in the device's frame and translated. Covariances refer to these

@@ -91,11 +91,7 @@ fn views(devices: &[Device], poses: &[Pose], sigma: [f64; 2], noise: &mut Noise)
                         let j = Matrix2::new(1.1, 0.05, -0.1, 0.95);
                         (t[i] + j * e + noise.normal(sigma[1]), j)
                     });
-                    Corner {
-                        board: board[i],
-                        camera: seen[i] + e,
-                        projector,
-                    }
+                    Corner { board: board[i], camera: seen[i] + e, projector }
                 })
                 .collect()
         })
@@ -117,12 +113,7 @@ impl Classes {
             let all = found.devices[d].parameters();
             let names = [
                 ["focal", "centre", "coefficients", "lens"],
-                [
-                    "projector focal",
-                    "projector centre",
-                    "projector coefficients",
-                    "projector lens",
-                ],
+                ["projector focal", "projector centre", "projector coefficients", "projector lens"],
             ][d];
             let n = all.len();
             let off = DVector::from_iterator(n, all.iter().zip(truth.parameters()).map(|(a, b)| a - b));
@@ -155,9 +146,7 @@ impl Classes {
         let halves = |change: [f64; 6], c: &DMatrix<f64>, classes: &mut Self, names: [&'static str; 2]| {
             for (half, name) in names.into_iter().enumerate() {
                 let part = DVector::from_column_slice(&change[3 * half..3 * half + 3]);
-                classes
-                    .0
-                    .add_whitened(name, &part, &c.view((3 * half, 3 * half), (3, 3)).into_owned());
+                classes.0.add_whitened(name, &part, &c.view((3 * half, 3 * half), (3, 3)).into_owned());
             }
         };
         for ((got, want), c) in found.poses.iter().zip(poses).zip(&found.pose_covariances) {
@@ -175,18 +164,12 @@ impl Classes {
 fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bool) {
     let poses = poses(12);
     let one = |seed: u32| {
-        let views = views(
-            devices,
-            &poses,
-            [noise, 2.0 * noise],
-            &mut Noise::new(seed.into()),
-        );
+        let views = views(devices, &poses, [noise, 2.0 * noise], &mut Noise::new(seed.into()));
         fit(&setups(devices), &views, false).expect("a calibration")
     };
     let all: Vec<Fit> = (0..repeats(count)).into_par_iter().map(one).collect();
     let mut classes = Classes::default();
-    all.iter()
-        .for_each(|found| classes.score(found, devices, &poses, coefficients));
+    all.iter().for_each(|found| classes.score(found, devices, &poses, coefficients));
     classes.0.hold(what);
 }
 
@@ -196,13 +179,7 @@ fn errors_of_cameras_are_what_they_claim() {
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 64, 0.05, false);
     // The parameters of the rational model depend linearly on the noise only if it is very small. At 0.05
     // pixels, k1 and k4 vary together by 15 without a change of the image.
-    hold(
-        "camera, 8 coefficients, little noise",
-        &[camera(Model::Eight)],
-        64,
-        5e-6,
-        true,
-    );
+    hold("camera, 8 coefficients, little noise", &[camera(Model::Eight)], 64, 5e-6, true);
 }
 
 #[test]
@@ -232,11 +209,7 @@ fn outliers_are_found_and_left_out() {
         "{:?}",
         robust.outliers
     );
-    assert!(
-        plain.sigma[0] > 0.3 && robust.sigma[0] < 0.06,
-        "{:?}",
-        robust.sigma
-    );
+    assert!(plain.sigma[0] > 0.3 && robust.sigma[0] < 0.06, "{:?}", robust.sigma);
     let z = (robust.devices[0].focal.x - devices[0].focal.x) / robust.errors(0)[0];
     assert!(z.abs() < 4.0, "{z}");
 }
@@ -249,13 +222,7 @@ fn what_is_fixed_stays() {
     truth.coefficients[2..].fill(0.0);
     let views = views(&[truth.clone()], &poses(8), [0.05, 0.0], &mut Noise::new(4));
     let mut setup = Setup::new(truth.size, Model::Five);
-    setup.free = Free {
-        aspect: false,
-        centre: false,
-        tangential: false,
-        k3: false,
-        ..Free::default()
-    };
+    setup.free = Free { aspect: false, centre: false, tangential: false, k3: false, ..Free::default() };
     let found = fit(&[setup], &views, false).unwrap();
     let d = &found.devices[0];
     assert_eq!((d.centre, d.focal.x), (truth.centre, d.focal.y));
@@ -272,11 +239,8 @@ fn fisheyes_are_found() {
     truth.coefficients = vec![0.05, -0.01, 0.004, -0.001];
     let views = views(&[truth.clone()], &poses(12), [0.05, 0.0], &mut Noise::new(2));
     let found = fit(&setups(&[truth.clone()]), &views, false).unwrap();
-    for ((got, want), error) in found.devices[0]
-        .parameters()
-        .iter()
-        .zip(truth.parameters())
-        .zip(found.errors(0))
+    for ((got, want), error) in
+        found.devices[0].parameters().iter().zip(truth.parameters()).zip(found.errors(0))
     {
         assert!((got - want).abs() < 4.5 * error, "{got} {want} ± {error}");
     }
@@ -337,10 +301,7 @@ fn wrong_points_are_refused() {
         }
     }
     let fault = refused(&mixed, Model::Five);
-    assert!(
-        matches!(fault, Fault::NoFit { .. } | Fault::NotDetermined { .. }),
-        "{fault}"
-    );
+    assert!(matches!(fault, Fault::NoFit { .. } | Fault::NotDetermined { .. }), "{fault}");
     assert!(Board::new(2, 9, 0.01).is_err() && Board::new(9, 6, f64::NAN).is_err());
 }
 

@@ -13,10 +13,7 @@ pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -
     let middle = Vector2::new(w, h) / 2.0;
     let found = focal_lengths(homographies, middle).map(|f| (f, middle));
     let guesses = [1.2, 0.7, 2.5].map(|s| (Vector2::repeat(s * w.max(h)), middle));
-    let all = found
-        .into_iter()
-        .chain(intrinsics(homographies, w.max(h)))
-        .chain(guesses);
+    let all = found.into_iter().chain(intrinsics(homographies, w.max(h))).chain(guesses);
     all.filter(|(f, c)| {
         let sane = |x: f64| (0.05..50.0).contains(&(x / w.max(h)));
         sane(f.x) && sane(f.y) && (c - middle).norm() < 3.0 * w.max(h)
@@ -93,47 +90,28 @@ fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>
     let skew = -b12 * fx * fx * fy / l;
     let cx = skew * cy / fy - b13 * fx * fx / l;
     let all = [fx, fy, cx, cy].map(|x| x * scale);
-    all.iter()
-        .all(|x| x.is_finite())
-        .then(|| (Vector2::new(all[0], all[1]), Vector2::new(all[2], all[3])))
+    all.iter().all(|x| x.is_finite()).then(|| (Vector2::new(all[0], all[1]), Vector2::new(all[2], all[3])))
 }
 
 /// Returns the pose of the board's plane z = 0 from its homography to the pixels.
 #[must_use]
 pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     let (f, c) = (device.focal, device.centre);
-    let back = Matrix3::new(
-        1.0 / f.x,
-        0.0,
-        -c.x / f.x,
-        0.0,
-        1.0 / f.y,
-        -c.y / f.y,
-        0.0,
-        0.0,
-        1.0,
-    );
+    let back = Matrix3::new(1.0 / f.x, 0.0, -c.x / f.x, 0.0, 1.0 / f.y, -c.y / f.y, 0.0, 0.0, 1.0);
     let m = back * h;
     let mut scale = 2.0 / (m.column(0).norm() + m.column(1).norm());
     if m[(2, 2)] < 0.0 {
         scale = -scale;
     }
     let m = m * scale;
-    let (x, y, t) = (
-        m.column(0).into_owned(),
-        m.column(1).into_owned(),
-        m.column(2).into_owned(),
-    );
+    let (x, y, t) = (m.column(0).into_owned(), m.column(1).into_owned(), m.column(2).into_owned());
     let near = Matrix3::from_columns(&[x, y, x.cross(&y)]);
     if !near.iter().chain(t.iter()).all(|v| v.is_finite()) {
         return None;
     }
     let svd = near.svd(true, true);
     let rotation = svd.u? * svd.v_t?;
-    (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose {
-        rotation,
-        translation: t,
-    })
+    (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose { rotation, translation: t })
 }
 
 /// Points of a view on the board and in pixels.
@@ -145,8 +123,7 @@ pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 /// The index (from 0) of a view with collinear points.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
-    all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i))
-        .collect()
+    all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i)).collect()
 }
 
 #[cfg(test)]
@@ -158,34 +135,25 @@ mod tests {
     fn exact_pinholes_are_found_at_once() {
         let truth = Device::pinhole([640, 480], [810.0, 790.0], [350.0, 250.0], Model::Pinhole);
         let centred = Device::pinhole([640, 480], [810.0, 790.0], [320.0, 240.0], Model::Pinhole);
-        let board: Vec<Vector3<f64>> = (0..54)
-            .map(|i| Vector3::new(f64::from(i % 9) * 0.025, f64::from(i / 9) * 0.025, 0.0))
-            .collect();
+        let board: Vec<Vector3<f64>> =
+            (0..54).map(|i| Vector3::new(f64::from(i % 9) * 0.025, f64::from(i / 9) * 0.025, 0.0)).collect();
         let flat: Vec<_> = board.iter().map(Vector3::xy).collect();
         let poses: Vec<Pose> = (0..5)
             .map(|i| {
                 let a = f64::from(i);
-                Pose::new(
-                    [0.3 * a.sin(), 0.4 * a.cos(), 0.1 * a],
-                    [-0.1, -0.07, 0.5 + 0.02 * a],
-                )
+                Pose::new([0.3 * a.sin(), 0.4 * a.cos(), 0.1 * a], [-0.1, -0.07, 0.5 + 0.02 * a])
             })
             .collect();
         let of = |device: &Device| -> Vec<Matrix3<f64>> {
-            let views: Vec<_> = poses
-                .iter()
-                .map(|p| (flat.clone(), project_all(device, p, &board).unwrap()))
-                .collect();
+            let views: Vec<_> =
+                poses.iter().map(|p| (flat.clone(), project_all(device, p, &board).unwrap())).collect();
             homographies(&views).unwrap()
         };
         let f = focal_lengths(&of(&centred), Vector2::new(320.0, 240.0)).unwrap();
         assert!((f - centred.focal).norm() < 1e-6, "{f}");
         let hs = of(&truth);
         let (f, c) = intrinsics(&hs, 640.0).unwrap();
-        assert!(
-            (f - truth.focal).norm() < 1e-5 && (c - truth.centre).norm() < 1e-5,
-            "{f} {c}"
-        );
+        assert!((f - truth.focal).norm() < 1e-5 && (c - truth.centre).norm() < 1e-5, "{f} {c}");
         for (h, want) in hs.iter().zip(&poses) {
             let got = pose(&truth, h).unwrap();
             let off = got.change_from(want);

@@ -33,10 +33,7 @@ impl Parameter {
     #[must_use]
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
-        for (side, elements) in [
-            (Side::Generator, scheme.generator()),
-            (Side::Analyzer, scheme.analyzer()),
-        ] {
+        for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
             for (i, e) in elements.iter().enumerate() {
                 all.push(Self::AxisOffset(side, i));
                 all.push(match e.kind {
@@ -51,10 +48,7 @@ impl Parameter {
         }
         if let Some(coaxial) = &scheme.coaxial {
             for transmission in [true, false] {
-                all.extend([
-                    Self::Diattenuation(transmission),
-                    Self::ArmRetardance(transmission),
-                ]);
+                all.extend([Self::Diattenuation(transmission), Self::ArmRetardance(transmission)]);
             }
             if coaxial.galvo.is_some() {
                 all.extend([Self::GalvoIndex, Self::GalvoAbsorption]);
@@ -71,11 +65,7 @@ impl Parameter {
             Side::Analyzer => scheme.analyzer()[i].name.clone(),
         };
         let arm = |transmission: bool| {
-            if transmission {
-                "transmission"
-            } else {
-                "reflection"
-            }
+            if transmission { "transmission" } else { "reflection" }
         };
         match *self {
             Self::AxisOffset(side, i) => format!("{} axis offset", of(side, i)),
@@ -210,11 +200,7 @@ impl Parameter {
             }
             Self::GalvoIndex | Self::GalvoAbsorption => {
                 if let Some(galvo) = scheme.coaxial.as_mut().and_then(|c| c.galvo.as_mut()) {
-                    let part = if *self == Self::GalvoIndex {
-                        &mut galvo.n
-                    } else {
-                        &mut galvo.k
-                    };
+                    let part = if *self == Self::GalvoIndex { &mut galvo.n } else { &mut galvo.k };
                     *part = plain();
                 }
             }
@@ -255,19 +241,11 @@ impl Parameter {
 }
 
 fn part(c: &Coaxial, transmission: bool) -> &Arm {
-    if transmission {
-        &c.transmission
-    } else {
-        &c.reflection
-    }
+    if transmission { &c.transmission } else { &c.reflection }
 }
 
 fn part_mut(c: &mut Coaxial, transmission: bool) -> &mut Arm {
-    if transmission {
-        &mut c.transmission
-    } else {
-        &mut c.reflection
-    }
+    if transmission { &mut c.transmission } else { &mut c.reflection }
 }
 
 #[cfg(test)]
@@ -286,11 +264,7 @@ mod tests {
             for (i, p) in all.iter().enumerate() {
                 let want = 0.01 * (i + 1) as f64;
                 assert!((p.from_fit(p.to_fit(want))[0] - want).abs() < 1e-12);
-                assert!(
-                    (p.get(&scheme, 550.0) - want).abs() < 1e-12,
-                    "{}",
-                    p.name(&scheme)
-                );
+                assert!((p.get(&scheme, 550.0) - want).abs() < 1e-12, "{}", p.name(&scheme));
             }
             let mut names: Vec<String> = all.iter().map(|p| p.name(&scheme)).collect();
             names.sort();

@@ -96,10 +96,7 @@ const KEPT: usize = 4;
 
 impl Predictions {
     fn new(own: Vec<usize>) -> Self {
-        Self {
-            own,
-            kept: RefCell::default(),
-        }
+        Self { own, kept: RefCell::default() }
     }
 
     fn of(&self, p: &[f64], make: impl FnOnce(&[f64]) -> Vec<f64>) -> Rc<Vec<f64>> {
@@ -130,10 +127,7 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
     let wavelengths = wavelengths(samples);
     let several = wavelengths.len() > 1;
     let each = |parameter: &Parameter| -> Vec<Unknown> {
-        let of = |nm| Unknown {
-            parameter: *parameter,
-            nm,
-        };
+        let of = |nm| Unknown { parameter: *parameter, nm };
         if several && parameter.is_spectral() {
             wavelengths.iter().map(|nm| of(Some(*nm))).collect()
         } else {
@@ -155,30 +149,19 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         return Err(CalibrationError::NoSample);
     };
     let names = |s: &Scheme| -> Vec<String> {
-        s.generator()
-            .iter()
-            .chain(s.analyzer())
-            .map(|e| e.name.clone())
-            .collect()
+        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
     };
     for s in samples {
         let want = s.scheme.measurements();
         if s.intensities.len() != want || s.sigmas.len() != want {
-            return Err(CalibrationError::Lengths {
-                name: s.name.clone(),
-                found: s.intensities.len(),
-                want,
-            });
+            return Err(CalibrationError::Lengths { name: s.name.clone(), found: s.intensities.len(), want });
         }
         let lit = s.intensities.iter().sum::<f64>() > 0.0;
         if !lit || !s.sigmas.iter().all(|v| *v > 0.0) || s.mueller.iter().any(|v| !v.is_finite()) {
             return Err(CalibrationError::Dark { name: s.name.clone() });
         }
         if names(&s.scheme) != names(&first.scheme) {
-            return Err(CalibrationError::Elements {
-                first: first.name.clone(),
-                other: s.name.clone(),
-            });
+            return Err(CalibrationError::Elements { first: first.name.clone(), other: s.name.clone() });
         }
     }
     let free = unknowns(samples, free);
@@ -195,16 +178,11 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
                 let parameter = free[*i].parameter;
                 parameter.set(&mut scheme, parameter.from_fit(*value)[0]);
             }
-            DesignMatrix::new(&scheme, &s.ray)
-                .intensities(&s.mueller)
-                .as_slice()
-                .to_vec()
+            DesignMatrix::new(&scheme, &s.ray).intensities(&s.mueller).as_slice().to_vec()
         })
     };
-    let believed = |u: &Unknown| {
-        u.parameter
-            .to_fit(u.parameter.get(&first.scheme, u.nm.unwrap_or(first.ray.nm)))
-    };
+    let believed =
+        |u: &Unknown| u.parameter.to_fit(u.parameter.get(&first.scheme, u.nm.unwrap_or(first.ray.nm)));
     let mut start: Vec<f64> = free.iter().map(believed).collect();
     let mut steps: Vec<f64> = free.iter().map(|u| u.parameter.step()).collect();
     let believed = start.clone();
@@ -255,20 +233,12 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
     }
     for of in found.chunk_by(|a, b| a.parameter == b.parameter) {
         let nm = |f: &Found| f.nm.unwrap_or(first.ray.nm);
-        let rows: Vec<[f64; 2]> = of
-            .iter()
-            .map(|f| [nm(f), f.parameter.possible(f.value)])
-            .collect();
+        let rows: Vec<[f64; 2]> = of.iter().map(|f| [nm(f), f.parameter.possible(f.value)]).collect();
         of[0].parameter.set_table(&mut scheme, &rows);
     }
     if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
         // The brightness of each sample is a number of the fit, so keep that of the optics.
         now.keep_brightness(before, &wavelengths(samples));
     }
-    Ok(Calibrated {
-        scheme,
-        found,
-        untold: fit.untold_in_words(&names),
-        fit,
-    })
+    Ok(Calibrated { scheme, found, untold: fit.untold_in_words(&names), fit })
 }

@@ -110,10 +110,7 @@ fn stated_errors_are_those_that_are_made() {
         }
         scores.hold(what);
         let ratio = chi / freedom;
-        assert!(
-            (ratio - 1.0).abs() < 5.0 * (2.0 / freedom).sqrt(),
-            "{what}: {ratio}"
-        );
+        assert!((ratio - 1.0).abs() < 5.0 * (2.0 / freedom).sqrt(), "{what}: {ratio}");
     }
 }
 
@@ -124,18 +121,8 @@ fn air_alone_cannot_tell_a_common_rotation() {
     let air = sample("air", AIR, &nominal, &real, 1e-4, 1);
     let found = calibrate(&[air], &Parameter::all(&nominal)).expect("a calibration");
     let words = found.untold.join("; ");
-    assert!(
-        words.contains("polarizer_1 axis offset") && words.contains("together"),
-        "{words}"
-    );
-    let message = |name: &str| {
-        found
-            .found
-            .iter()
-            .find(|f| f.name == name)
-            .expect("a parameter")
-            .sigma
-    };
+    assert!(words.contains("polarizer_1 axis offset") && words.contains("together"), "{words}");
+    let message = |name: &str| found.found.iter().find(|f| f.name == name).expect("a parameter").sigma;
     assert_eq!(message("retarder_2 axis offset"), None);
     assert!(message("retarder_2 retardance error").is_some());
 }
@@ -205,21 +192,9 @@ fn dispersive_samples(
             let azimuth = std::f64::consts::FRAC_PI_2 * direction as f64;
             let incidence = if direction == 0 { 0.0 } else { 8.0_f64.to_radians() };
             for (name, mueller) in things {
-                let ray = Ray {
-                    nm,
-                    incidence,
-                    azimuth,
-                };
+                let ray = Ray { nm, incidence, azimuth };
                 let n = samples.len() as u32;
-                samples.push(sample_along(
-                    name,
-                    mueller,
-                    nominal,
-                    real,
-                    ray,
-                    sigma,
-                    64 * key + n,
-                ));
+                samples.push(sample_along(name, mueller, nominal, real, ray, sigma, 64 * key + n));
             }
         }
     }
@@ -256,21 +231,13 @@ fn dispersion_is_found_with_its_errors() {
     let galvo = |s: &Scheme| s.coaxial.as_ref().and_then(|c| c.galvo.clone()).expect("a galvo");
     let sigma = |p: Parameter, nm: f64| {
         let of = |f: &&Found| f.parameter == p && f.nm == Some(nm);
-        found
-            .found
-            .iter()
-            .find(of)
-            .and_then(|f| f.sigma)
-            .expect("an error estimate")
+        found.found.iter().find(of).and_then(|f| f.sigma).expect("an error estimate")
     };
     let (was, is) = (galvo(real), galvo(&found.scheme));
     for nm in WAVELENGTHS {
         let [n, k] = [is.n.at(nm) - was.n.at(nm), is.k.at(nm) - was.k.at(nm)];
         let [sn, sk] = [Parameter::GalvoIndex, Parameter::GalvoAbsorption].map(|p| sigma(p, nm));
-        assert!(
-            n.abs() < 5.0 * sn && k.abs() < 5.0 * sk,
-            "{nm}: {n} ± {sn}, {k} ± {sk}"
-        );
+        assert!(n.abs() < 5.0 * sn && k.abs() < 5.0 * sk, "{nm}: {n} ± {sn}, {k} ± {sk}");
     }
     assert!(is.k.at(660.0) > 1.2 * is.k.at(450.0));
     // Samples of unknown brightness do not change the brightness of the optics. That of the mirrors differs.
@@ -295,21 +262,14 @@ fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
     let samples = dispersive_samples(&nominal, &real, 1, 1e-5, 1);
     let found = calibrate(&samples, &Parameter::all(&nominal)).expect("a calibration");
     let words = found.untold.join("; ");
-    assert!(
-        words.contains("galvo absorption at 450 nm") && words.contains("together"),
-        "{words}"
-    );
+    assert!(words.contains("galvo absorption at 450 nm") && words.contains("together"), "{words}");
 }
 
 /// A mirror and a plate determine a coaxial rig's beamsplitter.
 #[test]
 fn a_beamsplitter_is_found() {
     let mut nominal = Scheme::quad(40, false).expect("a scheme");
-    nominal.coaxial = Some(Coaxial {
-        transmission: arm(),
-        reflection: arm(),
-        galvo: None,
-    });
+    nominal.coaxial = Some(Coaxial { transmission: arm(), reflection: arm(), galvo: None });
     let free = Parameter::all(&nominal);
     let (real, values) = truth(&nominal, 8);
     let samples = [
@@ -319,12 +279,7 @@ fn a_beamsplitter_is_found() {
     let found = calibrate(&samples, &free).expect("a calibration");
     for (f, want) in found.found.iter().zip(&values) {
         if let Some(sigma) = f.sigma {
-            assert!(
-                (f.value - want).abs() < 6.0 * sigma + 1e-9,
-                "{}: {} {want} {sigma}",
-                f.name,
-                f.value
-            );
+            assert!((f.value - want).abs() < 6.0 * sigma + 1e-9, "{}: {} {want} {sigma}", f.name, f.value);
         }
     }
     println!("{:?}", found.untold);
@@ -338,23 +293,14 @@ fn what_cannot_be_calibrated_is_refused() {
     let good = sample("air", AIR, &nominal, &nominal, 1e-3, 0);
     let mut dark = good.clone();
     dark.intensities.fill(0.0);
-    assert!(matches!(
-        calibrate(&[dark], &free),
-        Err(CalibrationError::Dark { .. })
-    ));
+    assert!(matches!(calibrate(&[dark], &free), Err(CalibrationError::Dark { .. })));
     let mut short = good.clone();
     short.intensities.pop();
-    assert!(matches!(
-        calibrate(&[short], &free),
-        Err(CalibrationError::Lengths { .. })
-    ));
+    assert!(matches!(calibrate(&[short], &free), Err(CalibrationError::Lengths { .. })));
     let mut lost = good.clone();
     lost.intensities[3] = f64::NAN;
     assert!(calibrate(&[lost], &free).is_err());
     let few = Scheme::drr(3, false).expect("a scheme");
     let three = sample("air", AIR, &few, &few, 1e-3, 0);
-    assert!(matches!(
-        calibrate(&[three], &free),
-        Err(CalibrationError::Fit(FitError::TooFew { .. }))
-    ));
+    assert!(matches!(calibrate(&[three], &free), Err(CalibrationError::Fit(FitError::TooFew { .. }))));
 }

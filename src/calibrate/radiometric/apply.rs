@@ -25,11 +25,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            degree: 2,
-            light_sigma: 0.0,
-            limit: 8.0,
-        }
+        Self { degree: 2, light_sigma: 0.0, limit: 8.0 }
     }
 }
 
@@ -75,16 +71,8 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     }
     check(&dark.iter().chain(light).collect::<Vec<_>>())?;
     for (what, value, need) in [
-        (
-            "the light's relative standard error",
-            options.light_sigma,
-            "0 or more",
-        ),
-        (
-            "the threshold for outlier pixels",
-            options.limit,
-            "0 or more standard deviations",
-        ),
+        ("the light's relative standard error", options.light_sigma, "0 or more"),
+        ("the threshold for outlier pixels", options.limit, "0 or more standard deviations"),
     ] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(RadiometricError::Setting { what, value, need });
@@ -117,9 +105,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         .map_err(|e| untold.push(e))
         .ok();
     let flat = match &transfer {
-        Some(t) => Flat::of(&dark, light, &levels, saturation, line, t)
-            .map_err(|e| untold.push(e))
-            .ok(),
+        Some(t) => Flat::of(&dark, light, &levels, saturation, line, t).map_err(|e| untold.push(e)).ok(),
         None => None,
     };
     if flat.is_some() {
@@ -129,10 +115,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         );
     }
     let usable = dark.usable();
-    let offsets: Vec<f64> = (0..usable.len())
-        .filter(|p| usable[*p])
-        .map(|p| dark.offset.at(p))
-        .collect();
+    let offsets: Vec<f64> = (0..usable.len()).filter(|p| usable[*p]).map(|p| dark.offset.at(p)).collect();
     let offset = offsets.iter().sum::<f64>() / offsets.len() as f64;
     let from = saturation.map_or(f64::INFINITY, |s| offset + SATURATED * s);
     Ok(Radiometry {
@@ -155,10 +138,7 @@ impl Radiometry {
     pub fn correct(&self, frame: &[u32], exposure_s: f64) -> Result<Corrected, RadiometricError> {
         let pixels = self.dark.offset.len();
         if frame.len() != pixels {
-            return Err(RadiometricError::Size {
-                found: frame.len(),
-                want: pixels,
-            });
+            return Err(RadiometricError::Size { found: frame.len(), want: pixels });
         }
         if !(exposure_s.is_finite() && exposure_s > 0.0) {
             return Err(RadiometricError::Setting {
@@ -170,10 +150,7 @@ impl Radiometry {
         let straight = Linearity::none(1.0);
         let line = self.linearity.as_ref().unwrap_or(&straight);
         let (usable, rate) = (self.dark.usable(), self.dark.mean_rate());
-        let mut out = Corrected {
-            signal: Vec::with_capacity(pixels),
-            variance: Vec::with_capacity(pixels),
-        };
+        let mut out = Corrected { signal: Vec::with_capacity(pixels), variance: Vec::with_capacity(pixels) };
         for (p, dn) in frame.iter().enumerate() {
             let response = self.flat.as_ref().map_or(1.0, |f| f.response.at(p));
             let known = usable[p] && *dn < self.saturated_from_dn && response > 0.0;

@@ -60,11 +60,7 @@ impl Dark {
             .collect();
         let sum =
             |f: &dyn Fn(&Stack) -> f64| -> f64 { stacks.iter().zip(&weights).map(|(s, w)| w * f(s)).sum() };
-        let (s0, s1, s2) = (
-            sum(&|_| 1.0),
-            sum(&Stack::exposure_s),
-            sum(&|s| s.exposure_s().powi(2)),
-        );
+        let (s0, s1, s2) = (sum(&|_| 1.0), sum(&Stack::exposure_s), sum(&|s| s.exposure_s().powi(2)));
         let determinant = s0 * s2 - s1 * s1;
         let several = determinant > 1e-6 * s0 * s2;
         // Weights of the stacks' means in the offset and the rate.
@@ -88,10 +84,8 @@ impl Dark {
         let value =
             |p: usize, k: usize| -> f64 { stacks.iter().zip(&parts).map(|(s, l)| l[k] * s.mean(p)).sum() };
         let sigma = |p: usize, k: usize| -> f64 {
-            let each = stacks
-                .iter()
-                .zip(&parts)
-                .map(|(s, l)| l[k].powi(2) * s.variance(p) / f64::from(s.frames()));
+            let each =
+                stacks.iter().zip(&parts).map(|(s, l)| l[k].powi(2) * s.variance(p) / f64::from(s.frames()));
             each.sum::<f64>().sqrt()
         };
         let map = |f: &dyn Fn(usize) -> f64| (0..pixels).map(f).collect::<PixelMap>();
@@ -113,11 +107,7 @@ impl Dark {
             }
         }
         if hot.len() + noisy.len() + stuck.len() == pixels {
-            return Err(RadiometricError::NoPixel {
-                hot: hot.len(),
-                noisy: noisy.len(),
-                stuck: stuck.len(),
-            });
+            return Err(RadiometricError::NoPixel { hot: hot.len(), noisy: noisy.len(), stuck: stuck.len() });
         }
         let mut exposures_s: Vec<f64> = stacks.iter().map(Stack::exposure_s).collect();
         exposures_s.sort_by(f64::total_cmp);

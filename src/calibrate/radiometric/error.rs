@@ -12,11 +12,7 @@ pub enum RadiometricError {
     #[error("a frame has {found} pixels, but the others have {want}; use frames of one region")]
     Size { found: usize, want: usize },
     #[error("{what} is {value}; expected {need}")]
-    Setting {
-        what: &'static str,
-        value: f64,
-        need: &'static str,
-    },
+    Setting { what: &'static str, value: f64, need: &'static str },
     #[error(
         "all frames at {exposure_s} s are identical: the noise is below one digital number (increase the gain), or one frame was stored \
          several times"

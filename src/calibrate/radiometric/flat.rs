@@ -42,9 +42,8 @@ impl Flat {
         let (mut whole, mut of_offset) = (0.0, vec![0.0; pixels]);
         for s in stacks.iter().filter(|s| s.clipped() == 0.0 && s.light() > 0.0) {
             let signal = |p: usize| s.mean(p) - dark.at(p, s.exposure_s());
-            let (n, total) = (0..pixels)
-                .filter(|p| usable[*p])
-                .fold((0.0, 0.0), |(n, t), p| (n + 1.0, t + signal(p)));
+            let (n, total) =
+                (0..pixels).filter(|p| usable[*p]).fold((0.0, 0.0), |(n, t), p| (n + 1.0, t + signal(p)));
             let mean = total / n;
             if !(USED[0] * top..=USED[1] * top).contains(&mean) {
                 continue;
@@ -62,15 +61,14 @@ impl Flat {
         }
         if whole <= 0.0 {
             return Err(
-                "flat field: no stack of uniform light at 5 to 70 % of saturation; capture one".into(),
+                "flat field: no stack of uniform light at 5 to 70 % of saturation; capture one".into()
             );
         }
         let used: Vec<usize> = (0..pixels).filter(|p| usable[*p]).collect();
         let count = used.len() as f64;
         let mean = used.iter().map(|p| sum[*p]).sum::<f64>() / count;
-        let response: Vec<f64> = (0..pixels)
-            .map(|p| if usable[p] { sum[p] / mean } else { f64::NAN })
-            .collect();
+        let response: Vec<f64> =
+            (0..pixels).map(|p| if usable[p] { sum[p] / mean } else { f64::NAN }).collect();
         // The error of the dark frame is common to all stacks.
         let sigma: Vec<f64> = (0..pixels)
             .map(|p| {
@@ -84,11 +82,7 @@ impl Flat {
         let error = spread * (2.0 / (count - 1.0).max(1.0)).sqrt();
         Ok(Self {
             prnu,
-            prnu_sigma: if prnu > 0.0 {
-                error / (2.0 * prnu)
-            } else {
-                error.sqrt()
-            },
+            prnu_sigma: if prnu > 0.0 { error / (2.0 * prnu) } else { error.sqrt() },
             response: response.into_iter().collect(),
             sigma: sigma.into_iter().collect(),
         })

@@ -52,9 +52,6 @@ pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
 /// variance.
 #[must_use]
 pub fn saturation(levels: &[Level]) -> Option<f64> {
-    let top = levels
-        .iter()
-        .enumerate()
-        .max_by(|a, b| a.1.variance.total_cmp(&b.1.variance))?;
+    let top = levels.iter().enumerate().max_by(|a, b| a.1.variance.total_cmp(&b.1.variance))?;
     (top.0 + 1 < levels.len()).then_some(top.1.signal)
 }

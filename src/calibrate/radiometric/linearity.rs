@@ -61,9 +61,7 @@ impl Linearity {
     pub fn slope(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
         let terms = self.coefficients.iter().enumerate();
-        1.0 + terms
-            .map(|(j, c)| (j + 2) as f64 * c * u.powi(j as i32 + 1))
-            .sum::<f64>()
+        1.0 + terms.map(|(j, c)| (j + 2) as f64 * c * u.powi(j as i32 + 1)).sum::<f64>()
     }
 
     /// Fits a polynomial of `degree` coefficients to levels below saturation.
@@ -124,7 +122,7 @@ impl Linearity {
             let solved = scaled.cholesky().map(|c| c.inverse());
             let Some(solved) = solved.filter(|s| s.iter().all(|v| v.is_finite() && v.abs() < 1e11)) else {
                 return Err(
-                    "linearity: the light levels are too close to each other; use a wider range".into(),
+                    "linearity: the light levels are too close to each other; use a wider range".into()
                 );
             };
             inverse = DMatrix::from_fn(unknown, unknown, |i, k| solved[(i, k)] * scale[i] * scale[k]);
@@ -162,10 +160,7 @@ fn from_line(levels: &[&Level]) -> f64 {
     let (s0, s1, s2) = (sum(&|_| 1.0), sum(&|l| l.light), sum(&|l| l.light * l.light));
     let (y0, y1) = (sum(&|l| l.signal), sum(&|l| l.signal * l.light));
     let determinant = s0 * s2 - s1 * s1;
-    let (a, b) = (
-        (y0 * s2 - y1 * s1) / determinant,
-        (s0 * y1 - s1 * y0) / determinant,
-    );
+    let (a, b) = ((y0 * s2 - y1 * s1) / determinant, (s0 * y1 - s1 * y0) / determinant);
     let off = |l: &Level| ((l.signal - a - b * l.light) / (a + b * l.light)).abs();
     near.iter().map(|l| off(l)).sum::<f64>() / near.len() as f64
 }

@@ -25,23 +25,14 @@ impl Stack {
     /// [`RadiometricError::Setting`].
     pub fn new(pixels: usize, exposure_s: f64, light: f64, top_dn: u32) -> Result<Self, RadiometricError> {
         let setting = |what, value: f64, holds, need| {
-            if holds {
-                Ok(())
-            } else {
-                Err(RadiometricError::Setting { what, value, need })
-            }
+            if holds { Ok(()) } else { Err(RadiometricError::Setting { what, value, need }) }
         };
         let time = exposure_s.is_finite() && exposure_s > 0.0;
         setting("an exposure", exposure_s, time, "a positive time in seconds")?;
         let some = light.is_finite() && light >= 0.0;
         setting("the light of a stack", light, some, "0 or more, in any unit")?;
         setting("the number of pixels", pixels as f64, pixels > 0, "1 or more")?;
-        setting(
-            "the largest digital number",
-            f64::from(top_dn),
-            top_dn > 0,
-            "2^bits - 1",
-        )?;
+        setting("the largest digital number", f64::from(top_dn), top_dn > 0, "2^bits - 1")?;
         Ok(Self {
             exposure_s,
             light,
@@ -60,10 +51,7 @@ impl Stack {
     /// exceeds the format.
     pub fn add(&mut self, frame: &[u32]) -> Result<(), RadiometricError> {
         if frame.len() != self.mean.len() {
-            return Err(RadiometricError::Size {
-                found: frame.len(),
-                want: self.mean.len(),
-            });
+            return Err(RadiometricError::Size { found: frame.len(), want: self.mean.len() });
         }
         if let Some(dn) = frame.iter().find(|dn| **dn > self.top_dn) {
             return Err(RadiometricError::Setting {
@@ -154,10 +142,7 @@ pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
     };
     for s in stacks {
         if s.pixels() != first.pixels() {
-            return Err(RadiometricError::Size {
-                found: s.pixels(),
-                want: first.pixels(),
-            });
+            return Err(RadiometricError::Size { found: s.pixels(), want: first.pixels() });
         }
         if s.top_dn != first.top_dn {
             return Err(RadiometricError::Setting {
@@ -167,16 +152,11 @@ pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
             });
         }
         if s.frames < 2 {
-            return Err(RadiometricError::Frames {
-                exposure_s: s.exposure_s,
-                frames: s.frames,
-            });
+            return Err(RadiometricError::Frames { exposure_s: s.exposure_s, frames: s.frames });
         }
         // If all pixels are at the maximum, they are saturated, not constant.
         if s.squares.iter().all(|v| *v == 0.0) && s.clipped() < 1.0 {
-            return Err(RadiometricError::Constant {
-                exposure_s: s.exposure_s,
-            });
+            return Err(RadiometricError::Constant { exposure_s: s.exposure_s });
         }
     }
     Ok(())

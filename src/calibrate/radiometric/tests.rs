@@ -39,9 +39,7 @@ impl Camera {
         let mut random = stream(31, 0, key);
         let gain = 2.6 * (1.0 + 0.1 * normal(&mut random));
         let mut each = |mean: f64, sigma: f64| -> Vec<f64> {
-            (0..PIXELS)
-                .map(|_| (mean + sigma * normal(&mut random)).max(0.0))
-                .collect()
+            (0..PIXELS).map(|_| (mean + sigma * normal(&mut random)).max(0.0)).collect()
         };
         let (offset_dn, dark_e_s, response) = (each(64.0, 1.5), each(60.0, 10.0), each(1.0, PRNU));
         let mean = response.iter().sum::<f64>() / PIXELS as f64;
@@ -82,9 +80,7 @@ impl Camera {
     fn stack(&self, light: f64, exposure_s: f64, frames: u32, random: &mut Stream) -> Stack {
         let mut stack = Stack::new(PIXELS, exposure_s, light, TOP).expect("a stack");
         for _ in 0..frames {
-            stack
-                .add(&self.frame(light, exposure_s, random))
-                .expect("a frame");
+            stack.add(&self.frame(light, exposure_s, random)).expect("a frame");
         }
         stack
     }
@@ -94,10 +90,7 @@ impl Camera {
         let dark = [0.01, 1.0].map(|t| self.stack(0.0, t, 32, random)).to_vec();
         let full = self.full_e / self.efficiency / 0.01;
         let part = [0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.2];
-        let light = part
-            .iter()
-            .map(|f| self.stack(f * full, 0.01, 16, random))
-            .collect();
+        let light = part.iter().map(|f| self.stack(f * full, 0.01, 16, random)).collect();
         (dark, light)
     }
 }
@@ -125,11 +118,7 @@ fn stated_errors_are_those_that_are_made() {
             let name = format!("linearity, coefficient {}", j + 1);
             scores.add(&name, l.coefficients[j] * over - want, l.sigma[j] * over);
         }
-        scores.add(
-            "response to light",
-            l.response - camera.efficiency / camera.gain,
-            l.response_sigma,
-        );
+        scores.add("response to light", l.response - camera.efficiency / camera.gain, l.response_sigma);
         scores.add("stray light", l.stray_dn, l.stray_sigma);
         let (d, f) = (&found.dark, found.flat.as_ref().expect("a flat field"));
         let rate = d.rate.as_ref().expect("two exposures");
@@ -155,20 +144,13 @@ fn stated_errors_are_those_that_are_made() {
         freedom[0] += t.freedom as f64;
         freedom[1] += l.freedom as f64;
         let full = t.full_well_e.expect("it saturates");
-        assert!(
-            (0.85..1.05).contains(&(full / camera.full_e)),
-            "{full} of {}",
-            camera.full_e
-        );
+        assert!((0.85..1.05).contains(&(full / camera.full_e)), "{full} of {}", camera.full_e);
     }
     scores.hold("camera");
     for k in 0..2 {
         let ratio = chi[k] / freedom[k];
         println!("chi-squared over freedom {ratio:.3}");
-        assert!(
-            (ratio - 1.0).abs() < 5.0 * (2.0 / freedom[k]).sqrt(),
-            "{k}: {ratio}"
-        );
+        assert!((ratio - 1.0).abs() < 5.0 * (2.0 / freedom[k]).sqrt(), "{k}: {ratio}");
     }
 }
 
@@ -188,9 +170,7 @@ fn settings_of_a_simulated_camera_come_back() {
         for _ in 0..20 {
             key += 1;
             let image = vec![radiance; pixels];
-            let frame = cmos
-                .frame(&image, 0..pixels as u32, 550.0, factor, 9, key)
-                .expect("a frame");
+            let frame = cmos.frame(&image, 0..pixels as u32, 550.0, factor, 9, key).expect("a frame");
             out.add(&frame).expect("a frame");
         }
         out
@@ -227,10 +207,7 @@ fn corrected_frames_are_the_light() {
     let mut random = stream(33, 0, 0);
     let (dark, light) = camera.captures(&mut random);
     let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");
-    let gain_error = found
-        .transfer
-        .as_ref()
-        .map_or(1.0, |t| t.gain_sigma / t.gain_e_per_dn);
+    let gain_error = found.transfer.as_ref().map_or(1.0, |t| t.gain_sigma / t.gain_e_per_dn);
     for share in [0.02, 0.3, 0.75] {
         let want = share * camera.full_e;
         let mut scores = ZScores::default();
@@ -248,14 +225,9 @@ fn corrected_frames_are_the_light() {
         let (mean, sigma) = (sum / count, (want / count).sqrt() + gain_error * want);
         assert!((mean - want).abs() < 5.0 * sigma, "{mean} for {want} ± {sigma}");
     }
-    let over = found
-        .correct(&camera.frame(1e4, 0.02, &mut random), 0.02)
-        .expect("a frame");
+    let over = found.correct(&camera.frame(1e4, 0.02, &mut random), 0.02).expect("a frame");
     assert!(over.signal.iter().all(|v| v.is_nan()) && over.variance.iter().all(|v| v.is_infinite()));
-    assert!(matches!(
-        found.correct(&[1, 2], 0.02),
-        Err(RadiometricError::Size { found: 2, .. })
-    ));
+    assert!(matches!(found.correct(&[1, 2], 0.02), Err(RadiometricError::Size { found: 2, .. })));
     assert!(found.correct(&[1; PIXELS], f64::NAN).is_err());
 }
 
@@ -279,10 +251,7 @@ fn bad_pixels_are_named() {
         dark.push(stack);
     }
     let found = calibrate(&dark, &[], &Options::default()).expect("a dark frame");
-    assert_eq!(
-        (found.dark.hot, found.dark.noisy, found.dark.stuck),
-        (vec![5, 77, 300], vec![11], vec![12])
-    );
+    assert_eq!((found.dark.hot, found.dark.noisy, found.dark.stuck), (vec![5, 77, 300], vec![11], vec![12]));
 }
 
 #[test]
@@ -307,51 +276,27 @@ fn what_cannot_be_told_is_said() {
     assert!(found.transfer.is_some() && found.linearity.is_none() && found.flat.is_some());
     // Dark frames as lit frames.
     let unlit = [camera.stack(1e-9, 0.01, 8, &mut random)];
-    assert!(
-        calibrate(&dark, &unlit, &options)
-            .expect("a dark frame")
-            .transfer
-            .is_none()
-    );
+    assert!(calibrate(&dark, &unlit, &options).expect("a dark frame").transfer.is_none());
     // All pixels saturated.
     let over = [camera.stack(1e4, 0.01, 8, &mut random)];
     let found = calibrate(&dark, &over, &options).expect("a dark frame");
-    assert!(
-        found.linearity.is_none() && found.flat.is_none(),
-        "{:?}",
-        found.untold
-    );
+    assert!(found.linearity.is_none() && found.flat.is_none(), "{:?}", found.untold);
 
     assert_eq!(calibrate(&[], &one, &options), Err(RadiometricError::NoDark));
     let few = [camera.stack(0.0, 0.01, 1, &mut random)];
-    assert!(matches!(
-        calibrate(&few, &[], &options),
-        Err(RadiometricError::Frames { frames: 1, .. })
-    ));
+    assert!(matches!(calibrate(&few, &[], &options), Err(RadiometricError::Frames { frames: 1, .. })));
     let mut same = Stack::new(4, 0.01, 0.0, TOP).expect("a stack");
     for _ in 0..5 {
         same.add(&[7; 4]).expect("a frame");
     }
-    assert!(matches!(
-        calibrate(&[same.clone()], &[], &options),
-        Err(RadiometricError::Constant { .. })
-    ));
-    assert!(matches!(
-        calibrate(&dark, &[same.clone()], &options),
-        Err(RadiometricError::Size { .. })
-    ));
+    assert!(matches!(calibrate(&[same.clone()], &[], &options), Err(RadiometricError::Constant { .. })));
+    assert!(matches!(calibrate(&dark, &[same.clone()], &options), Err(RadiometricError::Size { .. })));
     assert!(same.add(&[4096; 4]).is_err() && same.add(&[1; 5]).is_err());
     for (exposure, light) in [(f64::NAN, 1.0), (0.0, 1.0), (0.01, f64::INFINITY), (0.01, -1.0)] {
         assert!(Stack::new(4, exposure, light, TOP).is_err());
     }
-    let bad = Options {
-        light_sigma: f64::NAN,
-        ..options
-    };
-    assert!(matches!(
-        calibrate(&dark, &one, &bad),
-        Err(RadiometricError::Setting { .. })
-    ));
+    let bad = Options { light_sigma: f64::NAN, ..options };
+    assert!(matches!(calibrate(&dark, &one, &bad), Err(RadiometricError::Setting { .. })));
 }
 
 #[test]

@@ -63,16 +63,9 @@ impl Transfer {
             dark.iter().map(|l| (l.dark, l.variance, freedom(l))).collect();
         let without = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
         let most = saturation.map_or(f64::INFINITY, |s| USED * s);
-        for l in levels
-            .iter()
-            .filter(|l| l.signal <= most && l.clipped == 0.0 && l.light > 0.0)
-        {
+        for l in levels.iter().filter(|l| l.signal <= most && l.clipped == 0.0 && l.light > 0.0) {
             let slope = linearity.slope(l.signal);
-            points.push((
-                linearity.linear(l.signal) + l.dark,
-                l.variance * slope * slope,
-                freedom(l),
-            ));
+            points.push((linearity.linear(l.signal) + l.dark, l.variance * slope * slope, freedom(l)));
         }
         if points.len() <= dark.len() {
             return Err("gain: no light level below saturation; capture some".into());
@@ -91,10 +84,7 @@ impl Transfer {
             let (v0, v1) = (sum(&|p| p.1), sum(&|p| p.0 * p.1));
             let determinant = s0 * s2 - s1 * s1;
             covariance = [s2 / determinant, -s1 / determinant, s0 / determinant];
-            let found = (
-                (v0 * s2 - v1 * s1) / determinant,
-                (s0 * v1 - s1 * v0) / determinant,
-            );
+            let found = ((v0 * s2 - v1 * s1) / determinant, (s0 * v1 - s1 * v0) / determinant);
             chi_squared = sum(&|p| (p.1 - found.0 - found.1 * p.0).powi(2));
             (offset, slope) = (found.0.max(1e-12), found.1.max(0.0));
         }

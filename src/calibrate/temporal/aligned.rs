@@ -62,13 +62,7 @@ pub fn aligned(
     }
     let (mut share, sigma): (Vec<f64>, Vec<f64>) = lines.iter().map(Line::at_place).unzip();
     bridge(&mut share)?;
-    Some(Template {
-        step_ps,
-        first_ps: -before,
-        share,
-        sigma,
-        after_pulsing: found.response.after_pulsing,
-    })
+    Some(Template { step_ps, first_ps: -before, share, sigma, after_pulsing: found.response.after_pulsing })
 }
 
 /// Sums for a straight-line fit around a grid point.
@@ -97,11 +91,7 @@ impl Line {
     /// distance, it is their mean. NaN without values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
-        let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 {
-            (s2, -s1)
-        } else {
-            (1.0, 0.0)
-        };
+        let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 { (s2, -s1) } else { (1.0, 0.0) };
         let norm = a * s0 + b * s1;
         let variance = a * a * e0 + 2.0 * a * b * e1 + b * b * e2;
         ((a * v0 + b * v1) / norm, variance.max(0.0).sqrt() / norm)

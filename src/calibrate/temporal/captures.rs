@@ -38,12 +38,7 @@ impl<'a> Capture<'a> {
     /// Creates a capture of a pixel from a counter's histogram.
     #[must_use]
     pub fn of(histogram: &'a Histogram, pixel: usize, travel_ps: f64) -> Self {
-        Self {
-            pixel,
-            travel_ps,
-            counts: &histogram.counts,
-            pulses: histogram.pulses,
-        }
+        Self { pixel, travel_ps, counts: &histogram.counts, pulses: histogram.pulses }
     }
 }
 
@@ -53,11 +48,7 @@ pub enum TemporalError {
     #[error("no histograms; capture a plane at a known distance")]
     NoCapture,
     #[error("the counter's {what} is {value}; expected {need}")]
-    Counter {
-        what: &'static str,
-        value: f64,
-        need: &'static str,
-    },
+    Counter { what: &'static str, value: f64, need: &'static str },
     #[error("histogram {index} (from 0): {what}")]
     Capture { index: usize, what: String },
     #[error(
@@ -71,28 +62,14 @@ pub enum TemporalError {
 /// Checks the counter and the captures of `pixels` pixels.
 pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> Result<(), TemporalError> {
     let setting = |what, value: f64, holds, need| {
-        if holds {
-            Ok(())
-        } else {
-            Err(TemporalError::Counter { what, value, need })
-        }
+        if holds { Ok(()) } else { Err(TemporalError::Counter { what, value, need }) }
     };
     let time = |v: f64| (1e-3..=LONGEST_PS).contains(&v);
     setting("bin", counter.bin_ps, time(counter.bin_ps), "1e-3 to 1e12 ps")?;
     let bins = counter.period_bins;
-    setting(
-        "period",
-        bins as f64,
-        (8..=MOST_BINS).contains(&bins),
-        "8 to 1048576 bins",
-    )?;
+    setting("period", bins as f64, (8..=MOST_BINS).contains(&bins), "8 to 1048576 bins")?;
     let dead = counter.dead_ps;
-    setting(
-        "dead time",
-        dead,
-        dead == 0.0 || time(dead),
-        "0, or 1e-3 to 1e12 ps",
-    )?;
+    setting("dead time", dead, dead == 0.0 || time(dead), "0, or 1e-3 to 1e12 ps")?;
     if let Some(after) = counter.after_pulse_ps {
         setting(
             "after-pulse time",
@@ -107,10 +84,7 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
     for (index, c) in captures.iter().enumerate() {
         let wrong = |what: String| Err(TemporalError::Capture { index, what });
         if c.pixel >= pixels {
-            return wrong(format!(
-                "its pixel is {}, but there are only {pixels} pixels",
-                c.pixel
-            ));
+            return wrong(format!("its pixel is {}, but there are only {pixels} pixels", c.pixel));
         }
         if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
             return wrong(format!(

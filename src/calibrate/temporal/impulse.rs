@@ -19,12 +19,7 @@ pub struct Impulse {
 impl Default for Impulse {
     /// Returns the defaults of [`polarimetry::capture::detector::spad::Spad`], without afterpulses.
     fn default() -> Self {
-        Self {
-            sigma_ps: 70.0 / FWHM_PER_SIGMA,
-            tail_share: 0.2,
-            tail_ps: 200.0,
-            after_pulsing: 0.0,
-        }
+        Self { sigma_ps: 70.0 / FWHM_PER_SIGMA, tail_share: 0.2, tail_ps: 200.0, after_pulsing: 0.0 }
     }
 }
 
@@ -63,12 +58,7 @@ impl Impulse {
     /// Creates a response from parameters in the order of [`Shape::ALL`].
     #[must_use]
     pub fn of([sigma_ps, tail_share, tail_ps, after_pulsing]: [f64; 4]) -> Self {
-        Self {
-            sigma_ps,
-            tail_share,
-            tail_ps,
-            after_pulsing,
-        }
+        Self { sigma_ps, tail_share, tail_ps, after_pulsing }
     }
 
     /// Clamps the parameters to the range that a fit can determine with this bin width and period.
@@ -88,10 +78,6 @@ impl Impulse {
     }
 
     pub(super) fn response(&self) -> Response {
-        Response {
-            sigma: self.sigma_ps,
-            tail: self.tail_share,
-            tau: self.tail_ps,
-        }
+        Response { sigma: self.sigma_ps, tail: self.tail_share, tau: self.tail_ps }
     }
 }

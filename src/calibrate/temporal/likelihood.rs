@@ -121,11 +121,9 @@ impl Prepared {
             return Err(Fault::Saturated);
         }
         let after = match (counter.mode, counter.after_pulse_ps) {
-            (Mode::FreeRunning, Some(tau)) => after_pulses(&n, dead, tau / counter.bin_ps)
-                .iter()
-                .zip(&armed)
-                .map(|(y, a)| y / a)
-                .collect(),
+            (Mode::FreeRunning, Some(tau)) => {
+                after_pulses(&n, dead, tau / counter.bin_ps).iter().zip(&armed).map(|(y, a)| y / a).collect()
+            }
             _ => vec![],
         };
         Ok(Self {
@@ -153,15 +151,9 @@ impl Prepared {
             Known::Impulse(impulse) => {
                 let response = impulse.response();
                 let jitter = SIGMAS * impulse.sigma_ps / self.bin_ps;
-                let tail = if impulse.tail_share > 0.0 {
-                    TAUS * impulse.tail_ps / self.bin_ps
-                } else {
-                    0.0
-                };
-                let (first, last) = (
-                    (arrival - jitter).floor(),
-                    (arrival + (jitter + tail).min(most)).ceil(),
-                );
+                let tail = if impulse.tail_share > 0.0 { TAUS * impulse.tail_ps / self.bin_ps } else { 0.0 };
+                let (first, last) =
+                    ((arrival - jitter).floor(), (arrival + (jitter + tail).min(most)).ceil());
                 let at = |k: i64| response.before((k as f64 - arrival) * self.bin_ps);
                 // Beyond this bin only the exponential tail remains, so bins form a geometric sequence.
                 let (sigma, tau) = (impulse.sigma_ps, impulse.tail_ps);
@@ -225,10 +217,7 @@ impl Prepared {
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
-            up.iter()
-                .zip(&down)
-                .map(|(a, b)| (a - b) * local.signal / step)
-                .collect()
+            up.iter().zip(&down).map(|(a, b)| (a - b) * local.signal / step).collect()
         };
         let late = 0.01 * known.sigma_ps();
         let zero = |by: f64| self.spread(local.zero_ps + by, known);
@@ -267,11 +256,7 @@ impl Prepared {
                 continue;
             }
             let (slope, weight) = of(n, armed, self.rate(i, *share, local, known.after_pulsing()));
-            let after = if with_shape {
-                self.after.get(i).copied().unwrap_or(0.0)
-            } else {
-                0.0
-            };
+            let after = if with_shape { self.after.get(i).copied().unwrap_or(0.0) } else { 0.0 };
             let shaped = |k: usize| by_shape[k].get(i).copied().unwrap_or(0.0);
             let g = Score::from([*share, 1.0, by_zero[i], shaped(0), shaped(1), shaped(2), after]);
             if *share == 0.0 {
@@ -334,11 +319,7 @@ impl Prepared {
         let bins = self.n.len();
         let width = ((2.5 * known.sigma_ps() / self.bin_ps).round().max(1.0) as usize).min(bins / 4);
         let live = |i: usize| {
-            if self.armed[i] > 0.0 {
-                self.n[i] / self.armed[i]
-            } else {
-                0.0
-            }
+            if self.armed[i] > 0.0 { self.n[i] / self.armed[i] } else { 0.0 }
         };
         let mut sum: f64 = (0..width).map(live).sum();
         let mut best = (0, sum);
@@ -350,16 +331,14 @@ impl Prepared {
         }
         let (first, sum) = best;
         let tail = (5.0 * known.tail_ps() / self.bin_ps).min(0.5 * bins as f64) as usize;
-        let outside: Vec<usize> = (width + tail..bins.saturating_sub(2 * width))
-            .map(|k| (first + k) % bins)
-            .collect();
+        let outside: Vec<usize> =
+            (width + tail..bins.saturating_sub(2 * width)).map(|k| (first + k) % bins).collect();
         let armed: f64 = outside.iter().map(|i| self.armed[*i].max(0.0)).sum();
         let dark: f64 = outside.iter().map(|i| self.n[*i]).sum();
         let background = if armed > 0.0 { dark / armed } else { 0.0 };
         let inside = (0..width).map(|k| (first + k) % bins);
-        let (seen, chance) = inside.fold((0.0, 0.0), |(n, b), i| {
-            (n + self.n[i], b + background * self.armed[i])
-        });
+        let (seen, chance) =
+            inside.fold((0.0, 0.0), |(n, b), i| (n + self.n[i], b + background * self.armed[i]));
         if !seen.is_finite() || seen - chance < SEEN * (chance + 1.0).sqrt() {
             return Err(Fault::Dark);
         }
@@ -371,10 +350,7 @@ impl Prepared {
         };
         let tries = (-6..=6).map(|k| local(0.5 * f64::from(k)));
         tries
-            .max_by(|a, b| {
-                self.log_likelihood(a, known)
-                    .total_cmp(&self.log_likelihood(b, known))
-            })
+            .max_by(|a, b| self.log_likelihood(a, known).total_cmp(&self.log_likelihood(b, known)))
             .ok_or(Fault::Dark)
     }
 
@@ -388,9 +364,7 @@ impl Prepared {
         let most = 2.0 * known.sigma_ps();
         Local {
             signal: (local.signal + by[0]).clamp(0.2 * local.signal, 5.0 * local.signal),
-            background: (local.background + by[1])
-                .max(0.2 * local.background)
-                .max(self.least()),
+            background: (local.background + by[1]).max(0.2 * local.background).max(self.least()),
             zero_ps: local.zero_ps + by[2].clamp(-most, most),
         }
     }

@@ -55,10 +55,7 @@ fn assemble(captures: &[&Prepared], locals: &[Local], impulse: Impulse) -> Assem
     let one =
         |(c, local): (&&Prepared, &Local)| (c.terms(local, &known, true), c.log_likelihood(local, &known));
     let all: Vec<_> = captures.par_iter().zip(locals).map(one).collect();
-    Assembled {
-        value: all.iter().map(|(_, v)| v).sum(),
-        terms: all.into_iter().map(|(t, _)| t).collect(),
-    }
+    Assembled { value: all.iter().map(|(_, v)| v).sum(), terms: all.into_iter().map(|(t, _)| t).collect() }
 }
 
 /// Returns the Schur complement and its right-hand side.

@@ -35,11 +35,7 @@ impl Template {
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
         let at = |k: f64| {
-            if k >= 0.0 {
-                self.share.get(k as usize).copied().unwrap_or(0.0)
-            } else {
-                0.0
-            }
+            if k >= 0.0 { self.share.get(k as usize).copied().unwrap_or(0.0) } else { 0.0 }
         };
         let (k, u) = (place.floor(), place - place.floor());
         if !(-1.0..self.share.len() as f64).contains(&k) {

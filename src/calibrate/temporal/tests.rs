@@ -47,21 +47,14 @@ fn counter(spad: &Spad) -> Counter {
 /// Returns the counts of light with `photons` per pulse that arrives at `at_ps`, and the arrival time rounded
 /// to the simulation's grid.
 fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u32>, f64) {
-    let fine = Spad {
-        bin_ps: spad.bin_ps / FINE as f64,
-        bins: FINE * BINS,
-        ..spad.clone()
-    };
+    let fine = Spad { bin_ps: spad.bin_ps / FINE as f64, bins: FINE * BINS, ..spad.clone() };
     let place = (at_ps / fine.bin_ps).floor().rem_euclid(fine.bins as f64);
     let mut light = vec![0.0; place as usize + 1];
     light[place as usize] = photons;
     let rates = fine.rates(&light, 635.0).expect("rates");
     let rates: Vec<f64> = rates.chunks(FINE).map(|c| c.iter().sum()).collect();
     let counts = spad.count(&rates, random).expect("counts");
-    (
-        counts.iter().map(|n| *n as u32).collect(),
-        (place + 0.5) * fine.bin_ps,
-    )
+    (counts.iter().map(|n| *n as u32).collect(), (place + 0.5) * fine.bin_ps)
 }
 
 /// Planes in front of pixels with planted time zeros.
@@ -125,10 +118,7 @@ fn stated_errors_are_those_that_are_made() {
         spad.pulses = 20_000;
         let error = 1e-3 * (around(1.0) - 1.0);
         let bench = Bench::new(spad, 0.2, 12, &[3000.0, 7000.0], error, repeat);
-        let options = Options {
-            correct_clock: true,
-            ..Options::default()
-        };
+        let options = Options { correct_clock: true, ..Options::default() };
         let found = bench.calibrate(&options).expect("a calibration");
         (truth, error, bench.zeros, found)
     };
@@ -157,10 +147,7 @@ fn stated_errors_are_those_that_are_made() {
         chi += found.chi_squared / found.freedom as f64 / f64::from(count);
     }
     scores.hold("synchronous diode");
-    assert!(
-        f64::from(count) * 24e-3 >= unsettled as f64,
-        "{unsettled} captures are unsettled"
-    );
+    assert!(f64::from(count) * 24e-3 >= unsettled as f64, "{unsettled} captures are unsettled");
     println!("chi-squared over freedom {chi:.4}");
     // The fit uses bins and the sum uses groups, so up to three of about fifty degrees of freedom remain
     // (Chernoff and Lehmann 1954).
@@ -170,28 +157,16 @@ fn stated_errors_are_those_that_are_made() {
 /// At two photons per pulse, a likelihood without pile-up would be early by a tenth of the width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
-    let truth = Impulse {
-        tail_share: 0.0,
-        ..Impulse::default()
-    };
+    let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
     let bench = Bench::new(diode(&truth), 2.0, 6, &[5000.0], 0.0, 400);
-    let options = Options {
-        start: truth,
-        free: vec![Shape::Width],
-        correct_clock: false,
-    };
+    let options = Options { start: truth, free: vec![Shape::Width], correct_clock: false };
     let found = bench.calibrate(&options).expect("a calibration");
     for (pixel, want) in bench.zeros.iter().enumerate() {
         let (error, sigma) = (found.zero_ps.at(pixel) - want, found.sigma_ps.at(pixel));
         assert!(error.abs() < 5.0 * sigma && sigma < 0.1, "{error} ± {sigma}");
         // Naive estimate: the mean of the counts around their peak.
         let (_, travel, counts) = &bench.taken[pixel];
-        let peak = counts
-            .iter()
-            .enumerate()
-            .max_by_key(|(_, n)| **n)
-            .expect("counts")
-            .0;
+        let peak = counts.iter().enumerate().max_by_key(|(_, n)| **n).expect("counts").0;
         let near = || (peak - 8..peak + 9).map(|i| (25.0 * (i as f64 + 0.5), f64::from(counts[i])));
         let mean = near().map(|(t, n)| t * n).sum::<f64>() / near().map(|(_, n)| n).sum::<f64>() - travel;
         assert!(mean - want < -3.0, "{} early", want - mean);
@@ -216,11 +191,7 @@ fn after_pulses_are_told_from_background() {
     let all: Vec<_> = (0..repeats(160)).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
     for (zeros, found) in all {
-        scores.add(
-            "after-pulses",
-            found.response.after_pulsing - 0.03,
-            found.response_sigma[3],
-        );
+        scores.add("after-pulses", found.response.after_pulsing - 0.03, found.response_sigma[3]);
         let each = zeros.iter().enumerate();
         scores.add_together(
             "time zero",
@@ -254,19 +225,11 @@ fn measured_responses_serve_as_well() {
     }
     assert!(chi < 3.0, "{chi}");
     // Gaussian and box: approximately √(70² + ln 2·8/12·25²). The tail adds some width.
-    assert!(
-        (70.0..80.0).contains(&template.fwhm_ps()),
-        "{}",
-        template.fwhm_ps()
-    );
+    assert!((70.0..80.0).contains(&template.fwhm_ps()), "{}", template.fwhm_ps());
     let with = calibrate_with(&template, &counter, &captures, 64, false).expect("a calibration");
     let mut scores = ZScores::default();
     for (pixel, want) in bench.zeros.iter().enumerate() {
-        scores.add(
-            "time zero",
-            with.zero_ps.at(pixel) - want,
-            with.sigma_ps.at(pixel),
-        );
+        scores.add("time zero", with.zero_ps.at(pixel) - want, with.sigma_ps.at(pixel));
         let difference = (with.zero_ps.at(pixel) - found.zero_ps.at(pixel)).abs();
         assert!(difference < 0.5 * found.sigma_ps.at(pixel), "{difference}");
     }
@@ -294,56 +257,35 @@ fn exact_counts_give_the_exact_time() {
         pulses: 10_000_000_000_000_000,
     };
     let found = calibrate(&counter(&spad), &[capture], 2, &Options::default()).expect("a calibration");
-    assert!(
-        (found.zero_ps.at(1) - 321.0).abs() < 1e-3,
-        "{}",
-        found.zero_ps.at(1)
-    );
+    assert!((found.zero_ps.at(1) - 321.0).abs() < 1e-3, "{}", found.zero_ps.at(1));
     assert!(found.zero_ps.at(0).is_nan());
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 1e-2);
     assert!((found.response.tail_share - truth.tail_share).abs() < 1e-3);
     assert!((found.time_ps(1, 100) - (2512.5 - 321.0)).abs() < 1e-3);
     // Cramér–Rao bound: σ/√n for a Gaussian alone.
     let least = truth.sigma_ps / n.sqrt();
-    assert!(
-        (1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)),
-        "{}",
-        found.own_sigma_ps.at(1) / least
-    );
+    assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
     assert!(found.untold.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
     // Alignment preserves the total light and moves its mean by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
     let mean = |h: &[f64]| {
         let sum: f64 = h.iter().sum();
-        (
-            sum,
-            h.iter().enumerate().map(|(i, v)| i as f64 * v).sum::<f64>() / sum,
-        )
+        (sum, h.iter().enumerate().map(|(i, v)| i as f64 * v).sum::<f64>() / sum)
     };
     let (a, b) = (mean(&histogram), mean(&moved));
-    assert!(
-        (a.0 / b.0 - 1.0).abs() < 1e-12 && ((a.1 - b.1) * 25.0 - 321.0).abs() < 1e-2,
-        "{a:?} {b:?}"
-    );
+    assert!((a.0 / b.0 - 1.0).abs() < 1e-12 && ((a.1 - b.1) * 25.0 - 321.0).abs() < 1e-2, "{a:?} {b:?}");
     assert!(found.aligned(0, &histogram).iter().all(|v| v.is_nan()));
 }
 
 #[test]
 fn tails_that_are_not_there_are_said() {
-    let truth = Impulse {
-        tail_share: 0.0,
-        ..Impulse::default()
-    };
+    let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
     let mut spad = diode(&truth);
     spad.pulses = 50_000;
     let bench = Bench::new(spad, 0.1, 4, &[5000.0], 0.0, 700);
     let found = bench.calibrate(&Options::default()).expect("a calibration");
-    assert!(
-        found.untold.iter().any(|w| w.contains("no tail is detectable")),
-        "{:?}",
-        found.untold
-    );
+    assert!(found.untold.iter().any(|w| w.contains("no tail is detectable")), "{:?}", found.untold);
     assert_eq!(found.response.tail_share, 0.0);
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }
@@ -355,89 +297,33 @@ fn what_cannot_be_calibrated_is_said() {
     let flat = vec![7_u32; BINS];
     let none = vec![0_u32; BINS];
     let all: Vec<u32> = (0..BINS).map(|i| if i == 100 { 1000 } else { 0 }).collect();
-    let capture = |counts, pulses| Capture {
-        pixel: 0,
-        travel_ps: 100.0,
-        counts,
-        pulses,
-    };
+    let capture = |counts, pulses| Capture { pixel: 0, travel_ps: 100.0, counts, pulses };
     let of = |c: Capture| calibrate(&counter, &[c], 1, &Options::default());
-    assert_eq!(
-        of(capture(&flat, 1_000_000)),
-        Err(TemporalError::NoPulse {
-            dark: 1,
-            saturated: 0
-        })
-    );
-    assert_eq!(
-        of(capture(&none, 1_000_000)),
-        Err(TemporalError::NoPulse {
-            dark: 1,
-            saturated: 0
-        })
-    );
-    assert_eq!(
-        of(capture(&all, 1000)),
-        Err(TemporalError::NoPulse {
-            dark: 0,
-            saturated: 1
-        })
-    );
-    assert_eq!(
-        calibrate(&counter, &[], 1, &Options::default()),
-        Err(TemporalError::NoCapture)
-    );
+    assert_eq!(of(capture(&flat, 1_000_000)), Err(TemporalError::NoPulse { dark: 1, saturated: 0 }));
+    assert_eq!(of(capture(&none, 1_000_000)), Err(TemporalError::NoPulse { dark: 1, saturated: 0 }));
+    assert_eq!(of(capture(&all, 1000)), Err(TemporalError::NoPulse { dark: 0, saturated: 1 }));
+    assert_eq!(calibrate(&counter, &[], 1, &Options::default()), Err(TemporalError::NoCapture));
     let message = |c: Capture| of(c).expect_err("is bad").to_string();
     assert!(message(capture(&all, 999)).contains("at most one per pulse"));
     assert!(message(capture(&all, 0)).contains("number of pulses is 0"));
     assert!(message(capture(&all[..5], 2000)).contains("5 bins"));
-    assert!(
-        message(Capture {
-            pixel: 1,
-            ..capture(&all, 2000)
-        })
-        .contains("pixel is 1")
-    );
+    assert!(message(Capture { pixel: 1, ..capture(&all, 2000) }).contains("pixel is 1"));
     for travel_ps in [f64::NAN, f64::INFINITY] {
-        assert!(
-            message(Capture {
-                travel_ps,
-                ..capture(&all, 2000)
-            })
-            .contains("travel time")
-        );
+        assert!(message(Capture { travel_ps, ..capture(&all, 2000) }).contains("travel time"));
     }
     // Light in a single bin: a response too narrow to be determined causes no panic.
     let _ = of(capture(&all, 10_000));
     for bad in [
-        Counter {
-            bin_ps: f64::NAN,
-            ..counter
-        },
-        Counter {
-            period_bins: 3,
-            ..counter
-        },
-        Counter {
-            dead_ps: -1.0,
-            ..counter
-        },
-        Counter {
-            after_pulse_ps: Some(0.0),
-            ..counter
-        },
+        Counter { bin_ps: f64::NAN, ..counter },
+        Counter { period_bins: 3, ..counter },
+        Counter { dead_ps: -1.0, ..counter },
+        Counter { after_pulse_ps: Some(0.0), ..counter },
     ] {
         let found = calibrate(&bad, &[capture(&flat, 1_000_000)], 1, &Options::default());
         assert!(matches!(found, Err(TemporalError::Counter { .. })), "{found:?}");
     }
-    let start = Impulse {
-        sigma_ps: f64::NAN,
-        ..Impulse::default()
-    };
-    let options = Options {
-        start,
-        ..Options::default()
-    };
+    let start = Impulse { sigma_ps: f64::NAN, ..Impulse::default() };
+    let options = Options { start, ..Options::default() };
     assert!(calibrate(&counter, &[capture(&flat, 1_000_000)], 1, &options).is_err());
 }
 

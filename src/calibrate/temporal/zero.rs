@@ -29,11 +29,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            start: Impulse::default(),
-            free: Shape::ALL.to_vec(),
-            correct_clock: false,
-        }
+        Self { start: Impulse::default(), free: Shape::ALL.to_vec(), correct_clock: false }
     }
 }
 
@@ -177,11 +173,8 @@ pub fn calibrate(
         Prepared::new(counter, c).and_then(|p| p.begin(&known).map(|local| local.signal * c.pulses as f64))
     };
     let lights: Vec<Result<f64, Fault>> = captures.par_iter().map(light).collect();
-    let mut order: Vec<(usize, f64)> = lights
-        .iter()
-        .enumerate()
-        .filter_map(|(i, l)| l.as_ref().ok().map(|l| (i, *l)))
-        .collect();
+    let mut order: Vec<(usize, f64)> =
+        lights.iter().enumerate().filter_map(|(i, l)| l.as_ref().ok().map(|l| (i, *l))).collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     order.truncate(FOR_RESPONSE);
     let chosen: Vec<(Prepared, Local)> = order
@@ -211,18 +204,9 @@ pub fn calibrate(
         share_free && f.impulse.tail_share < REPORTED * f.covariance[(1, 1)].sqrt().max(1e-6)
     });
     if no_tail {
-        let without: Vec<Shape> = free
-            .iter()
-            .copied()
-            .filter(|s| !matches!(s, Shape::TailShare | Shape::TailTime))
-            .collect();
-        fitted = fit(
-            Impulse {
-                tail_share: 0.0,
-                ..start
-            },
-            &without,
-        );
+        let without: Vec<Shape> =
+            free.iter().copied().filter(|s| !matches!(s, Shape::TailShare | Shape::TailTime)).collect();
+        fitted = fit(Impulse { tail_share: 0.0, ..start }, &without);
         untold.push(format!(
             "{} and {}: no tail is detectable beyond the Gaussian part; the fraction is set to 0",
             Shape::TailShare.name(),
@@ -231,14 +215,7 @@ pub fn calibrate(
     }
     let fitted = fitted?;
     let c = &fitted.covariance;
-    let found = finish(
-        counter,
-        captures,
-        pixels,
-        &Known::Impulse(fitted.impulse),
-        c,
-        options.correct_clock,
-    )?;
+    let found = finish(counter, captures, pixels, &Known::Impulse(fitted.impulse), c, options.correct_clock)?;
     untold.extend(found.untold);
     Ok(Temporal {
         untold,
@@ -277,14 +254,7 @@ pub fn calibrate_with(
         });
     }
     let none = Matrix4::zeros();
-    finish(
-        counter,
-        captures,
-        pixels,
-        &Known::Template(template),
-        &none,
-        correct_clock,
-    )
+    finish(counter, captures, pixels, &Known::Template(template), &none, correct_clock)
 }
 
 /// Computes time zeros from a known response.
@@ -299,11 +269,7 @@ fn finish(
     let one = |c: &Capture| Prepared::new(counter, c).and_then(|p| One::of(c, &p, known));
     let all: Vec<Result<One, Fault>> = captures.par_iter().map(one).collect();
     let count = |f: Fault| all.iter().filter(|l| l.as_ref().err() == Some(&f)).count();
-    let (dark, saturated, unsettled) = (
-        count(Fault::Dark),
-        count(Fault::Saturated),
-        count(Fault::Unsettled),
-    );
+    let (dark, saturated, unsettled) = (count(Fault::Dark), count(Fault::Saturated), count(Fault::Unsettled));
     let mut by_pixel: Vec<Vec<One>> = (0..pixels).map(|_| vec![]).collect();
     let (mut chi_squared, mut freedom) = (0.0, 0);
     for one in all.into_iter().flatten() {
@@ -312,10 +278,7 @@ fn finish(
         by_pixel[one.pixel].push(one);
     }
     if by_pixel.iter().all(Vec::is_empty) {
-        return Err(TemporalError::NoPulse {
-            dark: dark + unsettled,
-            saturated,
-        });
+        return Err(TemporalError::NoPulse { dark: dark + unsettled, saturated });
     }
     let period_ps = counter.bin_ps * counter.period_bins as f64;
     for ones in &mut by_pixel {
@@ -347,9 +310,8 @@ fn finish(
             return [f64::NAN; 3];
         }
         let (zero, travel, with_response) = (zero / weights, travel / weights, with_response / weights);
-        let [late, spread] = correction.map_or([0.0, 0.0], |c| {
-            [c.relative_error * travel, (c.sigma * travel).powi(2)]
-        });
+        let [late, spread] =
+            correction.map_or([0.0, 0.0], |c| [c.relative_error * travel, (c.sigma * travel).powi(2)]);
         let own = 1.0 / weights;
         let shared = with_response.dot(&(covariance * with_response));
         [zero - late, own.sqrt(), (own + shared + spread).sqrt()]
@@ -395,8 +357,5 @@ fn clock(by_pixel: &[Vec<One>], covariance: &Matrix4<f64>) -> Option<Clock> {
     }
     let with_response = with_response / below;
     let shared = with_response.dot(&(covariance * with_response));
-    Some(Clock {
-        relative_error: above / below,
-        sigma: (1.0 / below + shared).sqrt(),
-    })
+    Some(Clock { relative_error: above / below, sigma: (1.0 / below + shared).sqrt() })
 }

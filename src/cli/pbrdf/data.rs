@@ -22,12 +22,7 @@ pub struct MaterialSource {
     #[arg(long, value_enum, default_value_t)]
     frames: FramesArgument,
     /// Number of entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
-    #[arg(
-        long,
-        value_name = "PHI_DxTHETA_DxTHETA_H",
-        default_value = "41x31x91",
-        conflicts_with = "folder"
-    )]
+    #[arg(long, value_name = "PHI_DxTHETA_DxTHETA_H", default_value = "41x31x91", conflicts_with = "folder")]
     resolution: Resolution,
 }
 
@@ -70,9 +65,7 @@ impl MaterialSource {
 
     /// Returns a name of the source for messages.
     pub fn name(&self) -> String {
-        self.folder
-            .as_ref()
-            .map_or_else(|| "stand-ins".to_owned(), |folder| folder.display().to_string())
+        self.folder.as_ref().map_or_else(|| "stand-ins".to_owned(), |folder| folder.display().to_string())
     }
 }
 

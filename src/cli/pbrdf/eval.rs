@@ -42,12 +42,7 @@ pub struct Arguments {
     )]
     incoming: Option<Pair>,
     /// Direction to the viewer, degrees.
-    #[arg(
-        long = "out",
-        value_name = "THETA,PHI",
-        allow_hyphen_values = true,
-        group = "what"
-    )]
+    #[arg(long = "out", value_name = "THETA,PHI", allow_hyphen_values = true, group = "what")]
     outgoing: Option<Pair>,
     /// Use the mirror direction: print the matrix of specular reflection.
     #[arg(long, group = "what")]
@@ -60,12 +55,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["incoming", "outgoing"])]
     directions: Option<PathBuf>,
     /// Texture coordinates.
-    #[arg(
-        long,
-        value_name = "U,V",
-        default_value = "0.5,0.5",
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "U,V", default_value = "0.5,0.5", allow_hyphen_values = true)]
     uv: Pair,
 }
 
@@ -148,10 +138,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let value = if let Some(path) = &a.directions {
         let list = directions(path, lobe)?;
-        let results: Result<Vec<Value>, Failure> = list
-            .into_iter()
-            .map(|(incoming, what)| subject.eval(incoming, what))
-            .collect();
+        let results: Result<Vec<Value>, Failure> =
+            list.into_iter().map(|(incoming, what)| subject.eval(incoming, what)).collect();
         Value::Array(results?)
     } else {
         let what = match (lobe, a.outgoing) {
@@ -219,10 +207,9 @@ fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>,
         let values = numbers(line).map_err(place)?;
         list.push(match (values[..].as_ref(), lobe) {
             ([t, p], Some(lobe)) => (Pair([*t, *p]).direction(), What::Lobe(lobe)),
-            ([ti, pi, to, po], None) => (
-                Pair([*ti, *pi]).direction(),
-                What::Brdf(Pair([*to, *po]).direction()),
-            ),
+            ([ti, pi, to, po], None) => {
+                (Pair([*ti, *pi]).direction(), What::Brdf(Pair([*to, *po]).direction()))
+            }
             (other, _) => {
                 let wanted = if lobe.is_some() { 2 } else { 4 };
                 return Err(place(format!("expected {wanted} numbers, got {}", other.len())));
@@ -257,23 +244,14 @@ impl Subject<'_> {
 
     fn lobe(&self, incoming: Direction, lobe: Lobe) -> Result<Value, Failure> {
         let values = self.specimen.specular(incoming, lobe).map_err(|_| {
-            let (name, lobe) = (
-                &self.name,
-                if lobe == Lobe::Reflected {
-                    "reflection"
-                } else {
-                    "transmission"
-                },
-            );
+            let (name, lobe) =
+                (&self.name, if lobe == Lobe::Reflected { "reflection" } else { "transmission" });
             Failure::input(format!(
                 "material `{name}` has no specular {lobe} for this direction; use --out to evaluate its BRDF"
             ))
         })?;
         let matrices: Vec<_> = values.iter().map(|v| plain(v.mueller)).collect();
-        let mut out: Vec<Value> = values
-            .iter()
-            .map(|v| v.outgoing.map_or(Value::Null, shown))
-            .collect();
+        let mut out: Vec<Value> = values.iter().map(|v| v.outgoing.map_or(Value::Null, shown)).collect();
         Ok(json!({
             "material": self.name,
             "kind": match lobe { Lobe::Reflected => "mirror", Lobe::Transmitted => "refraction" },

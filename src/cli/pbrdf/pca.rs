@@ -59,10 +59,7 @@ enum Mapping {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    places::files(
-        [a.data.folder()],
-        [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()],
-    )?;
+    places::files([a.data.folder()], [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()])?;
     if let Some(path) = &a.npz {
         places::extension(path, "arrays are", &["npz"])?;
     }
@@ -70,10 +67,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         places::extension(path, "priors are", &["toml"])?;
     }
     if !(1e-6..=1e6).contains(&a.c) {
-        return Err(Failure::input(format!(
-            "-c: expected a number from 1e-6 to 1e6, got {}",
-            a.c
-        )));
+        return Err(Failure::input(format!("-c: expected a number from 1e-6 to 1e6, got {}", a.c)));
     }
     let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {
@@ -95,18 +89,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     if let Some(path) = &a.prior {
-        second_moment::save(
-            path,
-            &a.data.name(),
-            &a.data.frames().second_moment(&data.plain(Weight::Bins)),
-        )
-        .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+        second_moment::save(path, &a.data.name(), &a.data.frames().second_moment(&data.plain(Weight::Bins)))
+            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     crate::output::print(table(&data, &components, &quantity).trim_end())?;
-    for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]
-        .into_iter()
-        .flatten()
-    {
+    for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()].into_iter().flatten() {
         crate::output::print(&path.display().to_string())?;
     }
     Ok(())
@@ -132,12 +119,7 @@ fn table(data: &DataSet, c: &Components, quantity: &str) -> String {
         tally.unreal
     );
     for ((k, sum), (sigma, share)) in (1..).zip(together(&c.share)).zip(c.spectrum.iter().zip(&c.share)) {
-        let _ = writeln!(
-            text,
-            "{k:9}  {sigma:14.4}  {:7.3} %  {:7.3} %",
-            100.0 * share,
-            100.0 * sum
-        );
+        let _ = writeln!(text, "{k:9}  {sigma:14.4}  {:7.3} %  {:7.3} %", 100.0 * share, 100.0 * sum);
     }
     text
 }
@@ -167,23 +149,14 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
             a.data.bands()
         ),
     ];
-    let image = draw(
-        "Principal components of Mueller matrices",
-        &maps,
-        4,
-        quantity,
-        &notes,
-    )
-    .map_err(Failure::input)?;
+    let image = draw("Principal components of Mueller matrices", &maps, 4, quantity, &notes)
+        .map_err(Failure::input)?;
     crate::figure::save(&image, &a.output)
 }
 
 fn arrays(path: &Path, c: &Components) -> std::io::Result<()> {
     let array = |name: &str, shape: &[usize], values: &[f64]| {
-        let array = NumpyArray {
-            shape: shape.to_vec(),
-            values: Values::Double(values.to_vec()),
-        };
+        let array = NumpyArray { shape: shape.to_vec(), values: Values::Double(values.to_vec()) };
         (name.to_owned(), array)
     };
     write_npz(

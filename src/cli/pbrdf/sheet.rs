@@ -46,11 +46,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             set.wavelengths.nm()
         )));
     }
-    let grids: Result<Vec<Grid>, Failure> = set
-        .names
-        .iter()
-        .map(|(name, id)| sphere(a, &set, name, *id))
-        .collect();
+    let grids: Result<Vec<Grid>, Failure> =
+        set.names.iter().map(|(name, id)| sphere(a, &set, name, *id)).collect();
     let nm = set.wavelengths.nm();
     let title = format!("Mueller matrices at {} nm", nm[nearest(nm, a.wavelength)]);
     let notes = [
@@ -97,10 +94,7 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
     let mut scene = builder.build()?;
     scene.set_materials(set.materials.clone());
     let folder = tempfile::tempdir().map_err(Failure::failed)?;
-    let target = Target {
-        path: folder.path().join("sphere"),
-        ..Target::default()
-    };
+    let target = Target { path: folder.path().join("sphere"), ..Target::default() };
     render(&scene, &target, &Unwatched).map_err(Failure::failed)?;
     Ok(Grid {
         label: name.to_owned(),
@@ -118,7 +112,5 @@ fn matrices(store: &Path, nm: &[f64], wavelength: f64) -> Result<Vec<[f32; 16]>,
     let lane = nearest(nm, wavelength);
     // Axes of the slice: y, x, Stokes out, Stokes in, wavelength.
     let pixels = mean.data.chunks_exact(16 * lanes);
-    Ok(pixels
-        .map(|m| std::array::from_fn(|i| m[i * lanes + lane]))
-        .collect())
+    Ok(pixels.map(|m| std::array::from_fn(|i| m[i * lanes + lane])).collect())
 }

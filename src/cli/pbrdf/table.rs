@@ -22,10 +22,7 @@ struct TableFile {
 
 impl TableFile {
     fn open(&self) -> Result<Table, Failure> {
-        let options = Options {
-            even_axes: self.even_axes,
-            ..Options::default()
-        };
+        let options = Options { even_axes: self.even_axes, ..Options::default() };
         Table::open(&self.file, &options).map_err(|e| Failure::input(format!("{}: {e}", self.file.display())))
     }
 }
@@ -45,26 +42,16 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
     let mut text = format!("{}: {} bytes\n", a.source.file.display(), table.file_len());
     for (name, nodes) in ANGLES.iter().zip(table.angles()) {
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
-        text += &format!(
-            "  {name:8} {:4} entries, {first:.1}° to {last:.1}°\n",
-            nodes.len()
-        );
+        text += &format!("  {name:8} {:4} entries, {first:.1}° to {last:.1}°\n", nodes.len());
     }
     text += &format!("  bands    {:4} entries, {bands:?} nm\n", bands.len());
-    let of = if statistics_step(&table) == 1 {
-        "all"
-    } else {
-        "a sample of"
-    };
+    let of = if statistics_step(&table) == 1 { "all" } else { "a sample of" };
     text += &format!(
         "statistics over {of} entries:\n  nm    known      M00 from        to  mean preserved degree of polarization\n"
     );
     for band in band_statistics(&table) {
         let (nm, share, kept) = (band.nm, 100.0 * band.known, band.kept);
-        text += &format!(
-            "  {nm}  {share:5.1} %  {:12.4e}  {:12.4e}  {kept:.3}\n",
-            band.low, band.high
-        );
+        text += &format!("  {nm}  {share:5.1} %  {:12.4e}  {:12.4e}  {kept:.3}\n", band.low, band.high);
     }
     crate::output::print(text.trim_end())
 }
@@ -101,9 +88,7 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
             data: (0..theta_d.len() * theta_h.len())
                 .map(|i| {
                     let d = theta_d.len() - 1 - i / theta_h.len();
-                    table
-                        .entry([p, d, i % theta_h.len()], band)
-                        .unwrap_or([f32::NAN; 16])
+                    table.entry([p, d, i % theta_h.len()], band).unwrap_or([f32::NAN; 16])
                 })
                 .collect(),
         })
@@ -173,18 +158,16 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
     }
     let bands: Vec<f64> = table.wavelengths_nm().iter().copied().map(f64::from).collect();
     match nm.map(f64::from) {
-        Some(nm) if nearest_within(&bands, nm).is_none() => Err(Failure::input(format!(
-            "--wavelength {nm}: not in the table; available: {bands:?} nm"
-        ))),
+        Some(nm) if nearest_within(&bands, nm).is_none() => {
+            Err(Failure::input(format!("--wavelength {nm}: not in the table; available: {bands:?} nm")))
+        }
         _ => Ok(()),
     }
 }
 
 fn npy(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {
     let shape = [&part.shape[..], &[4, 4]].concat();
-    whole_file::write_with(path, |file| {
-        numpy::write(file, &shape, part.entries(table).flat_map(|(_, m)| m))
-    })
+    whole_file::write_with(path, |file| numpy::write(file, &shape, part.entries(table).flat_map(|(_, m)| m)))
 }
 
 fn csv(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {

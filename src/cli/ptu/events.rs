@@ -124,10 +124,7 @@ fn event(line: &str) -> Option<Event> {
             channel: channel.parse().ok()?,
         },
         "sync" => Event::Sync { time: time()? },
-        "marker" => Event::Marker {
-            time: time()?,
-            bits: markers.parse().ok()?,
-        },
+        "marker" => Event::Marker { time: time()?, bits: markers.parse().ok()? },
         "overflow" | "kind" => Event::Overflow { time: 0 },
         _ => return None,
     })
@@ -142,18 +139,11 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
         record: a.record,
         resolution_s: a.resolution_ps * 1e-12,
         global_resolution_s: a.period_ps * 1e-12,
-        sync_rate: if slug(a.record).ends_with("t3") {
-            (1e12 / a.period_ps).round() as i64
-        } else {
-            0
-        },
+        sync_rate: if slug(a.record).ends_with("t3") { (1e12 / a.period_ps).round() as i64 } else { 0 },
         tags: vec![],
     };
     if text.trim().is_empty() {
-        return Err(Failure::input(format!(
-            "{}: the file contains no events; {fix}",
-            a.events.display()
-        )));
+        return Err(Failure::input(format!("{}: the file contains no events; {fix}", a.events.display())));
     }
     let mut wrong: Option<InputError> = None;
     let done = writer::write(&a.output, &description, |writer| {

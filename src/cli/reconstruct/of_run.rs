@@ -20,9 +20,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
-            return Err(Failure::input(
-                "--errors: a store already contains the errors; remove the option",
-            ));
+            return Err(Failure::input("--errors: a store already contains the errors; remove the option"));
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
@@ -83,10 +81,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         let mut attributes = run.attributes().clone();
         attributes.insert("kind".into(), json!("reconstruction"));
-        attributes.insert(
-            "source".into(),
-            json!(format!("sunstone reconstruct {}", a.source.display())),
-        );
+        attributes.insert("source".into(), json!(format!("sunstone reconstruct {}", a.source.display())));
         if let Some(path) = &a.scheme {
             attributes.insert("calibrated_scheme".into(), json!(path.display().to_string()));
         }

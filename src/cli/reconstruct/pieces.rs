@@ -72,15 +72,9 @@ impl<T: PixelNumber> Work<'_, T> {
             Ok(done)
         };
         let with = |a: Done, b: Done| -> Result<Done, Failure> {
-            Ok(Done {
-                tally: a.tally.with(b.tally),
-                computing: a.computing + b.computing,
-            })
+            Ok(Done { tally: a.tally.with(b.tally), computing: a.computing + b.computing })
         };
-        let mut done = (0..pieces)
-            .into_par_iter()
-            .map(one)
-            .try_reduce(Done::default, with)?;
+        let mut done = (0..pieces).into_par_iter().map(one).try_reduce(Done::default, with)?;
         done.computing /= rayon::current_num_threads() as u32;
         Ok(done)
     }
@@ -111,9 +105,7 @@ impl<T: PixelNumber> Work<'_, T> {
             let v = &mut room.variances[..n * count];
             self.read(variances, v, first, n)?;
             if v.iter().any(|v| v.get() < 0.0) {
-                return Err(Failure::input(
-                    "--variance: some values are negative; expected 0 or more",
-                ));
+                return Err(Failure::input("--variance: some values are negative; expected 0 or more"));
             }
             weights = Some(&*v);
         }
@@ -151,9 +143,7 @@ impl<T: PixelNumber> Work<'_, T> {
     /// Reads pixels `first..first + n` of all measurements.
     fn read(&self, reader: &NumpyReader, out: &mut [T], first: usize, n: usize) -> Result<(), Failure> {
         for (m, plane) in out.chunks_exact_mut(n).enumerate() {
-            reader
-                .read(m * self.pixels + first, plane)
-                .map_err(Failure::input)?;
+            reader.read(m * self.pixels + first, plane).map_err(Failure::input)?;
         }
         Ok(())
     }

@@ -130,12 +130,7 @@ impl TargetArguments {
 
 /// Parses the name of an integrator.
 fn integrator(name: &str) -> Result<Integrator, String> {
-    let all = [
-        Integrator::Auto,
-        Integrator::Path,
-        Integrator::Caustics,
-        Integrator::Bidirectional,
-    ];
+    let all = [Integrator::Auto, Integrator::Path, Integrator::Caustics, Integrator::Bidirectional];
     let found = all.into_iter().find(|i| i.name() == name);
     found.ok_or_else(|| format!("expected one of {}", all.map(Integrator::name).join(", ")))
 }
@@ -156,9 +151,7 @@ fn share(text: &str) -> Result<Part, String> {
 /// Parses `A-B`, or a single tile.
 fn tiles(text: &str) -> Result<Part, String> {
     let one = || text.parse().ok().map(|tile| [tile, tile]);
-    let [first, last] = pair(text, '-')
-        .or_else(one)
-        .ok_or("expected A-B, such as 0-31: tiles 0 to 31")?;
+    let [first, last] = pair(text, '-').or_else(one).ok_or("expected A-B, such as 0-31: tiles 0 to 31")?;
     let part = Part::Tiles { first, last };
     part.fault(u32::MAX).map_or(Ok(part), Err)
 }
@@ -173,27 +166,18 @@ pub(super) fn named(part: Part) -> [String; 2] {
 
 /// Formats the command that resumes a render.
 pub(super) fn again(a: &Arguments, target: &Target) -> String {
-    let slices = if a.slices.is_empty() {
-        String::new()
-    } else {
-        format!(" --slices {}", a.slices.join(","))
-    };
+    let slices =
+        if a.slices.is_empty() { String::new() } else { format!(" --slices {}", a.slices.join(",")) };
     format!(
         "sunstone render {} --resume{}{}{}{}{}{slices}{}{}{} -o {}",
         quoted(&a.scene),
         a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
         a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
-        a.replicates
-            .map_or(String::new(), |v| format!(" --replicates {v}")),
+        a.replicates.map_or(String::new(), |v| format!(" --replicates {v}")),
         a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
-        a.integrator
-            .map_or(String::new(), |v| format!(" --integrator {}", v.name())),
-        a.part
-            .or(a.tiles)
-            .map_or(String::new(), |part| format!(" {}", named(part)[0])),
-        a.light
-            .as_ref()
-            .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
+        a.integrator.map_or(String::new(), |v| format!(" --integrator {}", v.name())),
+        a.part.or(a.tiles).map_or(String::new(), |part| format!(" {}", named(part)[0])),
+        a.light.as_ref().map_or(String::new(), |v| format!(" --light {}", quoted(v))),
         a.target.words(),
         quoted(&target.path),
     )

@@ -21,13 +21,7 @@ fn about(standing: &Standing, goal: &Goal) -> String {
     let round = standing.round + 1;
     standing.error.map_or_else(
         || format!("round {round}: "),
-        |error| {
-            format!(
-                "round {round}, current error {} (target {}): ",
-                percent(error),
-                percent(goal.error)
-            )
-        },
+        |error| format!("round {round}, current error {} (target {}): ", percent(error), percent(goal.error)),
     )
 }
 
@@ -59,16 +53,11 @@ pub(super) fn run(
     let round = a.target.rounds.as_ref().zip(a.target.round).zip(a.part);
     let summary = match round {
         Some(((folder, round), part)) => {
-            let part = RoundPart {
-                part,
-                light: a.light.as_deref(),
-            };
+            let part = RoundPart { part, light: a.light.as_deref() };
             to_error.part_of_round(scene, folder, round, part, target)
         }
         None if a.part.is_some() => {
-            return Err(Failure::input(
-                "--part with --target-error needs --rounds FOLDER and --round K",
-            ));
+            return Err(Failure::input("--part with --target-error needs --rounds FOLDER and --round K"));
         }
         None => to_error.render(scene, target),
     };
@@ -83,9 +72,7 @@ pub(super) fn run(
         )));
     }
     let store = target.path.display();
-    let standing = last
-        .into_inner()
-        .unwrap_or_else(std::sync::PoisonError::into_inner);
+    let standing = last.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     output::print(&match (a.target.round, standing) {
         (Some(round), _) => format!(
             "{store}: part of round {round}, {} tiles, {} samples, {:.1} s",
@@ -109,11 +96,7 @@ fn describe(
     a: &Arguments,
     target: &Target,
 ) -> Result<String, Failure> {
-    let of = if goal.share == 0.5 {
-        "median".to_owned()
-    } else {
-        format!("{} of", percent(goal.share))
-    };
+    let of = if goal.share == 0.5 { "median".to_owned() } else { format!("{} of", percent(goal.share)) };
     let missed = if standing.next == Next::Exhausted {
         format!(
             ", above the target of {}: pixels reached the sample limit (--most-spp {})",
@@ -136,10 +119,6 @@ fn describe(
         standing.uniform,
         summary.wall_s,
         summary.discarded,
-        if a.part.is_none() {
-            in_doubt(&target.path)?
-        } else {
-            String::new()
-        },
+        if a.part.is_none() { in_doubt(&target.path)? } else { String::new() },
     ))
 }

@@ -76,23 +76,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn table(found: &Calibrated) -> String {
-    let width = found
-        .found
-        .iter()
-        .map(|f| f.name.chars().count())
-        .max()
-        .unwrap_or(0);
+    let width = found.found.iter().map(|f| f.name.chars().count()).max().unwrap_or(0);
     let mut text = String::new();
     for f in &found.found {
-        let sigma = f
-            .sigma
-            .map_or("not determined".to_owned(), |s| format!("± {s:.5}"));
-        text.push_str(&format!(
-            "{:<width$}  {:>10.5}{} {sigma}\n",
-            f.name,
-            f.value,
-            f.parameter.unit()
-        ));
+        let sigma = f.sigma.map_or("not determined".to_owned(), |s| format!("± {s:.5}"));
+        text.push_str(&format!("{:<width$}  {:>10.5}{} {sigma}\n", f.name, f.value, f.parameter.unit()));
     }
     text.push_str(&format!(
         "chi-squared {:.1}, {} degrees of freedom\n",

@@ -69,10 +69,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             reports.push((i.name().to_owned(), conformance::pulsed_laser(i.as_mut())));
         }
         if let Some(i) = &mut rig.counter {
-            reports.push((
-                i.name().to_owned(),
-                conformance::photon_counter::photon_counter(i.as_mut()),
-            ));
+            reports.push((i.name().to_owned(), conformance::photon_counter::photon_counter(i.as_mut())));
         }
         for (name, report) in &reports {
             let good = report.0.len() - report.faults().count();
@@ -89,9 +86,5 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !lines.is_empty() {
         super::super::output::print(&lines.join("\n"))?;
     }
-    if failed.is_empty() {
-        Ok(())
-    } else {
-        Err(Failure::failed(failed.join("\nerror: ")))
-    }
+    if failed.is_empty() { Ok(()) } else { Err(Failure::failed(failed.join("\nerror: "))) }
 }

@@ -30,10 +30,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let session = Prepared::load(&a.plan, a.rig.as_ref())?;
     places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
     if a.output.exists() {
-        return Err(Failure::input(format!(
-            "{}: already exists; choose a new folder",
-            a.output.display()
-        )));
+        return Err(Failure::input(format!("{}: already exists; choose a new folder", a.output.display())));
     }
     let steps = session.steps(&stand_in(&session)?)?;
     let [w, h] = SIZE;

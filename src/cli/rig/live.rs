@@ -27,21 +27,12 @@ impl Live {
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(u64::from(frames)).with_style(style)
         });
-        Self {
-            bar,
-            begun: Instant::now(),
-            first: None,
-            last: Instant::now(),
-        }
+        Self { bar, begun: Instant::now(), first: None, last: Instant::now() }
     }
 
     pub fn frame(&mut self, p: &Progress<'_>) {
         let first = *self.first.get_or_insert(p.done - 1);
-        let each = if self.bar.is_some() {
-            EACH
-        } else {
-            Duration::from_secs(5)
-        };
+        let each = if self.bar.is_some() { EACH } else { Duration::from_secs(5) };
         if self.last.elapsed() < each && p.done < p.frames {
             return;
         }
@@ -80,9 +71,7 @@ fn histogram(numbers: &[u32]) -> String {
     for n in numbers {
         counts[(*n as usize * COLUMNS / (most as usize + 1)).min(COLUMNS - 1)] += 1;
     }
-    let top = f64::from(counts.iter().copied().max().unwrap_or(0))
-        .ln_1p()
-        .max(1e-9);
+    let top = f64::from(counts.iter().copied().max().unwrap_or(0)).ln_1p().max(1e-9);
     let block = |n: &u32| {
         ['\u{2581}', '▂', '▃', '▄', '▅', '▆', '▇', '█'][(f64::from(*n).ln_1p() / top * 7.0) as usize]
     };

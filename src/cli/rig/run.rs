@@ -91,11 +91,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let (store, recovered) = session.begin(output, &steps, existing, a.sample.as_deref())?;
     if recovered.frames > 0 {
-        eprintln!(
-            "{} of {} frames exist; resuming",
-            recovered.frames,
-            steps.frames()
-        );
+        eprintln!("{} of {} frames exist; resuming", recovered.frames, steps.frames());
     }
     let mut live = Live::new(steps.frames());
     let outcome = run::run(&mut rig, &steps, store, recovered, &INTERRUPTED, &mut |p| {

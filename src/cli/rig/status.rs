@@ -32,11 +32,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             begins += 1;
             lines.push(format!("started at frame {frame}"));
         }
-        Event::Retry {
-            frame,
-            failure,
-            run_s,
-        } => {
+        Event::Retry { frame, failure, run_s } => {
             retries += 1;
             lines.push(format!("{:>9}  frame {frame}: {failure}", time(run_s)));
         }
@@ -50,11 +46,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     })
     .map_err(failed)?;
     let finished = sunstone::store::zarr::frames::FrameStore::open(&a.store).is_ok();
-    let state = if finished {
-        "finished"
-    } else {
-        "not finished; resume with --resume"
-    };
+    let state = if finished { "finished" } else { "not finished; resume with --resume" };
     let mut text = format!(
         "{}: {} frames, {state}\n{begins} starts, {retries} retries\n",
         a.store.display(),

@@ -62,11 +62,7 @@ pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     ])?;
     for r in rows {
         let number = |v: f64| {
-            if v.is_finite() {
-                format!("{v:e}")
-            } else {
-                String::new()
-            }
+            if v.is_finite() { format!("{v:e}") } else { String::new() }
         };
         writer.write_record([
             r.name.clone(),
@@ -81,9 +77,7 @@ pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
             number(r.lost),
         ])?;
     }
-    writer
-        .into_inner()
-        .map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
+    writer.into_inner().map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
 }
 
 /// Draws errors against captures; the kind of a scheme is its name up to the last space.
@@ -92,23 +86,13 @@ pub fn curve(rows: &[SchemeResult]) -> Chart {
     let mut order: Vec<&SchemeResult> = rows.iter().collect();
     order.sort_by_key(|r| r.captures);
     for row in order {
-        let kind = row
-            .name
-            .rsplit_once(' ')
-            .map_or(row.name.as_str(), |(kind, _)| kind);
+        let kind = row.name.rsplit_once(' ').map_or(row.name.as_str(), |(kind, _)| kind);
         add_point(&mut series, kind, (row.captures as f64, row.rmse), row.rmse_error);
     }
     Chart {
         title: "Reconstruction error against number of captures".to_owned(),
-        x: ChartAxis {
-            label: "captures".to_owned(),
-            ..ChartAxis::default()
-        },
-        y: ChartAxis {
-            label: "RMSE / mean T00".to_owned(),
-            log: true,
-            ..ChartAxis::default()
-        },
+        x: ChartAxis { label: "captures".to_owned(), ..ChartAxis::default() },
+        y: ChartAxis { label: "RMSE / mean T00".to_owned(), log: true, ..ChartAxis::default() },
         series,
         notes: vec![],
     }

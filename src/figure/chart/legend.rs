@@ -31,9 +31,7 @@ const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
     let named = series.iter().filter(|s| !s.name.trim().is_empty());
     let entries: Vec<_> = named.map(|s| (s, fit(s.name.trim(), TICK, NAME))).collect();
-    let wide = entries
-        .iter()
-        .map(|(_, (name, style))| width(name, *style).ceil());
+    let wide = entries.iter().map(|(_, (name, style))| width(name, *style).ceil());
     let Some(wide) = wide.reduce(f64::max) else {
         return;
     };
@@ -41,9 +39,7 @@ pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn
     let column = 3.0 * SPACE + SAMPLE + wide;
     let size = (column, LINE * entries.len() as f64 + SPACE);
     let rows = ((plot.h - SPACE) / LINE) as usize;
-    let inside = (entries.len() <= MOST_INSIDE)
-        .then(|| corner(plot, size, &busy(series, scales)))
-        .flatten();
+    let inside = (entries.len() <= MOST_INSIDE).then(|| corner(plot, size, &busy(series, scales))).flatten();
     if let Some(ground) = inside {
         page.fill(ground, Rgb([255; 3]), 0.85);
     } else {
@@ -77,12 +73,7 @@ fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
             let steps = ((b.0 - a.0).hypot(b.1 - a.1) / STEP).clamp(1.0, MOST_STEPS);
             let along = (0..steps as usize).map(|i| i as f64 / steps);
             let at = |t: f64| (a.0 + (b.0 - a.0) * t, a.1 + (b.1 - a.1) * t);
-            places.extend(
-                along
-                    .map(at)
-                    .filter(|p| scales.plot.holds(*p))
-                    .map(|p| (p, PIECE)),
-            );
+            places.extend(along.map(at).filter(|p| scales.plot.holds(*p)).map(|p| (p, PIECE)));
         }
     }
     places
@@ -112,21 +103,12 @@ pub(crate) fn sample(
     colour: Rgb<u8>,
     nib: Nib,
 ) {
-    let pen = Pen {
-        colour,
-        width: nib.line,
-        dashed: series.style == SeriesStyle::Dashed,
-    };
+    let pen = Pen { colour, width: nib.line, dashed: series.style == SeriesStyle::Dashed };
     if series.style != SeriesStyle::Markers {
         let end = 2.0 / SAMPLE * length;
         page.line(&[Some((x + end, y)), Some((x + length - end, y))], pen);
     }
     if series.style.marked() {
-        page.marker(
-            Marker::of(series.colour),
-            (x + length / 2.0, y),
-            nib.radius,
-            colour,
-        );
+        page.marker(Marker::of(series.colour), (x + length / 2.0, y), nib.radius, colour);
     }
 }

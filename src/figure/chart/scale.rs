@@ -80,11 +80,7 @@ impl Scale {
         });
         let (a, b) = if a <= b { (a, b) } else { (0.0, 1.0) };
         let largest = a.abs().max(b.abs());
-        let least = if log {
-            0.02
-        } else {
-            (NARROWEST * largest).max(1e-290)
-        };
+        let least = if log { 0.02 } else { (NARROWEST * largest).max(1e-290) };
         // A single value is drawn in the middle of an axis that still has ticks.
         let pad = if b - a > least {
             MARGIN * (b - a)
@@ -95,11 +91,7 @@ impl Scale {
         } else {
             1.0
         };
-        Ok(Self {
-            log,
-            low: a - pad,
-            high: b + pad,
-        })
+        Ok(Self { log, low: a - pad, high: b + pad })
     }
 
     /// Returns the position of a value from the low end; `None` if it is not finite or, on a logarithmic
@@ -128,10 +120,7 @@ impl Scale {
     #[must_use]
     pub fn marks(&self, most: usize) -> Marks {
         let mut marks = if !self.log {
-            Marks {
-                major: Ticks::linear(self.low, self.high, most),
-                minor: vec![],
-            }
+            Marks { major: Ticks::linear(self.low, self.high, most), minor: vec![] }
         } else if self.high - self.low >= 2.0 {
             self.decades(most)
         } else {
@@ -176,25 +165,16 @@ impl Scale {
             return Marks { major, minor };
         }
         let minor = (2..10).flat_map(|m| self.multiples(f64::from(m))).map(|t| t.1);
-        Marks {
-            minor: minor.collect(),
-            major,
-        }
+        Marks { minor: minor.collect(), major }
     }
 
     /// Labels at 1, 2 and 5 times powers of ten, or at round steps if few of those are on the axis.
     fn within_decades(&self, most: usize) -> Marks {
         let on = |t: &(f64, f64)| (0.0..=1.0).contains(&t.1);
-        let mut round: Vec<(f64, f64)> = [1.0, 2.0, 5.0]
-            .into_iter()
-            .flat_map(|m| self.multiples(m))
-            .filter(on)
-            .collect();
+        let mut round: Vec<(f64, f64)> =
+            [1.0, 2.0, 5.0].into_iter().flat_map(|m| self.multiples(m)).filter(on).collect();
         round.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let minor = (1..10)
-            .flat_map(|m| self.multiples(f64::from(m)))
-            .map(|t| t.1)
-            .collect();
+        let minor = (1..10).flat_map(|m| self.multiples(f64::from(m))).map(|t| t.1).collect();
         if round.len() >= 3 {
             let marks = round.into_iter().map(|(v, at)| (at, brief(v))).collect();
             let major = Ticks { marks, exponent: 0 };
@@ -226,12 +206,7 @@ mod tests {
     use super::*;
 
     fn axis(log: bool, range: Option<(f64, f64)>) -> ChartAxis {
-        ChartAxis {
-            label: String::new(),
-            log,
-            range,
-            named: vec![],
-        }
+        ChartAxis { label: String::new(), log, range, named: vec![] }
     }
 
     fn labels(axis: &ChartAxis) -> Vec<String> {
@@ -243,10 +218,7 @@ mod tests {
     fn log_places_are_of_powers_of_ten() {
         let s = Scale::new(&axis(true, Some((1.0, 100.0))), "y range", [].into_iter()).unwrap();
         assert_eq!(s.place(10.0), Some(0.5));
-        assert_eq!(
-            (s.place(0.0), s.place(-1.0), s.place(f64::NAN)),
-            (None, None, None)
-        );
+        assert_eq!((s.place(0.0), s.place(-1.0), s.place(f64::NAN)), (None, None, None));
         let marks = s.marks(8);
         assert_eq!(marks.major.marks[1], (0.5, "10¹".to_owned()));
         assert_eq!(marks.minor.len(), 16);
@@ -255,10 +227,7 @@ mod tests {
     #[test]
     fn labels_suit_the_span() {
         assert_eq!(labels(&axis(true, Some((3.0, 40.0)))), ["5", "10", "20"]);
-        assert_eq!(
-            labels(&axis(true, Some((0.01, 0.5)))),
-            ["0.01", "0.02", "0.05", "0.1", "0.2", "0.5"]
-        );
+        assert_eq!(labels(&axis(true, Some((0.01, 0.5)))), ["0.01", "0.02", "0.05", "0.1", "0.2", "0.5"]);
         assert_eq!(
             labels(&axis(true, Some((1.1, 1.4)))),
             ["1.10", "1.15", "1.20", "1.25", "1.30", "1.35", "1.40"]
@@ -273,10 +242,7 @@ mod tests {
 
     #[test]
     fn powers_of_ten_go_to_the_unit() {
-        let ticks = Ticks {
-            marks: vec![],
-            exponent: -6,
-        };
+        let ticks = Ticks { marks: vec![], exponent: -6 };
         assert_eq!(label("power [W]", &ticks), "power [10⁻⁶ W]");
         assert_eq!(label("loss ", &ticks), "loss (× 10⁻⁶)");
         assert_eq!(label("loss", &Ticks::default()), "loss");
@@ -308,10 +274,7 @@ mod tests {
                     let s = Scale::new(&axis(log, None), "y range", [a, b].into_iter()).unwrap();
                     for v in [a, b] {
                         let far = !log && v.abs() > LARGEST;
-                        assert!(
-                            far || s.place(v).is_none_or(|p| (0.0..=1.0).contains(&p)),
-                            "{a} {b} {s:?}"
-                        );
+                        assert!(far || s.place(v).is_none_or(|p| (0.0..=1.0).contains(&p)), "{a} {b} {s:?}");
                     }
                     assert!(s.high > s.low && (s.high - s.low).is_finite(), "{a} {b} {s:?}");
                     let _ = s.marks_across(900.0);

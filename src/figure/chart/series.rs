@@ -9,11 +9,7 @@ pub(crate) struct Nib {
 }
 
 /// The sizes for a single chart.
-pub(super) const NIB: Nib = Nib {
-    line: 2.2,
-    bar: 1.4,
-    radius: 5.2,
-};
+pub(super) const NIB: Nib = Nib { line: 2.2, bar: 1.4, radius: 5.2 };
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChartAxis {

@@ -9,22 +9,11 @@ use super::*;
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 fn series(name: &str, points: &[(f64, f64)], style: SeriesStyle, colour: usize) -> Series {
-    Series {
-        name: name.into(),
-        points: points.to_vec(),
-        errors: None,
-        style,
-        colour,
-    }
+    Series { name: name.into(), points: points.to_vec(), errors: None, style, colour }
 }
 
 fn axis(label: &str, log: bool, range: Option<(f64, f64)>) -> ChartAxis {
-    ChartAxis {
-        label: label.into(),
-        log,
-        range,
-        named: vec![],
-    }
+    ChartAxis { label: label.into(), log, range, named: vec![] }
 }
 
 fn square(series: Vec<Series>) -> Chart {
@@ -63,10 +52,7 @@ fn lines_and_markers_have_their_places() {
         series("", &[(1.3, 8.3), (6.7, 8.3)], SeriesStyle::Markers, 2),
     ]);
     let near = |a: Rgb<u8>, b: Rgb<u8>| a.0.iter().zip(b.0).all(|(a, b)| a.abs_diff(b) < 60);
-    let seen = colours(
-        &chart,
-        &[(2.2, 3.3), (7.7, 3.3), (4.3, 6.2), (1.3, 8.3), (6.7, 8.3)],
-    );
+    let seen = colours(&chart, &[(2.2, 3.3), (7.7, 3.3), (4.3, 6.2), (1.3, 8.3), (6.7, 8.3)]);
     for (seen, colour) in seen.into_iter().zip([0, 0, 1, 2, 2]) {
         assert!(near(seen, palette(colour)), "{seen:?} {colour}");
     }
@@ -105,16 +91,10 @@ fn values_that_a_log_axis_cannot_show_are_counted() {
     assert_eq!(left_out(&chart), None);
     chart.y = axis("y", true, None);
     let note = left_out(&chart).unwrap();
-    assert_eq!(
-        note,
-        "2 points at or below 0 are not shown on the logarithmic vertical axis."
-    );
+    assert_eq!(note, "2 points at or below 0 are not shown on the logarithmic vertical axis.");
     let with = draw(&chart).unwrap();
     chart.series[0].points.drain(..2);
-    assert!(
-        draw(&chart).unwrap().height() < with.height(),
-        "the note has room"
-    );
+    assert!(draw(&chart).unwrap().height() < with.height(), "the note has room");
 }
 
 #[test]
@@ -122,26 +102,14 @@ fn error_bars_reach_one_standard_error() {
     let mut s = series("", &[(2.3, 5.0), (5.3, 5.0), (8.3, 5.0)], SeriesStyle::Markers, 0);
     s.errors = Some(vec![2.0, f64::NAN, 20.0]);
     let chart = square(vec![s]);
-    let at = [
-        (2.3, 6.7),
-        (2.3, 3.4),
-        (2.3, 7.3),
-        (5.3, 6.7),
-        (8.3, 9.7),
-        (8.3, 0.3),
-    ];
+    let at = [(2.3, 6.7), (2.3, 3.4), (2.3, 7.3), (5.3, 6.7), (8.3, 9.7), (8.3, 0.3)];
     let drawn: Vec<bool> = colours(&chart, &at).into_iter().map(|c| c != WHITE).collect();
     assert_eq!(drawn, [true, true, false, false, true, true]);
 }
 
 #[test]
 fn dashes_are_black_and_have_holes() {
-    let chart = square(vec![series(
-        "",
-        &[(0.0, 3.3), (10.0, 3.3)],
-        SeriesStyle::Dashed,
-        BLACK,
-    )]);
+    let chart = square(vec![series("", &[(0.0, 3.3), (10.0, 3.3)], SeriesStyle::Dashed, BLACK)]);
     let at: Vec<(f64, f64)> = (1..999).map(|i| (f64::from(i) / 100.0, 3.3)).collect();
     let row = colours(&chart, &at);
     let dark = row.iter().filter(|c| c.0[0] < 90).count();
@@ -158,16 +126,12 @@ fn legends_keep_clear_of_the_data() {
     let (named, scales) = seen(&square(vec![line(0)]));
     let (x0, y0) = scales.plot.centre();
     assert_eq!(named.width(), bare.width());
-    for (x, y, p) in named
-        .enumerate_pixels()
-        .filter(|(x, y, p)| *p != bare.get_pixel(*x, *y))
-    {
+    for (x, y, p) in named.enumerate_pixels().filter(|(x, y, p)| *p != bare.get_pixel(*x, *y)) {
         let lower_right = f64::from(x) > x0 && f64::from(y) > y0;
         assert!(lower_right, "{x} {y} {p:?}");
     }
-    let full: Vec<(f64, f64)> = (0..400)
-        .map(|i| (f64::from(i % 20) / 2.0, f64::from(i / 20) / 2.0))
-        .collect();
+    let full: Vec<(f64, f64)> =
+        (0..400).map(|i| (f64::from(i % 20) / 2.0, f64::from(i / 20) / 2.0)).collect();
     let full = square(vec![series("name", &full, SeriesStyle::Markers, 0)]);
     assert!(draw(&full).unwrap().width() > bare.width());
     let many = draw(&square((0..30).map(line).collect())).unwrap();
@@ -198,12 +162,7 @@ fn what_cannot_be_drawn_is_refused() {
 /// deterministic.
 #[test]
 fn charts_come_out_at_a_useful_size_and_the_same_again() {
-    let styles = [
-        SeriesStyle::Dashed,
-        SeriesStyle::Band,
-        SeriesStyle::LineMarkers,
-        SeriesStyle::Line,
-    ];
+    let styles = [SeriesStyle::Dashed, SeriesStyle::Band, SeriesStyle::LineMarkers, SeriesStyle::Line];
     for (log, name) in [(false, "chart_linear"), (true, "chart_log")] {
         let chart = Chart {
             title: "Loss over captures".into(),
@@ -224,20 +183,11 @@ fn charts_come_out_at_a_useful_size_and_the_same_again() {
         let drawing = draw(&chart).unwrap();
         assert!((900..1400).contains(&drawing.width()) && (540..720).contains(&drawing.height()));
         assert_eq!(drawing, draw(&chart).unwrap());
-        for text in [
-            "Loss over captures",
-            "captures K",
-            "series 7",
-            "Bars: ±1 standard error.",
-        ] {
+        for text in ["Loss over captures", "captures K", "series 7", "Bars: ±1 standard error."] {
             assert!(drawing.svg().contains(&format!(">{text}<")), "{text}");
         }
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::save(
-                &drawing,
-                &std::path::Path::new(&folder).join(format!("{name}.png")),
-            )
-            .unwrap();
+            crate::save(&drawing, &std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
         }
     }
 }
@@ -278,6 +228,7 @@ fn any_series() -> impl Strategy<Value = Series> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn no_chart_panics(
         title in ".{0,80}",
         x in any_axis(),

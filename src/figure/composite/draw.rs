@@ -40,10 +40,7 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     let per_inch = per_inch(figure, &places);
     let scale = per_inch / MM_PER_INCH;
     let page = Drawing::new(places.width * scale, places.height * scale, &figure.title);
-    let mut pen = Scribe {
-        page: page.printed_at(per_inch),
-        scale,
-    };
+    let mut pen = Scribe { page: page.printed_at(per_inch), scale };
     for (text, at) in &places.columns {
         pen.text(text, *at, Align::Middle, HEADING);
     }
@@ -64,9 +61,7 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     let crowded = places.panels.iter().any(|placed| {
         let part = figure.parts[placed.part].as_ref();
         let of_camera = part.filter(|p| p.tile.axes.is_none());
-        let first = of_camera
-            .and_then(|p| p.tile.cells.first())
-            .zip(placed.cells.first());
+        let first = of_camera.and_then(|p| p.tile.cells.first()).zip(placed.cells.first());
         first.is_some_and(|((image, _), r)| {
             let room = PER_INCH / MM_PER_INCH;
             f64::from(image.width()) > r.w * room || f64::from(image.height()) > r.h * room
@@ -93,10 +88,7 @@ struct Scribe {
 
 impl Scribe {
     fn style(&self, em: f64) -> Style {
-        Style {
-            em: em * self.scale,
-            colour: INK,
-        }
+        Style { em: em * self.scale, colour: INK }
     }
 
     fn point(&self, (x, y): Point) -> Point {
@@ -107,12 +99,7 @@ impl Scribe {
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));
-        Rect {
-            x,
-            y,
-            w: (snap(r.x + r.w) - x).max(1.0),
-            h: (snap(r.y + r.h) - y).max(1.0),
-        }
+        Rect { x, y, w: (snap(r.x + r.w) - x).max(1.0), h: (snap(r.y + r.h) - y).max(1.0) }
     }
 
     fn text(&mut self, text: &str, at: Point, align: Align, em: f64) {
@@ -122,23 +109,13 @@ impl Scribe {
     fn line(&mut self, points: &[Point], colour: Rgb<u8>, width: f64) {
         let points: Vec<_> = points.iter().map(|p| Some(self.point(*p))).collect();
         let width = width * self.scale;
-        let pen = Pen {
-            colour,
-            width,
-            dashed: false,
-        };
+        let pen = Pen { colour, width, dashed: false };
         self.page.line(&points, pen);
     }
 
     fn frame(&mut self, r: Rect, colour: Rgb<u8>, width: f64) {
         let (right, bottom) = (r.x + r.w, r.y + r.h);
-        let corners = [
-            (r.x, r.y),
-            (right, r.y),
-            (right, bottom),
-            (r.x, bottom),
-            (r.x, r.y),
-        ];
+        let corners = [(r.x, r.y), (right, r.y), (right, bottom), (r.x, bottom), (r.x, r.y)];
         self.line(&corners, colour, width);
     }
 
@@ -210,12 +187,7 @@ impl Scribe {
         for (at, label) in &across.marks {
             let x = r.x + at * r.w;
             self.line(&[(x, bottom), (x, bottom + MARK)], INK, THIN);
-            self.text(
-                label,
-                (x, bottom + MARK + SPACE + TICK / 2.0 - 0.3),
-                Align::Middle,
-                TICK,
-            );
+            self.text(label, (x, bottom + MARK + SPACE + TICK / 2.0 - 0.3), Align::Middle, TICK);
         }
         for x in minor.iter().map(|at| r.x + at * r.w) {
             self.line(&[(x, bottom), (x, bottom + MARK / 2.0)], INK, THIN / 2.0);
@@ -256,11 +228,7 @@ impl Scribe {
             let y = r.y + (1.0 - at) * r.h;
             self.line(&[(r.x, y), (r.x + r.w, y)], GRID, THIN);
         }
-        let scales = Scales {
-            x: lines.x.scale,
-            y: lines.y.scale,
-            plot: self.snapped(r),
-        };
+        let scales = Scales { x: lines.x.scale, y: lines.y.scale, plot: self.snapped(r) };
         let (palette, nib) = (|i| lines.colour(i), self.nib());
         chart::curves(&mut self.page, &lines.series, scales, &palette, nib);
         chart::markers(&mut self.page, &lines.series, scales, &palette, nib);
@@ -268,11 +236,7 @@ impl Scribe {
 
     /// Returns line widths and marker size of series.
     fn nib(&self) -> Nib {
-        Nib {
-            line: CURVE * self.scale,
-            bar: THIN * self.scale,
-            radius: DOT * self.scale,
-        }
+        Nib { line: CURVE * self.scale, bar: THIN * self.scale, radius: DOT * self.scale }
     }
 
     fn legend(&mut self, lines: &Lines, entries: &[(usize, Point)], r: Rect) {
@@ -300,11 +264,8 @@ impl Scribe {
         let (dx, dy) = (dx / length, dy / length);
         let long = HEAD.0.min(length);
         let foot = (to.0 - long * dx, to.1 - long * dy);
-        let head = [
-            to,
-            (foot.0 - HEAD.1 * dy, foot.1 + HEAD.1 * dx),
-            (foot.0 + HEAD.1 * dy, foot.1 - HEAD.1 * dx),
-        ];
+        let head =
+            [to, (foot.0 - HEAD.1 * dy, foot.1 + HEAD.1 * dx), (foot.0 + HEAD.1 * dy, foot.1 - HEAD.1 * dx)];
         let bright: u32 = ink.0.iter().map(|c| u32::from(*c)).sum();
         let rim = if bright > 600 { INK } else { WHITE };
         let end = (to.0 - 0.9 * long * dx, to.1 - 0.9 * long * dy);
@@ -318,20 +279,12 @@ impl Scribe {
     /// Draws a white line under its label, on a dark ground.
     fn scale_bar(&mut self, label: &str, r: Rect) {
         let wide = width(label, self.style(TICK)) / self.scale;
-        let ground = Rect {
-            x: r.x - 0.5,
-            y: r.y - TICK - 0.4,
-            w: r.w.max(wide) + 1.0,
-            h: TICK + r.h + 0.8,
-        };
+        let ground = Rect { x: r.x - 0.5, y: r.y - TICK - 0.4, w: r.w.max(wide) + 1.0, h: TICK + r.h + 0.8 };
         let ground = self.snapped(ground);
         self.page.fill(ground, Rgb([0; 3]), 0.5);
         let bar = self.snapped(r);
         self.page.fill(bar, WHITE, 1.0);
-        let style = Style {
-            colour: WHITE,
-            ..self.style(TICK)
-        };
+        let style = Style { colour: WHITE, ..self.style(TICK) };
         let at = self.point((r.x, r.y - TICK / 2.0 - 0.1));
         self.page.text(label, at, Align::Start, style);
     }

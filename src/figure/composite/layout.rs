@@ -123,11 +123,7 @@ fn below(tile: &Tile, w: f64) -> f64 {
         let last = legend(lines, w).pop();
         last.map_or(0.0, |(_, (_, y))| y + 0.5 * LINE * TICK)
     });
-    if tile.axes.is_some() || tile.chart.is_some() {
-        UNDER + legend
-    } else {
-        0.0
-    }
+    if tile.axes.is_some() || tile.chart.is_some() { UNDER + legend } else { 0.0 }
 }
 
 /// Returns the entries of a legend in rows no wider than the image, relative to the upper left corner of the
@@ -197,11 +193,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
             rights[last] = rights[last].max(right(&p.tile));
         }
     }
-    let head = if figure.row_headings.is_empty() {
-        0.0
-    } else {
-        HEADING + 2.0 * SPACE
-    };
+    let head = if figure.row_headings.is_empty() { 0.0 } else { HEADING + 2.0 * SPACE };
     let taken: f64 =
         2.0 * EDGE + head + lefts.iter().sum::<f64>() + rights.iter().sum::<f64>() + (n - 1) as f64 * GAP;
     let p = (figure.width_mm - taken) / n as f64;
@@ -217,10 +209,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         xs.push(x);
         x += p + rights[column] + GAP;
     }
-    let mut out = Layout {
-        width: figure.width_mm,
-        ..Layout::default()
-    };
+    let mut out = Layout { width: figure.width_mm, ..Layout::default() };
     let mut y = EDGE;
     if !figure.column_headings.is_empty() {
         let middle = y + HEADING / 2.0;
@@ -279,20 +268,14 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     let picture = Rect { x, y, w, h };
     let cells = (0..tile.cells.len()).map(|i| {
         let (column, row) = ((i % tile.columns) as f64, (i / tile.columns) as f64);
-        picture.within(
-            (column * (cell + CELL_GAP), row * (high + CELL_GAP)),
-            (cell, high),
-        )
+        picture.within((column * (cell + CELL_GAP), row * (high + CELL_GAP)), (cell, high))
     });
     let at = |[x, y]: [f64; 2]| (picture.x + x * w, picture.y + y * h);
     Placed {
         part: number,
         picture,
         cells: cells.collect(),
-        bar: tile
-            .bar
-            .as_ref()
-            .map(|_| picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)))),
+        bar: tile.bar.as_ref().map(|_| picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)))),
         legend: tile.chart.as_ref().map_or(vec![], |lines| {
             let all = legend(lines, w).into_iter();
             all.map(|(i, at)| (i, (x + at.0, y + h + UNDER + at.1))).collect()
@@ -315,16 +298,8 @@ fn inset(inset: &Inset, tile: &Tile, picture: Rect) -> (Rect, Rect) {
     let crop = picture.within((x * px, y * py), (w * px, h * py));
     let large = (crop.w * inset.magnify, crop.h * inset.magnify);
     let to = (
-        if inset.corner.right {
-            picture.w - large.0
-        } else {
-            0.0
-        },
-        if inset.corner.lower {
-            picture.h - large.1
-        } else {
-            0.0
-        },
+        if inset.corner.right { picture.w - large.0 } else { 0.0 },
+        if inset.corner.lower { picture.h - large.1 } else { 0.0 },
     );
     (crop, picture.within(to, large))
 }

@@ -125,11 +125,7 @@ impl Corner {
 #[must_use]
 pub fn letter(i: usize) -> String {
     let one = |i: usize| char::from(b'a' + (i % 26) as u8);
-    if i < 26 {
-        format!("({})", one(i))
-    } else {
-        format!("({}{})", one(i / 26 - 1), one(i))
-    }
+    if i < 26 { format!("({})", one(i)) } else { format!("({}{})", one(i / 26 - 1), one(i)) }
 }
 
 impl Inset {
@@ -161,10 +157,7 @@ impl Inset {
             let length = (size * f64::from(n)).round().max(1.0) as u32;
             (first, length.min(n - first))
         };
-        let ((x, w), (y, h)) = (
-            along(self.crop[0], self.crop[2], w),
-            along(self.crop[1], self.crop[3], h),
-        );
+        let ((x, w), (y, h)) = (along(self.crop[0], self.crop[2], w), along(self.crop[1], self.crop[3], h));
         [x, y, w, h]
     }
 }

@@ -14,14 +14,7 @@ use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
 fn part(tile: Tile) -> Part {
-    Part {
-        tile,
-        span: 1,
-        caption: String::new(),
-        insets: vec![],
-        arrows: vec![],
-        scale_bar: None,
-    }
+    Part { tile, span: 1, caption: String::new(), insets: vec![], arrows: vec![], scale_bar: None }
 }
 
 /// An image whose pixels all differ.
@@ -62,11 +55,7 @@ fn curves(legend: bool) -> Tile {
     let chart = Chart {
         x: axis("electrons", true, (1.0, 1000.0)),
         y: axis("worth", false, (0.0, 1.0)),
-        series: vec![
-            series("ours", 0.25, 0),
-            series("theirs", 0.75, 1),
-            series("", 0.5, 2),
-        ],
+        series: vec![series("ours", 0.25, 0), series("theirs", 0.75, 1), series("", 0.5, 2)],
         ..Chart::default()
     };
     of_chart(&chart, legend).expect("a chart")
@@ -93,10 +82,7 @@ fn charts_have_their_places_and_their_legend() {
         assert_eq!(at(&img, (x + SAMPLE / 2.0, *y), scale), Rgb(colour));
     }
     // If the figure is only as wide as a word, each name has its own row.
-    let narrow = Composite {
-        width_mm: 31.0,
-        ..figure(1, vec![Some(part(curves(true)))])
-    };
+    let narrow = Composite { width_mm: 31.0, ..figure(1, vec![Some(part(curves(true)))]) };
     let rows = layout(&narrow).expect("places").panels[0].legend.clone();
     assert!(near(rows[1].1.1 - rows[0].1.1, LINE * TICK) && near(rows[1].1.0, rows[0].1.0));
 }
@@ -138,16 +124,11 @@ fn bars_headings_and_spans_have_their_room() {
     f.column_headings = vec!["a".into(), "b".into(), "c".into()];
     f.row_headings = vec!["r".into()];
     let places = layout(&f).expect("places");
-    let [one, two, three] = &places.panels[..] else {
-        panic!("{places:?}")
-    };
+    let [one, two, three] = &places.panels[..] else { panic!("{places:?}") };
     let p = one.picture.w;
     let head = HEADING + 2.0 * SPACE;
     assert!(near(one.picture.x, EDGE + head) && near(one.picture.y, EDGE + HEADING + SPACE));
-    assert!(
-        near(two.picture.x, EDGE + head + 2.0 * (p + GAP)),
-        "the free place is kept"
-    );
+    assert!(near(two.picture.x, EDGE + head + 2.0 * (p + GAP)), "the free place is kept");
     let bar = two.bar.expect("a bar");
     assert!(near(bar.x, two.picture.x + p + 1.0) && near(bar.w, BAR) && near(bar.h, p));
     assert!(bar.x + bar.w < 84.0 - EDGE);
@@ -161,29 +142,12 @@ fn bars_headings_and_spans_have_their_room() {
 /// The sixteen images of a grid divide their panel evenly.
 #[test]
 fn grids_part_their_panel() {
-    let axis = |kind, n: usize| Axis {
-        kind,
-        coords: (0..n).map(|i| i as f64).collect(),
-        chunk: 1,
-    };
-    let kinds = [
-        (AxisKind::Y, 2),
-        (AxisKind::X, 2),
-        (AxisKind::StokesOut, 4),
-        (AxisKind::StokesIn, 4),
-    ];
+    let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
+    let kinds = [(AxisKind::Y, 2), (AxisKind::X, 2), (AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4)];
     let mean = Tensor::zeros("s", kinds.map(|(k, n)| axis(k, n)).into());
-    let view = View::Mueller(MuellerView {
-        slice: "s".into(),
-        wavelength_nm: None,
-        normalized: true,
-        limit: None,
-    });
-    let panel = Panel {
-        mean: &mean,
-        std_error: None,
-        overflow: None,
-    };
+    let view =
+        View::Mueller(MuellerView { slice: "s".into(), wavelength_nm: None, normalized: true, limit: None });
+    let panel = Panel { mean: &mean, std_error: None, overflow: None };
     let tile = of_view(&view, &panel).expect("a grid").without_bar();
     let places = layout(&figure(1, vec![Some(part(tile))])).expect("places");
     let (r, cells) = (places.panels[0].picture, &places.panels[0].cells);
@@ -210,10 +174,7 @@ fn insets_show_the_pixels_of_their_crop() {
     one.insets = vec![Inset {
         crop: [0.1, 0.2, 0.2, 0.3],
         magnify: 3.0,
-        corner: Corner {
-            right: true,
-            lower: true,
-        },
+        corner: Corner { right: true, lower: true },
         ink: Ink([1, 2, 3]),
     }];
     assert_eq!(one.insets[0].pixels([20, 10]), [2, 2, 4, 3]);
@@ -226,10 +187,7 @@ fn insets_show_the_pixels_of_their_crop() {
     assert!(near(large.w, 12.0 * px) && near(large.x + large.w, r.x + r.w));
     assert!(near(large.h, 9.0 * px) && near(large.y + large.h, r.y + r.h));
     for (i, j) in (0..4_u8).flat_map(|i| (0..3_u8).map(move |j| (i, j))) {
-        let middle = (
-            large.x + (f64::from(i) + 0.5) * 3.0 * px,
-            large.y + (f64::from(j) + 0.5) * 3.0 * px,
-        );
+        let middle = (large.x + (f64::from(i) + 0.5) * 3.0 * px, large.y + (f64::from(j) + 0.5) * 3.0 * px);
         assert_eq!(at(&img, middle, scale), Rgb([i + 3, j + 3, 200]), "({i}, {j})");
     }
     // The rest of the image is unchanged.
@@ -242,23 +200,15 @@ fn insets_show_the_pixels_of_their_crop() {
 fn arrows_point_where_they_should() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
         let mut one = part(Tile::image(numbered(20, 20)));
-        one.arrows = vec![Arrow {
-            from: [0.05, 0.05],
-            to,
-            ink: Ink([213, 94, 0]),
-        }];
+        one.arrows = vec![Arrow { from: [0.05, 0.05], to, ink: Ink([213, 94, 0]) }];
         let (img, places, scale) = pixels(&figure(1, vec![Some(one)]));
         let placed = &places.panels[0];
         let (from, tip) = placed.arrows[0];
         let r = placed.picture;
         assert!(near(tip.0, r.x + to[0] * r.w) && near(tip.1, r.y + to[1] * r.h));
         let length = (tip.0 - from.0).hypot(tip.1 - from.1);
-        let along = |mm: f64| {
-            (
-                tip.0 + mm * (tip.0 - from.0) / length,
-                tip.1 + mm * (tip.1 - from.1) / length,
-            )
-        };
+        let along =
+            |mm: f64| (tip.0 + mm * (tip.0 - from.0) / length, tip.1 + mm * (tip.1 - from.1) / length);
         for mm in [-0.5, -1.0, -3.0, -0.9 * length] {
             assert_eq!(at(&img, along(mm), scale), Rgb([213, 94, 0]), "{to:?} {mm}");
         }
@@ -285,11 +235,7 @@ fn figures_have_their_size_on_paper() {
     assert!((width - 84.0).abs() < 0.1, "{width}");
     let pdf = String::from_utf8_lossy(&drawing.pdf().expect("a PDF")).into_owned();
     let page = pdf.split_once("/MediaBox [").expect("a page").1;
-    let points: f64 = page
-        .split_whitespace()
-        .nth(2)
-        .and_then(|v| v.parse().ok())
-        .expect("a width");
+    let points: f64 = page.split_whitespace().nth(2).and_then(|v| v.parse().ok()).expect("a width");
     assert!((points - 84.0 * 72.0 / 25.4).abs() < 0.3, "{points}");
     let again = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
     assert_eq!(again.png().expect("PNG"), drawing.png().expect("PNG"));

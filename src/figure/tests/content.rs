@@ -11,18 +11,12 @@ fn wave<const N: usize>(nm: &[f64], lengths: [(AxisKind, usize); N]) -> Vec<Axis
 
 #[test]
 fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
-    let t = tensor(
-        wave(
-            &RGB_NM,
-            [(Y, 2), (X, 4), (V, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)],
-        ),
-        |at| {
-            // Four entries are summed; elements other than M00 would change the image.
-            let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
-            let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
-            if m00 { f64::from(u8::from(on)) / 4.0 } else { 9.0 }
-        },
-    );
+    let t = tensor(wave(&RGB_NM, [(Y, 2), (X, 4), (V, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)]), |at| {
+        // Four entries are summed; elements other than M00 would change the image.
+        let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
+        let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
+        if m00 { f64::from(u8::from(on)) / 4.0 } else { 9.0 }
+    });
     let (img, r) = seen(&white_view(1.0), &panel(&t));
     let row = [0.125, 0.375, 0.625, 0.875].map(|x| colour(&img, r, x, 0.75));
     assert_eq!(row, [[0, 0, 255], [0, 255, 0], [255, 0, 0], [255, 255, 255]]);
@@ -34,28 +28,29 @@ fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
 
 #[test]
 fn photo_is_exposed_to_the_99th_percentile() {
-    let t = tensor(vec![counted(Y, 10), counted(X, 100)], |at| {
-        if at.i(Y) == 0 && at.i(X) == 0 { 1e6 } else { 2.0 }
-    });
+    let t =
+        tensor(
+            vec![counted(Y, 10), counted(X, 100)],
+            |at| {
+                if at.i(Y) == 0 && at.i(X) == 0 { 1e6 } else { 2.0 }
+            },
+        );
     let (img, r) = seen(&photo_view(), &panel(&t));
     assert_eq!(colour(&img, r, 0.5, 0.5), [255, 255, 255]);
 }
 
 #[test]
 fn mueller_signs_have_their_colours_and_undefined_is_grey() {
-    let t = tensor(
-        wave(&[635.0], [(Y, 2), (X, 2), (StokesOut, 4), (StokesIn, 4)]),
-        |at| {
-            let m00 = if at.i(Y) == 0 { 0.0 } else { 4.0 };
-            match (at.i(StokesOut), at.i(StokesIn)) {
-                (0, 0) => m00,
-                (1, 1) => 0.9 * m00,
-                (2, 3) => -0.9 * m00,
-                (3, 2) => 1.0,
-                _ => 0.0,
-            }
-        },
-    );
+    let t = tensor(wave(&[635.0], [(Y, 2), (X, 2), (StokesOut, 4), (StokesIn, 4)]), |at| {
+        let m00 = if at.i(Y) == 0 { 0.0 } else { 4.0 };
+        match (at.i(StokesOut), at.i(StokesIn)) {
+            (0, 0) => m00,
+            (1, 1) => 0.9 * m00,
+            (2, 3) => -0.9 * m00,
+            (3, 2) => 1.0,
+            _ => 0.0,
+        }
+    });
     let (img, r) = seen(&mueller_view(true), &panel(&t));
     let grid = mueller::panels((400.0, 400.0), 8.0);
     let at = |[out, inn]: [usize; 2], down: f64| {
@@ -75,10 +70,9 @@ fn mueller_signs_have_their_colours_and_undefined_is_grey() {
 
 #[test]
 fn mueller_limit_wavelength_and_raw_values_are_honoured() {
-    let t = tensor(
-        wave(&RGB_NM, [(Y, 1), (X, 1), (StokesOut, 4), (StokesIn, 4)]),
-        |at| [-1.0, 0.0, 1.0][at.i(Wavelength)] * 0.5,
-    );
+    let t = tensor(wave(&RGB_NM, [(Y, 1), (X, 1), (StokesOut, 4), (StokesIn, 4)]), |at| {
+        [-1.0, 0.0, 1.0][at.i(Wavelength)] * 0.5
+    });
     let one = |nm: f64, limit: f32| {
         let view = View::Mueller(MuellerView {
             slice: "s".into(),
@@ -107,11 +101,7 @@ fn scanlines() -> Tensor {
             axis(Wavelength, RGB_NM.to_vec()),
         ],
         |at| {
-            if at.i(Y) == 1 && at.i(X) == 3 && at.i(T) == 5 && at.i(Wavelength) != 0 {
-                1.0
-            } else {
-                0.0
-            }
+            if at.i(Y) == 1 && at.i(X) == 3 && at.i(T) == 5 && at.i(Wavelength) != 0 { 1.0 } else { 0.0 }
         },
     )
 }
@@ -146,16 +136,9 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
     for (rows, columns) in [(1, 8), (8, 1)] {
         let t = tensor(axes(rows, columns), value);
         let (img, r) = seen(&View::SpaceSpace(map_view(0, [0, 0], None)), &panel(&t));
-        assert_eq!(
-            colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
-            bright,
-            "{rows} × {columns}"
-        );
+        assert_eq!(colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0), bright, "{rows} × {columns}");
         let (img, r) = seen(&View::SpaceSpace(map_view(0, [1, 0], None)), &panel(&t));
-        assert_eq!(
-            colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
-            crate::colour::signed(-1.0).0
-        );
+        assert_eq!(colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0), crate::colour::signed(-1.0).0);
         assert_eq!(colour(&img, r, 5.5 / 8.0, 5.5 / 8.0), UNDEFINED.0);
     }
 }
@@ -177,9 +160,7 @@ fn flight_frames_follow_the_light() {
     }
     assert_eq!(places.len(), 3);
     // The animation has the same frames, on pages of one size.
-    let View::Flight(view) = flight_view(3) else {
-        unreachable!()
-    };
+    let View::Flight(view) = flight_view(3) else { unreachable!() };
     let frames = animate(&view, "t", &panel(&t)).unwrap();
     for (frame, column) in frames.iter().zip([0.0, 3.0, 5.0]) {
         let img = frame.pixels().unwrap();
@@ -192,19 +173,9 @@ fn flight_frames_follow_the_light() {
 
 fn steps() -> (Tensor, Tensor, Tensor) {
     let bins: Vec<f64> = (0..20).map(|i| 5.0 + 10.0 * f64::from(i)).collect();
-    let axes = vec![
-        counted(Y, 2),
-        counted(X, 4),
-        axis(T, bins),
-        axis(Wavelength, RGB_NM.to_vec()),
-    ];
-    let mean = tensor(axes.clone(), |at| {
-        if at.i(X) == 3 && at.i(Y) == 1 {
-            1.0 + at.f(Wavelength)
-        } else {
-            99.0
-        }
-    });
+    let axes = vec![counted(Y, 2), counted(X, 4), axis(T, bins), axis(Wavelength, RGB_NM.to_vec())];
+    let mean =
+        tensor(axes.clone(), |at| if at.i(X) == 3 && at.i(Y) == 1 { 1.0 + at.f(Wavelength) } else { 99.0 });
     let error = tensor(axes.clone(), |_| 0.1);
     let overflow = tensor(axes.into_iter().filter(|a| a.kind != T).collect(), |_| 1.0);
     (mean, error, overflow)
@@ -213,22 +184,13 @@ fn steps() -> (Tensor, Tensor, Tensor) {
 #[test]
 fn lines_and_bands_of_a_profile_pass_through_their_rows() {
     let (mean, error, overflow) = steps();
-    let View::Profile(view) = profile_view([3.4, 0.8], [0, 0]) else {
-        unreachable!()
-    };
-    let full = Panel {
-        mean: &mean,
-        std_error: Some(&error),
-        overflow: Some(&overflow),
-    };
+    let View::Profile(view) = profile_view([3.4, 0.8], [0, 0]) else { unreachable!() };
+    let full = Panel { mean: &mean, std_error: Some(&error), overflow: Some(&overflow) };
     let (drawing, scales) = profile::draw_with_scales(&view, "t", &full).unwrap();
     let img = drawing.pixels().unwrap();
     let (corner, end) = (scales.point((0.0, 0.0)), scales.point((200.0, 0.0)));
     let r = drawing.data;
-    assert_eq!(
-        (corner, end),
-        (Some((r.x, r.y + r.h)), Some((r.x + r.w, r.y + r.h)))
-    );
+    assert_eq!((corner, end), (Some((r.x, r.y + r.h)), Some((r.x + r.w, r.y + r.h))));
     let top = scales.point((0.0, 3.35)).unwrap().1;
     assert!((r.y - 40.0..r.y + 40.0).contains(&top), "{top}");
     let colours = crate::colour::line_colours(&RGB_NM);
@@ -242,10 +204,7 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
         assert!(near(pixel(value), line.0), "{lane}: {:?} {line:?}", pixel(value));
         let (one, two, none) = (pixel(value + 0.07), pixel(value + 0.15), pixel(value + 0.3));
         let dark = |c: [u8; 3]| 765 - c.iter().map(|v| u32::from(*v)).sum::<u32>();
-        assert!(
-            dark(one) > dark(two) && dark(two) > dark(none),
-            "{one:?} {two:?} {none:?}"
-        );
+        assert!(dark(one) > dark(two) && dark(two) > dark(none), "{one:?} {two:?} {none:?}");
         assert_eq!(none, [255; 3]);
     }
     // Without errors there is no band.

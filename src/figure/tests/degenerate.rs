@@ -60,36 +60,21 @@ proptest! {
 fn empty_and_damaged_tensors_are_errors() {
     for view in all_views() {
         let empty = Tensor::zeros("t", vec![counted(AxisKind::Y, 0)]);
-        assert!(matches!(
-            draw(&view, "", &panel(&empty)),
-            Err(FigureError::Empty { .. })
-        ));
+        assert!(matches!(draw(&view, "", &panel(&empty)), Err(FigureError::Empty { .. })));
         let mut short = Tensor::zeros("t", vec![counted(AxisKind::Y, 2), counted(AxisKind::X, 3)]);
         short.data.pop();
         let twice = Tensor::zeros("t", vec![counted(AxisKind::Y, 2), counted(AxisKind::Y, 2)]);
-        assert!(matches!(
-            draw(&view, "", &panel(&twice)),
-            Err(FigureError::Damaged { .. })
-        ));
-        assert!(matches!(
-            draw(&view, "", &panel(&short)),
-            Err(FigureError::Damaged { .. })
-        ));
+        assert!(matches!(draw(&view, "", &panel(&twice)), Err(FigureError::Damaged { .. })));
+        assert!(matches!(draw(&view, "", &panel(&short)), Err(FigureError::Damaged { .. })));
     }
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn wide_and_tiny_pictures_come_to_a_useful_size() {
     for (w, h) in [(1, 1), (2000, 1), (2000, 1500), (1, 700), (3001, 2)] {
-        let t = tensor(
-            axes([(AxisKind::Y, h), (AxisKind::X, w), (AxisKind::T, 1)]),
-            |_| 1.0,
-        );
-        for view in [
-            photo_view(),
-            flight_view(4),
-            View::SpaceTime(map_view(0, [0, 0], None)),
-        ] {
+        let t = tensor(axes([(AxisKind::Y, h), (AxisKind::X, w), (AxisKind::T, 1)]), |_| 1.0);
+        for view in [photo_view(), flight_view(4), View::SpaceTime(map_view(0, [0, 0], None))] {
             let (img, r) = seen(&view, &panel(&t));
             assert!(
                 (400..=2000).contains(&img.width().max(img.height())),
@@ -103,16 +88,10 @@ fn wide_and_tiny_pictures_come_to_a_useful_size() {
 
 #[test]
 fn zero_light_is_black_and_missing_values_are_grey() {
-    for (value, want) in [
-        (0.0, [0, 0, 0]),
-        (f64::NAN, UNDEFINED.0),
-        (f64::INFINITY, UNDEFINED.0),
-        (-1.0, [0, 0, 0]),
-    ] {
-        let t = tensor(
-            axes([(AxisKind::Y, 3), (AxisKind::X, 3), (AxisKind::T, 2)]),
-            |_| value,
-        );
+    for (value, want) in
+        [(0.0, [0, 0, 0]), (f64::NAN, UNDEFINED.0), (f64::INFINITY, UNDEFINED.0), (-1.0, [0, 0, 0])]
+    {
+        let t = tensor(axes([(AxisKind::Y, 3), (AxisKind::X, 3), (AxisKind::T, 2)]), |_| value);
         let (img, r) = seen(&photo_view(), &panel(&t));
         assert_eq!(colour(&img, r, 0.5, 0.5), want, "{value}");
     }

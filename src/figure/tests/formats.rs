@@ -23,10 +23,7 @@ fn full() -> Tensor {
 }
 
 fn frames(n: usize) -> Vec<Drawing> {
-    let view = FlightView {
-        slice: "s".into(),
-        frames: n,
-    };
+    let view = FlightView { slice: "s".into(), frames: n };
     animate(&view, "t", &panel(&full())).unwrap()
 }
 
@@ -38,26 +35,14 @@ fn a_photograph_is_an_image_in_a_frame_with_texts() {
     let named = |name: &'static str| xml.descendants().filter(move |e| e.has_tag_name(name));
     let r = drawing.data;
     assert_eq!(images(&drawing), [r]);
-    let frame = named("rect")
-        .find(|e| e.attribute("fill") == Some("none"))
-        .unwrap();
+    let frame = named("rect").find(|e| e.attribute("fill") == Some("none")).unwrap();
     assert_eq!(frame.attribute("x"), Some((r.x - 0.5).to_string().as_str()));
     assert_eq!(frame.attribute("width"), Some((r.w + 1.0).to_string().as_str()));
     let texts: Vec<&str> = named("text").filter_map(|e| e.text()).collect();
-    for text in [
-        "A <title> & more",
-        "camera column [pixel]",
-        "camera row [pixel]",
-        "0",
-        "4",
-    ] {
+    for text in ["A <title> & more", "camera column [pixel]", "camera row [pixel]", "0", "4"] {
         assert!(texts.contains(&text), "{text} is not in {texts:?}");
     }
-    assert!(
-        texts
-            .iter()
-            .any(|t| t.starts_with("Red 660 nm, green 550 nm, blue 450 nm."))
-    );
+    assert!(texts.iter().any(|t| t.starts_with("Red 660 nm, green 550 nm, blue 450 nm.")));
     // Every text is on the page.
     for at in named("text").filter_map(|e| e.attribute("x")) {
         assert!((0.0..f64::from(drawing.width())).contains(&at.parse().unwrap()));
@@ -75,16 +60,13 @@ fn maps_have_images_and_profiles_have_paths() {
         assert!(count("text") > 5, "{view:?}");
         let lines = |e: &roxmltree::Node| e.attribute("stroke-linecap").is_some();
         let lines = xml.descendants().filter(lines).count();
-        assert_eq!(
-            lines >= 3,
-            matches!(view, View::Profile(_)),
-            "{view:?}: {lines} lines"
-        );
+        assert_eq!(lines >= 3, matches!(view, View::Profile(_)), "{view:?}: {lines} lines");
     }
 }
 
 /// Set the environment variable `FIGURE_GALLERY` to a folder to write the figures there.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn same_input_same_bytes_in_every_format() {
     let (t, folder) = (full(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
@@ -107,10 +89,7 @@ fn same_input_same_bytes_in_every_format() {
             }
             let bytes = read(&format!("a.{format}"));
             assert_eq!(bytes, read(&format!("b.{format}")), "{view:?} {format}");
-            assert!(
-                String::from_utf8_lossy(&bytes).starts_with(head),
-                "{view:?} {format}"
-            );
+            assert!(String::from_utf8_lossy(&bytes).starts_with(head), "{view:?} {format}");
         }
     }
     for name in ["a.gif", "a.apng"] {
@@ -119,11 +98,7 @@ fn same_input_same_bytes_in_every_format() {
         save_animation(&frames(3), &at(name)).unwrap();
         assert_eq!(first, read(name), "{name}");
     }
-    assert_eq!(
-        std::fs::read_dir(folder.path()).unwrap().count(),
-        8,
-        "temporary files are left"
-    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 8, "temporary files are left");
 }
 
 #[test]
@@ -141,10 +116,7 @@ fn extensions_name_formats() {
         assert!(e.starts_with(name) && e.contains(".png, .svg or .pdf"), "{e}");
     }
     let file = tempfile::NamedTempFile::new().unwrap();
-    assert!(matches!(
-        save(&drawing, &file.path().join("no/a.png")),
-        Err(FigureError::Write { .. })
-    ));
+    assert!(matches!(save(&drawing, &file.path().join("no/a.png")), Err(FigureError::Write { .. })));
 }
 
 /// Returns the characters that the fonts of a PDF map their glyphs to.
@@ -170,23 +142,17 @@ fn texts_of_a_pdf_can_be_selected() {
     let bytes = drawing.pdf_with(false).unwrap();
     let pdf = String::from_utf8_lossy(&bytes);
     let known = letters(&pdf);
-    for c in title
-        .chars()
-        .chain("camera column [pixel]".chars())
-        .filter(|c| *c != ' ')
-    {
+    for c in title.chars().chain("camera column [pixel]".chars()).filter(|c| *c != ' ') {
         assert!(known.contains(c), "{c} is not in {known}");
     }
     // Each text of the page is a separate text object.
     let texts = drawing.svg().matches("<text").count();
-    assert!(
-        pdf.matches("BT\n").count() >= texts && pdf.contains("/FontFile2"),
-        "{texts} texts"
-    );
+    assert!(pdf.matches("BT\n").count() >= texts && pdf.contains("/FontFile2"), "{texts} texts");
     assert!(drawing.pdf().unwrap().len() < bytes.len());
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn animations_have_their_frames() {
     let folder = tempfile::tempdir().unwrap();
     let frames = frames(5);
@@ -194,9 +160,7 @@ fn animations_have_their_frames() {
     save_animation(&frames, &gif).unwrap();
     let decoder =
         image::codecs::gif::GifDecoder::new(std::io::BufReader::new(std::fs::File::open(&gif).unwrap()));
-    let decoded = image::AnimationDecoder::into_frames(decoder.unwrap())
-        .collect_frames()
-        .unwrap();
+    let decoded = image::AnimationDecoder::into_frames(decoder.unwrap()).collect_frames().unwrap();
     assert_eq!(decoded.len(), 5);
     // White pixels stay white, and black pixels stay black.
     for (drawing, frame) in frames.iter().zip(&decoded) {

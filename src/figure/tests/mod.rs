@@ -19,11 +19,7 @@ mod formats;
 mod refusals;
 
 fn axis(kind: AxisKind, coords: Vec<f64>) -> Axis {
-    Axis {
-        kind,
-        chunk: coords.len() as u64,
-        coords,
-    }
+    Axis { kind, chunk: coords.len() as u64, coords }
 }
 
 fn counted(kind: AxisKind, n: usize) -> Axis {
@@ -67,11 +63,7 @@ fn tensor(axes: Vec<Axis>, value: impl Fn(&At) -> f64) -> Tensor {
 }
 
 fn panel(mean: &Tensor) -> Panel<'_> {
-    Panel {
-        mean,
-        std_error: None,
-        overflow: None,
-    }
+    Panel { mean, std_error: None, overflow: None }
 }
 
 fn photo_view() -> View {
@@ -85,21 +77,11 @@ fn white_view(white: f32) -> View {
 }
 
 fn mueller_view(normalized: bool) -> View {
-    View::Mueller(MuellerView {
-        slice: "s".into(),
-        wavelength_nm: None,
-        normalized,
-        limit: None,
-    })
+    View::Mueller(MuellerView { slice: "s".into(), wavelength_nm: None, normalized, limit: None })
 }
 
 fn map_view(row: usize, element: [usize; 2], wavelength_nm: Option<f64>) -> MapView {
-    MapView {
-        slice: "s".into(),
-        wavelength_nm,
-        row,
-        element,
-    }
+    MapView { slice: "s".into(), wavelength_nm, row, element }
 }
 
 fn flight_view(frames: usize) -> View {
@@ -108,11 +90,7 @@ fn flight_view(frames: usize) -> View {
 }
 
 fn profile_view(pixel: [f64; 2], element: [usize; 2]) -> View {
-    View::Profile(ProfileView {
-        slice: "s".into(),
-        pixel,
-        element,
-    })
+    View::Profile(ProfileView { slice: "s".into(), pixel, element })
 }
 
 /// Returns one view of every kind.
@@ -158,6 +136,5 @@ fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
 
 /// Returns the colour at a position (0..1 across and down) of a rectangle.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
-    img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32)
-        .0
+    img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32).0
 }

@@ -11,29 +11,15 @@ fn message(view: &View, t: &Tensor) -> String {
 fn missing_axes_are_named_with_their_fix() {
     let still = tensor(axes([(Y, 2), (X, 2), (Wavelength, 3)]), |_| 1.0);
     let time = "slice `s` has no time axis; draw a slice with `time = {";
-    for view in [
-        View::SpaceTime(map_view(0, [0, 0], None)),
-        flight_view(3),
-        profile_view([0.0; 2], [0, 0]),
-    ] {
-        assert!(
-            message(&view, &still).starts_with(time),
-            "{view:?}: {}",
-            message(&view, &still)
-        );
+    for view in [View::SpaceTime(map_view(0, [0, 0], None)), flight_view(3), profile_view([0.0; 2], [0, 0])] {
+        assert!(message(&view, &still).starts_with(time), "{view:?}: {}", message(&view, &still));
     }
     let m = message(&View::SpaceSpace(map_view(0, [0, 0], None)), &still);
-    assert!(
-        m.contains("no projector column axis") && m.contains("projector = \"all\""),
-        "{m}"
-    );
+    assert!(m.contains("no projector column axis") && m.contains("projector = \"all\""), "{m}");
     for view in [mueller_view(true), View::SpaceSpace(map_view(0, [2, 0], None))] {
         let t = tensor(axes([(Y, 2), (X, 2), (U, 3)]), |_| 1.0);
         let m = message(&view, &t);
-        assert!(
-            m.contains("no Stokes axis") && m.contains("polarization = \"mueller\""),
-            "{m}"
-        );
+        assert!(m.contains("no Stokes axis") && m.contains("polarization = \"mueller\""), "{m}");
     }
     let scalar = tensor(vec![], |_| 1.0);
     assert!(message(&photo_view(), &scalar).contains("no camera row axis"));
@@ -41,10 +27,7 @@ fn missing_axes_are_named_with_their_fix() {
 
 #[test]
 fn options_out_of_range_are_named() {
-    let t = tensor(
-        axes([(Y, 2), (X, 2), (T, 3), (StokesOut, 4), (StokesIn, 4)]),
-        |_| 1.0,
-    );
+    let t = tensor(axes([(Y, 2), (X, 2), (T, 3), (StokesOut, 4), (StokesIn, 4)]), |_| 1.0);
     let m = message(&View::SpaceTime(map_view(2, [0, 0], None)), &t);
     assert!(m.contains("2 camera rows") && m.contains("use 0 to 1"), "{m}");
     assert!(message(&View::SpaceTime(map_view(0, [0, 4], None)), &t).contains("index 4"));

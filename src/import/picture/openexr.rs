@@ -65,10 +65,9 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
                 (own, prefix) if prefix == own || prefix.starts_with(&format!("{own}.")) => prefix.to_owned(),
                 (own, prefix) => format!("{own}.{prefix}"),
             };
-            let known = layers.entry(name).or_insert_with(|| Part {
-                channels: Layer::new(),
-                size: [part.size.0, part.size.1],
-            });
+            let known = layers
+                .entry(name)
+                .or_insert_with(|| Part { channels: Layer::new(), size: [part.size.0, part.size.1] });
             known.channels.insert(last, &channel.sample_data);
         }
     }
@@ -77,11 +76,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     let chosen = &layers[name];
     let (channels, is_xyz) = colours(name, &chosen.channels)?;
     if layers.len() > 1 && layer.is_none() {
-        notes.push(format!(
-            "the file has {} layers; {} is used",
-            layers.len(),
-            said(name)
-        ));
+        notes.push(format!("the file has {} layers; {} is used", layers.len(), said(name)));
     }
     let given = image
         .attributes
@@ -99,10 +94,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
             FlatSamples::F32(v) => v.clone(),
             FlatSamples::U32(_) => {
                 return Err(PictureError::new(
-                    format!(
-                        "{} of the OpenEXR file has 32-bit integer channels (identifiers)",
-                        said(name)
-                    ),
+                    format!("{} of the OpenEXR file has 32-bit integer channels (identifiers)", said(name)),
                     "export the channels as half or float",
                 ));
             }
@@ -114,14 +106,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
             }
         }
     }
-    Ok(Pixels {
-        width,
-        height,
-        values,
-        encoded: false,
-        to_rgb,
-        notes,
-    })
+    Ok(Pixels { width, height, values, encoded: false, to_rgb, notes })
 }
 
 /// Returns the layer of a channel, and the last part of its name in capitals.
@@ -140,21 +125,13 @@ fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
 
 /// Returns a layer's name for messages.
 fn said(name: &str) -> String {
-    if name.is_empty() {
-        "the unnamed layer".to_owned()
-    } else {
-        format!("layer `{name}`")
-    }
+    if name.is_empty() { "the unnamed layer".to_owned() } else { format!("layer `{name}`") }
 }
 
 /// Returns the name of the selected layer: the requested one, the only one, the unnamed one, the only colour
 /// layer, Blender's `Combined` or the only usable one.
 fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result<&'a str, PictureError> {
-    let list = layers
-        .keys()
-        .map(|n| format!("`{n}`"))
-        .collect::<Vec<_>>()
-        .join(", ");
+    let list = layers.keys().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
     if let Some(asked) = asked {
         return match layers.get_key_value(asked) {
             Some((name, _)) => Ok(name),
@@ -166,10 +143,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
     }
     let is_colour = |l: &Layer| ["R", "G", "B"].iter().all(|c| l.contains_key(*c));
     let only = |fits: &dyn Fn(&str, &Layer) -> bool| {
-        let mut all = layers
-            .iter()
-            .filter(|(n, p)| fits(n, &p.channels))
-            .map(|(n, _)| n.as_str());
+        let mut all = layers.iter().filter(|(n, p)| fits(n, &p.channels)).map(|(n, _)| n.as_str());
         all.next().filter(|_| all.next().is_none())
     };
     let is_usable = |l: &Layer| colours("", l).is_ok();
@@ -180,10 +154,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
         .or_else(|| only(&|_, l| is_usable(l)))
         .ok_or_else(|| {
             PictureError::new(
-                format!(
-                    "the OpenEXR file has {} layers, and the image layer is ambiguous",
-                    layers.len()
-                ),
+                format!("the OpenEXR file has {} layers, and the image layer is ambiguous", layers.len()),
                 format!("set `layer` to one of: {list}"),
             )
         })
@@ -191,12 +162,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
 
 /// Returns the one or three image channels of a layer, and whether they are CIE XYZ.
 fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, bool), PictureError> {
-    let all = |names: &[&str]| {
-        names
-            .iter()
-            .map(|n| layer.get(*n).copied())
-            .collect::<Option<Vec<_>>>()
-    };
+    let all = |names: &[&str]| names.iter().map(|n| layer.get(*n).copied()).collect::<Option<Vec<_>>>();
     if let Some(rgb) = all(&["R", "G", "B"]) {
         return Ok((rgb, false));
     }
@@ -216,10 +182,7 @@ fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, b
         _ => {
             let list = layer.keys().cloned().collect::<Vec<_>>().join(", ");
             Err(PictureError::new(
-                format!(
-                    "{} of the OpenEXR file has unsupported channels: {list}",
-                    said(name)
-                ),
+                format!("{} of the OpenEXR file has unsupported channels: {list}", said(name)),
                 "provide channels R, G and B, or X, Y and Z, or a single channel",
             ))
         }

@@ -29,26 +29,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let factor = if scale == 0.0 { 1.0 } else { scale.abs() };
     let value = |b: &[u8]| {
         let b = [b[0], b[1], b[2], b[3]];
-        let v = if scale <= 0.0 {
-            f32::from_le_bytes(b)
-        } else {
-            f32::from_be_bytes(b)
-        };
+        let v = if scale <= 0.0 { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) };
         v * factor
     };
     let pixel = |p: &[u8]| {
         let at = |c: usize| value(&p[4 * (c % colours)..]);
         [at(0), at(1), at(2)]
     };
-    let rows = data[..4 * colours * count]
-        .chunks_exact(4 * colours * width)
-        .rev();
+    let rows = data[..4 * colours * count].chunks_exact(4 * colours * width).rev();
     Ok(Pixels {
         width,
         height,
-        values: rows
-            .flat_map(|row| row.chunks_exact(4 * colours).map(pixel))
-            .collect(),
+        values: rows.flat_map(|row| row.chunks_exact(4 * colours).map(pixel)).collect(),
         encoded: false,
         to_rgb: None,
         notes: vec![],

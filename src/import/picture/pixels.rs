@@ -24,25 +24,17 @@ pub struct PictureError {
 
 impl PictureError {
     pub(super) fn new(message: impl Into<String>, help: impl Into<String>) -> Self {
-        Self {
-            message: message.into(),
-            help: help.into(),
-        }
+        Self { message: message.into(), help: help.into() }
     }
 
     pub(super) fn damaged(format: &str, what: impl std::fmt::Display) -> Self {
-        Self::new(
-            format!("the {format} file is damaged: {what}"),
-            "copy or export the file again",
-        )
+        Self::new(format!("the {format} file is damaged: {what}"), "copy or export the file again")
     }
 }
 
 /// Returns width × height, unless it exceeds the limit.
 pub(super) fn pixel_count(format: &str, width: usize, height: usize) -> Result<usize, PictureError> {
-    let count = width
-        .checked_mul(height)
-        .filter(|n| (1..=MOST_PIXELS).contains(n));
+    let count = width.checked_mul(height).filter(|n| (1..=MOST_PIXELS).contains(n));
     count.ok_or_else(|| {
         PictureError::new(
             format!("the {format} file has {width} × {height} pixels, outside the supported range"),

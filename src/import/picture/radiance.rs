@@ -20,17 +20,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let mut header = header(&mut rest)?;
     let resolution = line(&mut rest).ok_or_else(|| damaged("the resolution is missing"))?;
     let layout = Layout::parse(&resolution).ok_or_else(|| {
-        damaged(format!(
-            "expected a resolution such as `-Y 512 +X 1024`, got `{resolution}`"
-        ))
+        damaged(format!("expected a resolution such as `-Y 512 +X 1024`, got `{resolution}`"))
     })?;
     let (width, height) = (layout.width, layout.height);
     let count = pixel_count("Radiance", width, height)?;
-    let (length, lines) = if layout.by_columns {
-        (height, width)
-    } else {
-        (width, height)
-    };
+    let (length, lines) = if layout.by_columns { (height, width) } else { (width, height) };
     let mut values = vec![[0.0; 3]; count];
     let mut scan = vec![[0; 4]; length];
     for k in 0..lines {
@@ -51,14 +45,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
             "EXPOSURE and COLORCORR are undone: values are divided by {r} {g} {b} (Mitsuba ignores these keys)"
         ));
     }
-    Ok(Pixels {
-        width,
-        height,
-        values,
-        encoded: false,
-        to_rgb,
-        notes: header.notes,
-    })
+    Ok(Pixels { width, height, values, encoded: false, to_rgb, notes: header.notes })
 }
 
 fn damaged(what: impl std::fmt::Display) -> PictureError {
@@ -68,21 +55,14 @@ fn damaged(what: impl std::fmt::Display) -> PictureError {
 /// Returns the next line without its line ending.
 fn line(rest: &mut &[u8]) -> Option<String> {
     let end = rest.iter().position(|b| *b == b'\n')?;
-    let text = String::from_utf8_lossy(&rest[..end])
-        .trim_end_matches('\r')
-        .to_owned();
+    let text = String::from_utf8_lossy(&rest[..end]).trim_end_matches('\r').to_owned();
     *rest = &rest[end + 1..];
     Some(text)
 }
 
 /// Parses the header up to the empty line.
 fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
-    let mut header = Header {
-        correction: [1.0; 3],
-        is_xyz: false,
-        primaries: None,
-        notes: vec![],
-    };
+    let mut header = Header { correction: [1.0; 3], is_xyz: false, primaries: None, notes: vec![] };
     loop {
         let text = line(rest).ok_or_else(|| damaged("the header is truncated"))?;
         if text.is_empty() {
@@ -118,9 +98,7 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
             }
             ("PRIMARIES", _) => return Err(damaged(format!("invalid header line `{text}`"))),
             ("GAMMA", Some(&[g])) if (g - 1.0).abs() > 1e-3 => {
-                header
-                    .notes
-                    .push(format!("GAMMA={g} is ignored: values are read as linear"));
+                header.notes.push(format!("GAMMA={g} is ignored: values are read as linear"));
             }
             _ => {}
         }
@@ -141,11 +119,7 @@ impl Layout {
         let mut axis = || Some((words.next()?, words.next()?.parse::<usize>().ok()?));
         let (first, second) = (axis()?, axis()?);
         let by_columns = first.0.ends_with('X');
-        let (y, x) = if by_columns {
-            (second, first)
-        } else {
-            (first, second)
-        };
+        let (y, x) = if by_columns { (second, first) } else { (first, second) };
         let one = |name: &str, minus: &str, plus: &str| match name {
             n if n == minus => Some(true),
             n if n == plus => Some(false),
@@ -193,11 +167,7 @@ fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
         let mut i = 0;
         while i < out.len() {
             let code = usize::from(take(rest)?);
-            let (count, run) = if code > 128 {
-                (code - 128, Some(take(rest)?))
-            } else {
-                (code, None)
-            };
+            let (count, run) = if code > 128 { (code - 128, Some(take(rest)?)) } else { (code, None) };
             if count == 0 || count > out.len() - i {
                 return None;
             }

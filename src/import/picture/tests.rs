@@ -21,10 +21,7 @@ fn layer(
     encoding: Encoding,
     name: Option<&str>,
 ) -> Layer<AnyChannels<FlatSamples>> {
-    let list = channels
-        .iter()
-        .map(|(n, s)| AnyChannel::new(*n, s.clone()))
-        .collect();
+    let list = channels.iter().map(|(n, s)| AnyChannel::new(*n, s.clone())).collect();
     let attributes = match name {
         Some(name) => LayerAttributes::named(name),
         None => LayerAttributes::default(),
@@ -43,11 +40,7 @@ macro_rules! written {
 
 fn openexr(names: &[(&str, usize)]) -> Vec<u8> {
     let channels: Vec<_> = names.iter().map(|(n, c)| (*n, plane(*c))).collect();
-    written!(&Image::from_layer(layer(
-        &channels,
-        Encoding::FAST_LOSSLESS,
-        None,
-    )))
+    written!(&Image::from_layer(layer(&channels, Encoding::FAST_LOSSLESS, None,)))
 }
 
 /// Checks that every pixel contains these planes.
@@ -73,14 +66,7 @@ fn openexr_channels_are_found_by_their_names() {
         (&[("Z", 4)], [4; 3]),
         (&[("A", 4)], [4; 3]),
         (&[("roughness", 4)], [4; 3]),
-        (
-            &[
-                ("ViewLayer.Combined.R", 0),
-                ("ViewLayer.Combined.G", 1),
-                ("ViewLayer.Combined.B", 2),
-            ],
-            rgb,
-        ),
+        (&[("ViewLayer.Combined.R", 0), ("ViewLayer.Combined.G", 1), ("ViewLayer.Combined.B", 2)], rgb),
         (
             &[
                 ("ViewLayer.Combined.R", 0),
@@ -105,17 +91,7 @@ fn openexr_channels_are_found_by_their_names() {
             ],
             rgb,
         ),
-        (
-            &[
-                ("R", 0),
-                ("G", 1),
-                ("B", 2),
-                ("diffuse.R", 4),
-                ("diffuse.G", 5),
-                ("diffuse.B", 6),
-            ],
-            rgb,
-        ),
+        (&[("R", 0), ("G", 1), ("B", 2), ("diffuse.R", 4), ("diffuse.G", 5), ("diffuse.B", 6)], rgb),
     ] {
         let pixels = decode("a.exr", &openexr(names), None).expect("read");
         assert_planes(&pixels, planes, &format!("{names:?}"));
@@ -138,15 +114,8 @@ fn openexr_layers_are_chosen_by_name_or_refused_with_their_list() {
     let chosen = decode("a.exr", &bytes, Some("specular")).expect("read");
     assert_planes(&chosen, [4, 5, 6], "specular");
     let error = decode("a.exr", &bytes, Some("glossy")).expect_err("no such layer");
-    assert!(
-        error.message.contains("`glossy`") && error.help.contains("`specular`"),
-        "{error:?}"
-    );
-    for names in [
-        &[("Y", 0), ("RY", 1), ("BY", 2)][..],
-        &[("R", 0), ("G", 1)],
-        &[("u", 0), ("v", 1)],
-    ] {
+    assert!(error.message.contains("`glossy`") && error.help.contains("`specular`"), "{error:?}");
+    for names in [&[("Y", 0), ("RY", 1), ("BY", 2)][..], &[("R", 0), ("G", 1)], &[("u", 0), ("v", 1)]] {
         let error = decode("a.exr", &openexr(names), None).expect_err("no image");
         assert!(error.message.contains(&names[1].0.to_uppercase()), "{error:?}");
     }
@@ -154,33 +123,19 @@ fn openexr_layers_are_chosen_by_name_or_refused_with_their_list() {
 
 #[test]
 fn openexr_parts_are_layers() {
-    let planes = |first: usize| {
-        ["R", "G", "B"]
-            .into_iter()
-            .zip([first, first + 1, first + 2].map(plane))
-    };
+    let planes = |first: usize| ["R", "G", "B"].into_iter().zip([first, first + 1, first + 2].map(plane));
     let part = |name: &str, first| {
         let channels: Vec<_> = planes(first).collect();
         layer(&channels, Encoding::FAST_LOSSLESS, Some(name))
     };
     let attributes = || ImageAttributes::new(IntegerBounds::from_dimensions((SIZE[0], SIZE[1])));
-    let both = Image::empty(attributes())
-        .with_layer(part("left", 0))
-        .with_layer(part("right", 4));
+    let both = Image::empty(attributes()).with_layer(part("left", 0)).with_layer(part("right", 4));
     let bytes = written!(&both);
     let error = decode("a.exr", &bytes, None).expect_err("ambiguous");
     assert!(error.help.contains("`left`, `right`"), "{error:?}");
-    assert_planes(
-        &decode("a.exr", &bytes, Some("right")).expect("read"),
-        [4, 5, 6],
-        "right",
-    );
+    assert_planes(&decode("a.exr", &bytes, Some("right")).expect("read"), [4, 5, 6], "right");
     let single = written!(&Image::empty(attributes()).with_layer(part("beauty", 0)));
-    assert_planes(
-        &decode("a.exr", &single, None).expect("read"),
-        [0, 1, 2],
-        "a single part",
-    );
+    assert_planes(&decode("a.exr", &single, None).expect("read"), [0, 1, 2], "a single part");
 }
 
 #[test]
@@ -188,27 +143,14 @@ fn openexr_storage_does_not_matter() {
     let rgb: Vec<_> = ["R", "G", "B"].into_iter().zip([0, 1, 2].map(plane)).collect();
     let half: Vec<_> = rgb
         .iter()
-        .map(|(n, s)| {
-            (
-                *n,
-                FlatSamples::F16(s.values_as_f32().map(f16::from_f32).collect()),
-            )
-        })
+        .map(|(n, s)| (*n, FlatSamples::F16(s.values_as_f32().map(f16::from_f32).collect())))
         .collect();
-    for compression in [
-        Compression::Uncompressed,
-        Compression::RLE,
-        Compression::ZIP1,
-        Compression::ZIP16,
-        Compression::PIZ,
-    ] {
+    for compression in
+        [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::ZIP16, Compression::PIZ]
+    {
         for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(8, 4))] {
             for channels in [&rgb, &half] {
-                let encoding = Encoding {
-                    compression,
-                    blocks,
-                    line_order: LineOrder::Increasing,
-                };
+                let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
                 let bytes = written!(&Image::from_layer(layer(channels, encoding, None)));
                 let pixels = decode("a.exr", &bytes, None).expect("read");
                 assert_planes(&pixels, [0, 1, 2], &format!("{compression:?} {blocks:?}"));
@@ -218,11 +160,7 @@ fn openexr_storage_does_not_matter() {
         }
     }
     let identifiers = FlatSamples::U32(vec![7; SIZE[0] * SIZE[1]]);
-    let bytes = written!(&Image::from_layer(layer(
-        &[("id", identifiers)],
-        Encoding::UNCOMPRESSED,
-        None,
-    )));
+    let bytes = written!(&Image::from_layer(layer(&[("id", identifiers)], Encoding::UNCOMPRESSED, None,)));
     let error = decode("a.exr", &bytes, None).expect_err("identifiers");
     assert!(error.message.contains("identifiers"), "{error:?}");
 }
@@ -238,10 +176,9 @@ fn colours_of_other_primaries_become_those_of_srgb() {
         texels(pixels, Channels::Colours, &wavelengths, &mut out);
         out[7]
     };
-    for (c, blue, green, red) in [
-        (primaries::BT709[3], 1.0, 1.0, 1.0),
-        (primaries::BT709[0], 0.0, 0.0, 1.0 / 0.212_639),
-    ] {
+    for (c, blue, green, red) in
+        [(primaries::BT709[3], 1.0, 1.0, 1.0), (primaries::BT709[0], 0.0, 0.0, 1.0 / 0.212_639)]
+    {
         let planes: Vec<_> = ["X", "Y", "Z"].into_iter().zip(xyz(c).map(constant)).collect();
         let bytes = written!(&Image::from_layer(layer(&planes, Encoding::UNCOMPRESSED, None)));
         let got = bgr(&decode("a.exr", &bytes, None).expect("read"));
@@ -251,10 +188,7 @@ fn colours_of_other_primaries_become_those_of_srgb() {
     }
     // In Rec. 2020, with the same white, grey does not change and green is outside BT.709's gamut.
     let mut image = Image::from_layer(layer(
-        &["R", "G", "B"]
-            .into_iter()
-            .zip([0.5, 0.5, 0.5].map(constant))
-            .collect::<Vec<_>>(),
+        &["R", "G", "B"].into_iter().zip([0.5, 0.5, 0.5].map(constant)).collect::<Vec<_>>(),
         Encoding::UNCOMPRESSED,
         None,
     ));
@@ -304,11 +238,7 @@ fn radiance_headers_and_orientations_are_read() {
     ] {
         let head = head.replace("\r\n", "\n");
         let pixels = decode("a.hdr", &radiance_file(&head, "-Y 3 +X 2", 0..6), None).expect("read");
-        assert_eq!(
-            (pixels.width, pixels.height, pixels.encoded),
-            (2, 3, false),
-            "{head}"
-        );
+        assert_eq!((pixels.width, pixels.height, pixels.encoded), (2, 3, false), "{head}");
         assert_eq!(pixels.values, want, "{head}");
         assert!(pixels.notes.is_empty(), "{head}: {:?}", pixels.notes);
     }
@@ -344,25 +274,7 @@ fn radiance_exposures_are_taken_back() {
 fn radiance_scan_lines_are_read_in_all_encodings() {
     // Runs by channel: a run of 9, and 1 + 8 literal values.
     let mut runs = b"#?RGBE\n\n-Y 1 +X 9\n\x02\x02\x00\x09".to_vec();
-    runs.extend([
-        128 + 9,
-        64,
-        1,
-        5,
-        8,
-        1,
-        2,
-        3,
-        4,
-        5,
-        6,
-        7,
-        8,
-        128 + 9,
-        32,
-        128 + 9,
-        129,
-    ]);
+    runs.extend([128 + 9, 64, 1, 5, 8, 1, 2, 3, 4, 5, 6, 7, 8, 128 + 9, 32, 128 + 9, 129]);
     let pixels = decode("a.hdr", &runs, None).expect("read");
     let green = [5, 1, 2, 3, 4, 5, 6, 7, 8];
     let want: Vec<_> = green.iter().map(|g| radiance_value([64, *g, 32, 129])).collect();
@@ -393,11 +305,7 @@ fn float_maps_are_read_from_the_bottom_in_either_byte_order() {
     let numbers = [1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0];
     let file = |head: &str, little: bool| {
         let mut bytes = head.as_bytes().to_vec();
-        bytes.extend(
-            numbers
-                .iter()
-                .flat_map(|v| if little { v.to_le_bytes() } else { v.to_be_bytes() }),
-        );
+        bytes.extend(numbers.iter().flat_map(|v| if little { v.to_le_bytes() } else { v.to_be_bytes() }));
         bytes
     };
     for (head, little, factor) in [("Pf\n2 3\n-1.0\n", true, 1.0), ("Pf 2 3\n2\n", false, 2.0)] {
@@ -416,9 +324,7 @@ fn float_maps_are_read_from_the_bottom_in_either_byte_order() {
 #[test]
 fn whole_numbers_are_read_from_every_format() {
     let grey = |x: u32, y: u32| (60 * x + 20 * y) as u8;
-    let want: Vec<[f32; 3]> = (0..12)
-        .map(|k| [f32::from(grey(k % 4, k / 4)) / 255.0; 3])
-        .collect();
+    let want: Vec<[f32; 3]> = (0..12).map(|k| [f32::from(grey(k % 4, k / 4)) / 255.0; 3]).collect();
     let images: [DynamicImage; 4] = [
         GrayImage::from_fn(4, 3, |x, y| Luma([grey(x, y)])).into(),
         image::GrayAlphaImage::from_fn(4, 3, |x, y| LumaA([grey(x, y), 7])).into(),
@@ -426,36 +332,18 @@ fn whole_numbers_are_read_from_every_format() {
         image::ImageBuffer::<Luma<u16>, _>::from_fn(4, 3, |x, y| Luma([257 * u16::from(grey(x, y))])).into(),
     ];
     for (image, formats) in images.iter().zip([
-        &[
-            ImageFormat::Png,
-            ImageFormat::Pnm,
-            ImageFormat::Bmp,
-            ImageFormat::Tga,
-        ][..],
+        &[ImageFormat::Png, ImageFormat::Pnm, ImageFormat::Bmp, ImageFormat::Tga][..],
         &[ImageFormat::Png, ImageFormat::Tga],
-        &[
-            ImageFormat::Png,
-            ImageFormat::Pnm,
-            ImageFormat::Bmp,
-            ImageFormat::Tga,
-        ],
+        &[ImageFormat::Png, ImageFormat::Pnm, ImageFormat::Bmp, ImageFormat::Tga],
         &[ImageFormat::Png],
     ]) {
         for format in formats {
             let name = format!("a.{}", format.extensions_str()[0]);
             let bytes = encoded(image, *format).expect("written");
             let pixels = decode(&name, &bytes, None).unwrap_or_else(|e| panic!("{name}: {e:?}"));
-            assert_eq!(
-                (pixels.width, pixels.height, pixels.encoded),
-                (4, 3, true),
-                "{name}"
-            );
+            assert_eq!((pixels.width, pixels.height, pixels.encoded), (4, 3, true), "{name}");
             assert_eq!(pixels.values, want, "{name}");
-            assert_eq!(
-                weights(&pixels),
-                want.iter().map(|p| p[0]).collect::<Vec<_>>(),
-                "{name}"
-            );
+            assert_eq!(weights(&pixels), want.iter().map(|p| p[0]).collect::<Vec<_>>(), "{name}");
         }
     }
     let error = decode("a.tif", b"II*\0\x08\0\0\0", None).expect_err("no TIFF");
@@ -475,9 +363,7 @@ fn gamma_chunks_are_noted() {
     let mut bytes = encoded(&image, ImageFormat::Png).expect("written");
     assert!(decode("a.png", &bytes, None).expect("read").notes.is_empty());
     // gAMA 1.0, with its checksum, after the header chunk of 33 bytes.
-    let chunk: [u8; 16] = [
-        0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xa0, 0x31, 0xe8, 0x96, 0x5f,
-    ];
+    let chunk: [u8; 16] = [0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xa0, 0x31, 0xe8, 0x96, 0x5f];
     bytes.splice(33..33, chunk);
     let notes = decode("a.png", &bytes, None).expect("read").notes;
     assert!(notes.len() == 1 && notes[0].contains("gAMA"), "{notes:?}");

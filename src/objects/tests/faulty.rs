@@ -55,10 +55,7 @@ pub(crate) fn faulty(scheme: &str, name: &str) -> Arc<Faulty> {
 }
 
 fn lost() -> Error {
-    Error::Generic {
-        store: "flaky",
-        source: "connection closed".into(),
-    }
+    Error::Generic { store: "flaky", source: "connection closed".into() }
 }
 
 impl Faulty {
@@ -69,10 +66,9 @@ impl Faulty {
                 7 => Fate::Unanswered,
                 _ => Fate::Done,
             }),
-            Kind::Mortal(left) if left.load(Ordering::Relaxed) <= 0 => Err(Error::PermissionDenied {
-                path: String::new(),
-                source: "killed".into(),
-            }),
+            Kind::Mortal(left) if left.load(Ordering::Relaxed) <= 0 => {
+                Err(Error::PermissionDenied { path: String::new(), source: "killed".into() })
+            }
             Kind::Mortal(left) => {
                 left.fetch_sub(changes, Ordering::Relaxed);
                 Ok(Fate::Done)
@@ -133,11 +129,7 @@ impl ObjectStore for Faulty {
         }
         match self.fate(1) {
             Ok(Fate::Done) => self.inner.delete_stream(keys),
-            Ok(Fate::Unanswered) => self
-                .inner
-                .delete_stream(keys)
-                .chain(stream::iter([Err(lost())]))
-                .boxed(),
+            Ok(Fate::Unanswered) => self.inner.delete_stream(keys).chain(stream::iter([Err(lost())])).boxed(),
             _ => stream::iter([Err(lost())]).boxed(),
         }
     }
@@ -145,12 +137,7 @@ impl ObjectStore for Faulty {
     fn list(&self, prefix: Option<&Key>) -> BoxStream<'static, Result<ObjectMeta>> {
         match self.fate(0) {
             Ok(Fate::Done) => self.inner.list(prefix),
-            Ok(_) => self
-                .inner
-                .list(prefix)
-                .take(1)
-                .chain(stream::iter([Err(lost())]))
-                .boxed(),
+            Ok(_) => self.inner.list(prefix).take(1).chain(stream::iter([Err(lost())])).boxed(),
             Err(e) => stream::iter([Err(e)]).boxed(),
         }
     }

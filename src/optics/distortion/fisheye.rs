@@ -54,10 +54,7 @@ impl Fisheye {
         let outward = slope / (1.0 + r * r);
         let n = p / r;
         let more = outward - around;
-        [
-            [around + more * n.x * n.x, more * n.x * n.y],
-            [more * n.x * n.y, around + more * n.y * n.y],
-        ]
+        [[around + more * n.x * n.x, more * n.x * n.y], [more * n.x * n.y, around + more * n.y * n.y]]
     }
 
     /// Returns the derivatives of [`Self::distort`] with respect to k1 to k4.
@@ -81,10 +78,7 @@ impl Fisheye {
             return Some(q);
         }
         let (mut low, mut high) = (0.0, WIDEST);
-        if self.radius(high)[0]
-            .partial_cmp(&want)
-            .is_none_or(std::cmp::Ordering::is_lt)
-        {
+        if self.radius(high)[0].partial_cmp(&want).is_none_or(std::cmp::Ordering::is_lt) {
             return None;
         }
         // Newton's method, with bisection where it leaves the bracket.
@@ -101,11 +95,7 @@ impl Fisheye {
                 low = theta;
             }
             let next = theta - e / slope;
-            theta = if next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
+            theta = if next > low && next < high { next } else { 0.5 * (low + high) };
         }
         None
     }

@@ -23,11 +23,7 @@ pub enum Distortion {
 impl From<Opencv> for Distortion {
     /// Returns [`Self::None`] if all coefficients are 0.
     fn from(lens: Opencv) -> Self {
-        if lens == Opencv::default() {
-            Self::None
-        } else {
-            Self::Opencv(lens)
-        }
+        if lens == Opencv::default() { Self::None } else { Self::Opencv(lens) }
     }
 }
 
@@ -94,35 +90,12 @@ mod tests {
 
     /// One lens of each model, strong but invertible within |p| < 0.6.
     fn lenses() -> Vec<Distortion> {
-        let brown = Opencv {
-            k1: -0.28,
-            k2: 0.07,
-            k3: 0.01,
-            p1: 0.002,
-            p2: -0.001,
-            ..Opencv::default()
-        };
-        let rational = Opencv {
-            k4: 0.2,
-            k5: -0.05,
-            k6: 0.03,
-            ..brown
-        };
-        let prism = Opencv {
-            s1: 0.01,
-            s2: -0.004,
-            s3: -0.008,
-            s4: 0.006,
-            ..rational
-        };
-        let tilted = Opencv {
-            tilt: Tilt::new(0.08, -0.11),
-            ..prism
-        };
+        let brown = Opencv { k1: -0.28, k2: 0.07, k3: 0.01, p1: 0.002, p2: -0.001, ..Opencv::default() };
+        let rational = Opencv { k4: 0.2, k5: -0.05, k6: 0.03, ..brown };
+        let prism = Opencv { s1: 0.01, s2: -0.004, s3: -0.008, s4: 0.006, ..rational };
+        let tilted = Opencv { tilt: Tilt::new(0.08, -0.11), ..prism };
         let opencv = [brown, rational, prism, tilted].map(Distortion::from);
-        let fisheye = Distortion::Fisheye(Fisheye {
-            k: [-0.03, 0.01, -0.004, 0.0007],
-        });
+        let fisheye = Distortion::Fisheye(Fisheye { k: [-0.03, 0.01, -0.004, 0.0007] });
         [&opencv[..], &[fisheye, Distortion::Fisheye(Fisheye::default())]].concat()
     }
 
@@ -220,17 +193,11 @@ mod tests {
 
     #[test]
     fn what_cannot_be_undone_is_none() {
-        let barrel = Distortion::from(Opencv {
-            k1: -1.0,
-            ..Opencv::default()
-        });
+        let barrel = Distortion::from(Opencv { k1: -1.0, ..Opencv::default() });
         // r - r³ has its maximum of 0.385 at r = 0.577.
         assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());
         assert!(barrel.undistort(DVec2::new(0.39, 0.0)).is_none());
-        assert_eq!(
-            barrel.complaint(DVec2::new(0.39, 0.0)),
-            "the distortion folds the image"
-        );
+        assert_eq!(barrel.complaint(DVec2::new(0.39, 0.0)), "the distortion folds the image");
         let wide = Distortion::Fisheye(Fisheye::default());
         assert!(wide.undistort(DVec2::new(1.5, 0.0)).is_some());
         assert!(wide.undistort(DVec2::new(1.6, 0.0)).is_none());

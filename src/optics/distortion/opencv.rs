@@ -55,11 +55,7 @@ impl Opencv {
     #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let bent = self.bend(p);
-        if self.tilt.is_none() {
-            bent
-        } else {
-            self.tilt.apply(bent)
-        }
+        if self.tilt.is_none() { bent } else { self.tilt.apply(bent) }
     }
 
     /// Applies all terms except the tilt.
@@ -140,14 +136,8 @@ impl Opencv {
         let across = 2.0 * (self.s1 + 2.0 * r2 * self.s2);
         let along = 2.0 * (self.s3 + 2.0 * r2 * self.s4);
         [
-            [
-                radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x + across * x,
-                cross + across * y,
-            ],
-            [
-                cross + along * x,
-                radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x + along * y,
-            ],
+            [radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x + across * x, cross + across * y],
+            [cross + along * x, radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x + along * y],
         ]
     }
 
@@ -185,8 +175,6 @@ impl Opencv {
     #[cold]
     fn follow(&self, q: DVec2) -> Option<DVec2> {
         const STEPS: i32 = 32;
-        (1..=STEPS).try_fold(DVec2::ZERO, |p, i| {
-            self.newton(q * (f64::from(i) / f64::from(STEPS)), p)
-        })
+        (1..=STEPS).try_fold(DVec2::ZERO, |p, i| self.newton(q * (f64::from(i) / f64::from(STEPS)), p))
     }
 }

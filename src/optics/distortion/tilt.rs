@@ -13,10 +13,7 @@ pub struct Tilt {
 
 impl Default for Tilt {
     fn default() -> Self {
-        Self {
-            tau: [0.0; 2],
-            forward: DMat3::IDENTITY,
-        }
+        Self { tau: [0.0; 2], forward: DMat3::IDENTITY }
     }
 }
 
@@ -34,10 +31,7 @@ impl Tilt {
         let r = about_y * about_x;
         let z = r.z_axis;
         let back = DMat3::from_cols_array(&[z.z, 0.0, -z.x, 0.0, z.z, -z.y, 0.0, 0.0, 1.0]).transpose();
-        Self {
-            tau: [tau_x, tau_y],
-            forward: back * r,
-        }
+        Self { tau: [tau_x, tau_y], forward: back * r }
     }
 
     /// Returns true if the sensor is perpendicular to the axis.
@@ -69,19 +63,12 @@ impl Tilt {
         let v = *m * DVec3::new(p.x, p.y, 1.0);
         let (x, y, w) = (v.x / v.z, v.y / v.z, 1.0 / v.z);
         let [a, b] = [m.x_axis, m.y_axis];
-        [
-            [(a.x - x * a.z) * w, (b.x - x * b.z) * w],
-            [(a.y - y * a.z) * w, (b.y - y * b.z) * w],
-        ]
+        [[(a.x - x * a.z) * w, (b.x - x * b.z) * w], [(a.y - y * a.z) * w, (b.y - y * b.z) * w]]
     }
 }
 
 #[inline]
 fn homography(m: &DMat3, p: DVec2) -> DVec2 {
     let v = *m * DVec3::new(p.x, p.y, 1.0);
-    if v.z > 0.0 {
-        DVec2::new(v.x, v.y) / v.z
-    } else {
-        DVec2::NAN
-    }
+    if v.z > 0.0 { DVec2::new(v.x, v.y) / v.z } else { DVec2::NAN }
 }

@@ -52,11 +52,7 @@ impl Chain {
     #[inline]
     #[must_use]
     pub fn start(f: Spectral) -> Self {
-        Self::Rotation {
-            f,
-            cos2: 1.0,
-            sin2: 0.0,
-        }
+        Self::Rotation { f, cos2: 1.0, sin2: 0.0 }
     }
 
     /// Multiplies by R(θ) on the right. Afterwards the product acts on Stokes vectors in a frame whose
@@ -93,11 +89,7 @@ impl Chain {
                 self.push_block(block);
                 Some(*s)
             }
-            Scatter::Full {
-                mueller,
-                frame_out,
-                frame_in,
-            } => {
+            Scatter::Full { mueller, frame_out, frame_in } => {
                 let (c2, s2) = turn(d_out, *frame_out, frame);
                 self.rotate_in(c2, s2);
                 self.push_full(mueller);
@@ -112,12 +104,7 @@ impl Chain {
         let z = Spectral::ZERO;
         let flat = [Spectral::ONE, z, z, z];
         match self {
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                row_flat,
-            } => {
+            Self::RankOne { column, row, column_flat, row_flat } => {
                 let g = row[0] * f;
                 for c in &mut column[..if *column_flat { 1 } else { 4 }] {
                     *c *= g;
@@ -126,12 +113,8 @@ impl Chain {
                 *row_flat = true;
             }
             Self::Rotation { f: g, .. } => {
-                *self = Self::RankOne {
-                    column: [*g * f, z, z, z],
-                    row: flat,
-                    column_flat: true,
-                    row_flat: true,
-                };
+                *self =
+                    Self::RankOne { column: [*g * f, z, z, z], row: flat, column_flat: true, row_flat: true };
             }
             Self::Full(m) => {
                 *self = Self::RankOne {
@@ -192,18 +175,8 @@ impl Chain {
         }
         *self = match (&*self, other) {
             (
-                Self::RankOne {
-                    column,
-                    row,
-                    column_flat,
-                    ..
-                },
-                Self::RankOne {
-                    column: far,
-                    row: between,
-                    column_flat: far_flat,
-                    ..
-                },
+                Self::RankOne { column, row, column_flat, .. },
+                Self::RankOne { column: far, row: between, column_flat: far_flat, .. },
             ) => {
                 let g = dot(row, between);
                 Self::RankOne {
@@ -213,15 +186,7 @@ impl Chain {
                     row_flat: *far_flat,
                 }
             }
-            (
-                Self::RankOne {
-                    column,
-                    row,
-                    column_flat,
-                    ..
-                },
-                other,
-            ) => {
+            (Self::RankOne { column, row, column_flat, .. }, other) => {
                 let m = other.to_mueller().m;
                 Self::RankOne {
                     column: *column,
@@ -230,15 +195,7 @@ impl Chain {
                     row_flat: false,
                 }
             }
-            (
-                own,
-                Self::RankOne {
-                    column: far,
-                    row: between,
-                    column_flat: far_flat,
-                    ..
-                },
-            ) => {
+            (own, Self::RankOne { column: far, row: between, column_flat: far_flat, .. }) => {
                 let m = own.to_mueller().m;
                 Self::RankOne {
                     column: std::array::from_fn(|i| dot(&m[i], between)),
@@ -307,14 +264,10 @@ impl Chain {
             Self::Rotation { f, cos2, sin2 } => {
                 let (c, s) = (*f * Spectral::splat(*cos2), *f * Spectral::splat(*sin2));
                 let z = Spectral::ZERO;
-                Mueller {
-                    m: [[*f, z, z, z], [z, c, s, z], [z, -s, c, z], [z, z, z, *f]],
-                }
+                Mueller { m: [[*f, z, z, z], [z, c, s, z], [z, -s, c, z], [z, z, z, *f]] }
             }
             Self::Full(m) => *m,
-            Self::RankOne { column, row, .. } => Mueller {
-                m: column.map(|c| row.map(|r| c * r)),
-            },
+            Self::RankOne { column, row, .. } => Mueller { m: column.map(|c| row.map(|r| c * r)) },
         }
     }
 }
@@ -337,23 +290,11 @@ mod tests {
         };
         let gray = Spectral::new([0.5, 0.6, 0.7, 0.8]);
         let steps = [
-            Scatter::Fresnel {
-                block: block(0.3),
-                s: at(20.0),
-            },
-            Scatter::Fresnel {
-                block: block(0.7),
-                s: at(75.0),
-            },
+            Scatter::Fresnel { block: block(0.3), s: at(20.0) },
+            Scatter::Fresnel { block: block(0.7), s: at(75.0) },
             Scatter::Depolarize(gray),
-            Scatter::Fresnel {
-                block: block(0.5),
-                s: at(-30.0),
-            },
-            Scatter::Fresnel {
-                block: block(0.9),
-                s: at(110.0),
-            },
+            Scatter::Fresnel { block: block(0.5), s: at(-30.0) },
+            Scatter::Fresnel { block: block(0.9), s: at(110.0) },
             Scatter::Full {
                 mueller: crate::polarization::elements::retarder(0.3, 1.1)
                     * crate::polarization::elements::polarizer(1.0)
@@ -375,9 +316,7 @@ mod tests {
                             plain.rotate_in(c2, s2);
                             plain = plain * block.to_mueller();
                         }
-                        Scatter::Full {
-                            mueller, frame_out, ..
-                        } => {
+                        Scatter::Full { mueller, frame_out, .. } => {
                             let (c2, s2) = turn(d, *frame_out, frame);
                             plain.rotate_in(c2, s2);
                             plain = plain * *mueller;
@@ -407,9 +346,7 @@ mod tests {
                     let (c2, s2) = turn(d, at(77.0), after);
                     ended.rotate_in(c2, s2);
                     let got = ended.finish(&mut whole);
-                    let mut ended = Mueller {
-                        m: [[Spectral::ZERO; 4]; 4],
-                    };
+                    let mut ended = Mueller { m: [[Spectral::ZERO; 4]; 4] };
                     for (i, row) in whole.chunks_exact(got.cols as usize).enumerate() {
                         ended.m[i][..row.len()].copy_from_slice(row);
                     }
@@ -440,10 +377,7 @@ mod tests {
             frame_out: at(40.0),
             frame_in: at(-65.0),
         };
-        let fresnel = |c: f32, deg: f32| Scatter::Fresnel {
-            block: block(c),
-            s: at(deg),
-        };
+        let fresnel = |c: f32, deg: f32| Scatter::Fresnel { block: block(c), s: at(deg) };
         let flat = Scatter::Depolarize(Spectral::splat(0.7));
         for steps in [
             vec![fresnel(0.3, 20.0), full, fresnel(0.7, 75.0)],
@@ -477,11 +411,7 @@ mod tests {
                 let got = chain.to_mueller();
                 for i in 0..16 {
                     let diff = got.m[i / 4][i % 4] - whole.m[i / 4][i % 4];
-                    assert!(
-                        max_lane(diff.abs()) < 2e-6,
-                        "{} steps, meet at {meet}",
-                        steps.len()
-                    );
+                    assert!(max_lane(diff.abs()) < 2e-6, "{} steps, meet at {meet}", steps.len());
                 }
             }
         }

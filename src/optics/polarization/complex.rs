@@ -14,10 +14,7 @@ impl Complex {
     #[inline]
     #[must_use]
     pub fn real(re: Spectral) -> Self {
-        Self {
-            re,
-            im: Spectral::ZERO,
-        }
+        Self { re, im: Spectral::ZERO }
     }
 
     #[inline]
@@ -29,19 +26,13 @@ impl Complex {
     #[inline]
     #[must_use]
     pub fn conj(self) -> Self {
-        Self {
-            re: self.re,
-            im: -self.im,
-        }
+        Self { re: self.re, im: -self.im }
     }
 
     #[inline]
     #[must_use]
     pub fn scale(self, f: Spectral) -> Self {
-        Self {
-            re: self.re * f,
-            im: self.im * f,
-        }
+        Self { re: self.re * f, im: self.im * f }
     }
 
     /// Returns the square root with non-negative real part. On the negative real axis the imaginary part is
@@ -65,10 +56,7 @@ impl Add for Complex {
     type Output = Self;
     #[inline]
     fn add(self, rhs: Self) -> Self {
-        Self {
-            re: self.re + rhs.re,
-            im: self.im + rhs.im,
-        }
+        Self { re: self.re + rhs.re, im: self.im + rhs.im }
     }
 }
 
@@ -76,10 +64,7 @@ impl Sub for Complex {
     type Output = Self;
     #[inline]
     fn sub(self, rhs: Self) -> Self {
-        Self {
-            re: self.re - rhs.re,
-            im: self.im - rhs.im,
-        }
+        Self { re: self.re - rhs.re, im: self.im - rhs.im }
     }
 }
 
@@ -87,10 +72,7 @@ impl Mul for Complex {
     type Output = Self;
     #[inline]
     fn mul(self, rhs: Self) -> Self {
-        Self {
-            re: self.re * rhs.re - self.im * rhs.im,
-            im: self.re * rhs.im + self.im * rhs.re,
-        }
+        Self { re: self.re * rhs.re - self.im * rhs.im, im: self.re * rhs.im + self.im * rhs.re }
     }
 }
 
@@ -120,17 +102,10 @@ mod tests {
             (4.0, 4e-5, [2.0, 1e-5]),
             (-4.0, 4e-5, [1e-5, 2.0]),
         ] {
-            let root = Complex {
-                re: Spectral::splat(re),
-                im: Spectral::splat(im),
-            }
-            .sqrt();
+            let root = Complex { re: Spectral::splat(re), im: Spectral::splat(im) }.sqrt();
             let got = [root.re, root.im].map(|x| x.to_array()[2]);
             for (g, w) in got.iter().zip(want) {
-                assert!(
-                    (g - w).abs() <= 1e-6 * w.abs(),
-                    "√({re} + {im}i) = {got:?}, not {want:?}"
-                );
+                assert!((g - w).abs() <= 1e-6 * w.abs(), "√({re} + {im}i) = {got:?}, not {want:?}");
             }
         }
     }

@@ -7,12 +7,7 @@ use super::mueller::Mueller;
 #[must_use]
 pub fn rotator(theta: f32) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
-    Mueller::splat([
-        [1., 0., 0., 0.],
-        [0., c, s, 0.],
-        [0., -s, c, 0.],
-        [0., 0., 0., 1.],
-    ])
+    Mueller::splat([[1., 0., 0., 0.], [0., c, s, 0.], [0., -s, c, 0.], [0., 0., 0., 1.]])
 }
 
 /// Rotates an element given at 0° by θ: R(-θ) M R(θ).
@@ -24,12 +19,7 @@ pub fn turned(element: Mueller, theta: f32) -> Mueller {
 /// L(θ): ideal linear polarizer with transmitting axis θ.
 #[must_use]
 pub fn polarizer(theta: f32) -> Mueller {
-    let p = Mueller::splat([
-        [0.5, 0.5, 0., 0.],
-        [0.5, 0.5, 0., 0.],
-        [0., 0., 0., 0.],
-        [0., 0., 0., 0.],
-    ]);
+    let p = Mueller::splat([[0.5, 0.5, 0., 0.], [0.5, 0.5, 0., 0.], [0., 0., 0., 0.], [0., 0., 0., 0.]]);
     turned(p, theta)
 }
 
@@ -37,24 +27,14 @@ pub fn polarizer(theta: f32) -> Mueller {
 #[must_use]
 pub fn retarder(theta: f32, delta: f32) -> Mueller {
     let (s, c) = delta.sin_cos();
-    let r = Mueller::splat([
-        [1., 0., 0., 0.],
-        [0., 1., 0., 0.],
-        [0., 0., c, s],
-        [0., 0., -s, c],
-    ]);
+    let r = Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., c, s], [0., 0., -s, c]]);
     turned(r, theta)
 }
 
 /// Mirror at normal incidence, s-frame on both sides: swaps handedness and ±45°.
 #[must_use]
 pub fn ideal_mirror() -> Mueller {
-    Mueller::splat([
-        [1., 0., 0., 0.],
-        [0., 1., 0., 0.],
-        [0., 0., -1., 0.],
-        [0., 0., 0., -1.],
-    ])
+    Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }
 
 /// Ideal depolarizer: keeps only the intensity.
@@ -89,10 +69,7 @@ mod tests {
         let q = retarder(0.0, FRAC_PI_2).lane(0);
         assert!((q[2][3] - 1.0).abs() < 1e-6 && (q[3][2] + 1.0).abs() < 1e-6);
         let out = retarder(0.0, FRAC_PI_2).apply(stokes([1., 0., 1., 0.]));
-        assert!(
-            (out[3].to_array()[0] + 1.0).abs() < 1e-6,
-            "+45° linear becomes s3 = -1"
-        );
+        assert!((out[3].to_array()[0] + 1.0).abs() < 1e-6, "+45° linear becomes s3 = -1");
     }
 
     #[test]

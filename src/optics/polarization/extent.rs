@@ -21,10 +21,7 @@ impl Extent {
     #[inline]
     #[must_use]
     pub fn with(self, other: Self) -> Self {
-        Self {
-            rows: self.rows.max(other.rows),
-            cols: self.cols.max(other.cols),
-        }
+        Self { rows: self.rows.max(other.rows), cols: self.cols.max(other.cols) }
     }
 
     /// Copies the elements of this extent, row by row from `first` in `table`, to the end of the table in the

@@ -12,11 +12,9 @@ impl Chain {
     #[inline]
     pub fn finish(&self, elements: &mut Vec<Spectral>) -> Extent {
         let (rows, cols) = match self {
-            Self::RankOne {
-                column_flat,
-                row_flat,
-                ..
-            } => (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 }),
+            Self::RankOne { column_flat, row_flat, .. } => {
+                (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 })
+            }
             _ => (4, 4),
         };
         match self {
@@ -28,10 +26,7 @@ impl Chain {
             Self::Full(m) => elements.extend_from_slice(m.m.as_flattened()),
             Self::Rotation { .. } => elements.extend_from_slice(self.to_mueller().m.as_flattened()),
         }
-        Extent {
-            rows: rows as u32,
-            cols: cols as u32,
-        }
+        Extent { rows: rows as u32, cols: cols as u32 }
     }
 
     /// [`Self::finish`] after one more non-depolarizing interaction, a factor, and a rotation of the frame of
@@ -68,12 +63,7 @@ impl Chain {
             row
         };
         let rows = match self {
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                ..
-            } => {
+            Self::RankOne { column, row, column_flat, .. } => {
                 let row = pass(row);
                 let rows = if *column_flat { 1 } else { 4 };
                 for c in &column[..rows] {
@@ -94,22 +84,14 @@ impl Chain {
                 4
             }
         };
-        Extent {
-            rows: rows as u32,
-            cols: 4,
-        }
+        Extent { rows: rows as u32, cols: 4 }
     }
 
     /// [`Self::finish`] after one more depolarizing interaction of factor `f`, without copying the chain.
     #[inline]
     pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
         let rows = match self {
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                ..
-            } => {
+            Self::RankOne { column, row, column_flat, .. } => {
                 let g = row[0] * f;
                 let rows = if *column_flat { 1 } else { 4 };
                 elements.extend(column[..rows].iter().map(|c| *c * g));
@@ -124,9 +106,6 @@ impl Chain {
                 4
             }
         };
-        Extent {
-            rows: rows as u32,
-            cols: 1,
-        }
+        Extent { rows: rows as u32, cols: 1 }
     }
 }

@@ -39,12 +39,7 @@ impl FresnelBlock {
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
-        Self {
-            a: self.a * f,
-            b: self.b * f,
-            c: self.c * f,
-            d: self.d * f,
-        }
+        Self { a: self.a * f, b: self.b * f, c: self.c * f, d: self.d * f }
     }
 
     #[inline]
@@ -116,10 +111,7 @@ pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel 
     // Power: n_t cosθ_t / (n_i cosθ_i) = root / cosθ_i; root.re is zero under total reflection.
     let factor = root.re / ci.max(Spectral::splat(1e-12));
     let transmission = FresnelBlock::from_amplitudes(t_s, t_p, factor);
-    DielectricFresnel {
-        reflection,
-        transmission,
-    }
+    DielectricFresnel { reflection, transmission }
 }
 
 #[cfg(test)]
@@ -164,10 +156,7 @@ mod tests {
     fn brewster_reflects_no_p() {
         let f = dielectric(1.5_f32.atan().cos(), Spectral::splat(1.5)).reflection;
         let [a, b, ..] = lane0(f);
-        assert!(
-            (a - b).abs() < 1e-7,
-            "all reflected light is s-polarized: {a} {b}"
-        );
+        assert!((a - b).abs() < 1e-7, "all reflected light is s-polarized: {a} {b}");
     }
 
     #[test]
@@ -203,11 +192,7 @@ mod tests {
     fn grazing_light_is_reflected() {
         let f = dielectric(0.0, Spectral::splat(1.5));
         assert!((lane0(f.reflection)[0] - 1.0).abs() < 1e-6);
-        assert!(
-            lane0(f.transmission)
-                .iter()
-                .all(|x| x.is_finite() && x.abs() < 1e-6)
-        );
+        assert!(lane0(f.transmission).iter().all(|x| x.is_finite() && x.abs() < 1e-6));
         assert!(lane0(conductor(0.0, Spectral::splat(0.2), Spectral::splat(3.0)))[0] > 0.999_99);
     }
 }

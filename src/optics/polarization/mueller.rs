@@ -29,22 +29,16 @@ impl Mueller {
     #[inline]
     #[must_use]
     pub fn transposed(&self) -> Self {
-        Self {
-            m: std::array::from_fn(|i| std::array::from_fn(|j| self.m[j][i])),
-        }
+        Self { m: std::array::from_fn(|i| std::array::from_fn(|j| self.m[j][i])) }
     }
 
-    pub const ZERO: Self = Self {
-        m: [[Spectral::ZERO; 4]; 4],
-    };
+    pub const ZERO: Self = Self { m: [[Spectral::ZERO; 4]; 4] };
 
     /// Returns the same real matrix in every lane.
     #[inline]
     #[must_use]
     pub fn splat(rows: [[f32; 4]; 4]) -> Self {
-        Self {
-            m: rows.map(|row| row.map(Spectral::splat)),
-        }
+        Self { m: rows.map(|row| row.map(Spectral::splat)) }
     }
 
     #[inline]
@@ -78,8 +72,7 @@ impl Mueller {
     #[inline]
     #[must_use]
     pub fn apply(&self, s: [Spectral; 4]) -> [Spectral; 4] {
-        self.m
-            .map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
+        self.m.map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
     }
 
     /// Returns a row vector times the matrix, `out[j] = Σ_i row[i] m[i][j]`.
@@ -119,9 +112,7 @@ impl Mul for Mueller {
     /// Light meets the right factor first.
     #[inline]
     fn mul(self, rhs: Self) -> Self {
-        Self {
-            m: self.m.map(|row| rhs.row_times(&row)),
-        }
+        Self { m: self.m.map(|row| rhs.row_times(&row)) }
     }
 }
 
@@ -145,12 +136,7 @@ mod tests {
 
     #[test]
     fn rotations_are_products_with_the_rotator() {
-        let mut m = Mueller::splat([
-            [1., 2., 3., 4.],
-            [5., 6., 7., 8.],
-            [9., 1., 2., 3.],
-            [4., 5., 6., 7.],
-        ]);
+        let mut m = Mueller::splat([[1., 2., 3., 4.], [5., 6., 7., 8.], [9., 1., 2., 3.], [4., 5., 6., 7.]]);
         let t = 0.3_f32;
         let (s, c) = (2.0 * t).sin_cos();
         let (left, right) = (rotator(t) * m, m * rotator(t));

@@ -48,19 +48,10 @@ impl Scatter {
     pub fn scaled(self, f: Spectral) -> Self {
         match self {
             Self::Depolarize(x) => Self::Depolarize(x * f),
-            Self::Fresnel { block, s } => Self::Fresnel {
-                block: block.scaled(f),
-                s,
-            },
-            Self::Full {
-                mueller,
-                frame_out,
-                frame_in,
-            } => Self::Full {
-                mueller: mueller.scaled(f),
-                frame_out,
-                frame_in,
-            },
+            Self::Fresnel { block, s } => Self::Fresnel { block: block.scaled(f), s },
+            Self::Full { mueller, frame_out, frame_in } => {
+                Self::Full { mueller: mueller.scaled(f), frame_out, frame_in }
+            }
         }
     }
 
@@ -75,11 +66,7 @@ impl Scatter {
                 return m;
             }
             Self::Fresnel { block, s } => (block.to_mueller(), *s, *s),
-            Self::Full {
-                mueller,
-                frame_out,
-                frame_in,
-            } => (*mueller, *frame_out, *frame_in),
+            Self::Full { mueller, frame_out, frame_in } => (*mueller, *frame_out, *frame_in),
         };
         let (c2, s2) = turn(wo, out, frame_out);
         m.rotate_out(c2, s2);
@@ -95,22 +82,12 @@ impl Scatter {
     pub fn transposed(&self) -> Self {
         match self {
             Self::Depolarize(f) => Self::Depolarize(*f),
-            Self::Fresnel { block, s } => Self::Fresnel {
-                block: FresnelBlock {
-                    d: -block.d,
-                    ..*block
-                },
-                s: *s,
-            },
-            Self::Full {
-                mueller,
-                frame_out,
-                frame_in,
-            } => Self::Full {
-                mueller: mueller.transposed(),
-                frame_out: *frame_in,
-                frame_in: *frame_out,
-            },
+            Self::Fresnel { block, s } => {
+                Self::Fresnel { block: FresnelBlock { d: -block.d, ..*block }, s: *s }
+            }
+            Self::Full { mueller, frame_out, frame_in } => {
+                Self::Full { mueller: mueller.transposed(), frame_out: *frame_in, frame_in: *frame_out }
+            }
         }
     }
 
@@ -152,25 +129,12 @@ impl Scatter {
         let (frame_out, frame_in) = match (self, other) {
             (Self::Depolarize(f), Self::Depolarize(g)) => return Self::Depolarize(*f + *g),
             (Self::Fresnel { s, .. }, _) | (Self::Depolarize(_), Self::Fresnel { s, .. }) => (*s, *s),
-            (
-                Self::Full {
-                    frame_out, frame_in, ..
-                },
-                _,
-            )
-            | (
-                _,
-                Self::Full {
-                    frame_out, frame_in, ..
-                },
-            ) => (*frame_out, *frame_in),
+            (Self::Full { frame_out, frame_in, .. }, _) | (_, Self::Full { frame_out, frame_in, .. }) => {
+                (*frame_out, *frame_in)
+            }
         };
         let mueller = self.between(wo, frame_out, wi, frame_in) + other.between(wo, frame_out, wi, frame_in);
-        Self::Full {
-            mueller,
-            frame_out,
-            frame_in,
-        }
+        Self::Full { mueller, frame_out, frame_in }
     }
 }
 
@@ -192,10 +156,8 @@ mod tests {
             frame_in: Vec3A::new(0.8, 0.0, -0.6),
         };
         let c = Scatter::Depolarize(Spectral::splat(0.3));
-        let (x, y) = (
-            Vec3A::new(0.6, 0.8, 0.0),
-            crate::polarization::frame::project(Vec3A::new(0.3, 1.0, 0.2), wi),
-        );
+        let (x, y) =
+            (Vec3A::new(0.6, 0.8, 0.0), crate::polarization::frame::project(Vec3A::new(0.3, 1.0, 0.2), wi));
         for (p, q) in [(a, b), (b, a), (a, c), (c, b), (c, c)] {
             let sum = p.plus(&q, wo, wi).between(wo, x, wi, y);
             let want = p.between(wo, x, wi, y) + q.between(wo, x, wi, y);

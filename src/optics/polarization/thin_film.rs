@@ -31,11 +31,7 @@ pub struct Film {
 
 impl Film {
     /// No film: no reflection and no phase.
-    pub const NONE: Self = Self {
-        n: Spectral::ONE,
-        k: Spectral::ZERO,
-        waves: Spectral::ZERO,
-    };
+    pub const NONE: Self = Self { n: Spectral::ONE, k: Spectral::ZERO, waves: Spectral::ZERO };
 }
 
 /// A homogeneous layer at a given angle of incidence.
@@ -52,20 +48,14 @@ impl Layer {
     fn new(n: Spectral, k: Spectral, sin2: Spectral) -> Self {
         let eta = Complex { re: n, im: k };
         let eta2 = eta * eta;
-        Self {
-            eta2,
-            q: (eta2 - Complex::real(sin2)).sqrt(),
-        }
+        Self { eta2, q: (eta2 - Complex::real(sin2)).sqrt() }
     }
 
     /// Returns the amplitudes (s, p) reflected by the interface with `below`.
     #[inline]
     fn interface(&self, below: &Self) -> [Complex; 2] {
         let ratio = |a: Complex, b: Complex| (a - b) / (a + b);
-        [
-            ratio(self.q, below.q),
-            ratio(below.eta2 * self.q, self.eta2 * below.q),
-        ]
+        [ratio(self.q, below.q), ratio(below.eta2 * self.q, self.eta2 * below.q)]
     }
 
     /// Returns e^{2iβ}, the round-trip phase.
@@ -102,10 +92,7 @@ pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> Fresn
         r = airy(&layer, &below, r).map(|x| x * phase);
         below = layer;
     }
-    let outside = Layer {
-        eta2: one,
-        q: Complex::real(ci),
-    };
+    let outside = Layer { eta2: one, q: Complex::real(ci) };
     let [s, p] = airy(&outside, &below, r);
     FresnelBlock::from_amplitudes(s, p, Spectral::ONE)
 }
@@ -116,11 +103,7 @@ mod tests {
     use crate::polarization::fresnel;
 
     fn film(n: f32, k: f32, nm: f32, lambda: f32) -> Film {
-        Film {
-            n: Spectral::splat(n),
-            k: Spectral::splat(k),
-            waves: Spectral::splat(nm / lambda),
-        }
+        Film { n: Spectral::splat(n), k: Spectral::splat(k), waves: Spectral::splat(nm / lambda) }
     }
 
     fn lane0(f: FresnelBlock) -> [f32; 4] {
@@ -175,10 +158,7 @@ mod tests {
             ))
         };
         let waves = Spectral::new([180.0 / 450.0, 180.0 / 550.0, 180.0 / 660.0, 0.0]);
-        let films = [Film {
-            waves,
-            ..film(1.9, 0.05, 0.0, 1.0)
-        }];
+        let films = [Film { waves, ..film(1.9, 0.05, 0.0, 1.0) }];
         let f = reflection(0.7, &films, Spectral::splat(1.2), Spectral::splat(6.6));
         for (lane, lambda) in [450.0, 550.0, 660.0].into_iter().enumerate() {
             let got = [f.a, f.b, f.c, f.d].map(|e| e.to_array()[lane]);
@@ -261,10 +241,7 @@ mod tests {
                 let cross = (rs * rp).sqrt();
                 let want = [(rs + rp) / 2.0, (rs - rp) / 2.0, -cross * cos, -cross * sin];
                 for (g, w) in got.into_iter().zip(want) {
-                    assert!(
-                        (f64::from(g) - w).abs() < 1e-5,
-                        "{name} at {deg}°: {got:?} is not {want:?}"
-                    );
+                    assert!((f64::from(g) - w).abs() < 1e-5, "{name} at {deg}°: {got:?} is not {want:?}");
                 }
             }
         }

@@ -57,11 +57,7 @@ pub fn erf_inv(x: f32) -> f32 {
         2.832_976_8,
     ];
     let w = -((1.0 - x) * (1.0 + x)).ln();
-    let (t, polynomial) = if w < 5.0 {
-        (w - 2.5, &CENTRE)
-    } else {
-        (w.sqrt() - 3.0, &TAIL)
-    };
+    let (t, polynomial) = if w < 5.0 { (w - 2.5, &CENTRE) } else { (w.sqrt() - 3.0, &TAIL) };
     polynomial.iter().fold(0.0, |p, c| p * t + c) * x
 }
 
@@ -128,11 +124,7 @@ pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     // Stretched to α = 1, and rotated so that `wo` is in the xz plane.
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z.max(1e-6)).normalize();
     let sin = (w.x * w.x + w.y * w.y).sqrt();
-    let (c, s) = if sin > 0.0 {
-        (w.x / sin, w.y / sin)
-    } else {
-        (1.0, 0.0)
-    };
+    let (c, s) = if sin > 0.0 { (w.x / sin, w.y / sin) } else { (1.0, 0.0) };
     let x = visible_slope(w.z, u);
     let y = erf_inv((2.0 * v - 1.0).max(-1.0 + f32::EPSILON));
     Vec3A::new(-alpha * (c * x - s * y), -alpha * (s * x + c * y), 1.0).normalize()
@@ -187,10 +179,7 @@ mod tests {
                 }
                 let g1 = f64::from(cos) / sum;
                 let got = f64::from(1.0 / (1.0 + lambda(w, alpha)));
-                assert!(
-                    (got - g1).abs() < 2e-5 * g1,
-                    "alpha {alpha}, cos {cos}: {got} is not {g1}"
-                );
+                assert!((got - g1).abs() < 2e-5 * g1, "alpha {alpha}, cos {cos}: {got} is not {g1}");
             }
         }
     }

@@ -137,11 +137,7 @@ mod tests {
     use crate::sampling::warp::tests::chi2;
 
     fn facets(distribution: Distribution, masking: Masking, alpha: f32) -> Microfacet {
-        Microfacet {
-            distribution,
-            masking,
-            alpha,
-        }
+        Microfacet { distribution, masking, alpha }
     }
 
     fn toward(cos: f32, phi: f32) -> Vec3A {
@@ -152,13 +148,7 @@ mod tests {
     #[test]
     fn chi2_visible_normals() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {
-            for (alpha, cos) in [
-                (0.2_f32, 0.9_f32),
-                (0.5, 0.3),
-                (1.0, 0.05),
-                (0.6, 0.002),
-                (0.7, 1.0),
-            ] {
+            for (alpha, cos) in [(0.2_f32, 0.9_f32), (0.5, 0.3), (1.0, 0.05), (0.6, 0.002), (0.7, 1.0)] {
                 let m = facets(distribution, Masking::Separable, alpha);
                 let wo = toward(cos, 0.6);
                 chi2(|u| m.visible_normal(wo, u), |h| m.visible_pdf(wo, h));
@@ -179,10 +169,7 @@ mod tests {
             (1000.0, 2.0, 1.0 / 1_001_000.0),
         ] {
             let got = beta(x, y);
-            assert!(
-                (got - want).abs() < 1e-6 * want,
-                "B({x}, {y}) = {got}, not {want}"
-            );
+            assert!((got - want).abs() < 1e-6 * want, "B({x}, {y}) = {got}, not {want}");
         }
     }
 

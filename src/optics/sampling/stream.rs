@@ -55,9 +55,7 @@ impl Group {
     #[must_use]
     pub fn of(samples: u32, replicates: u32) -> Self {
         let fits = |bits: u32| samples.is_multiple_of(1 << bits) && samples >> bits >= replicates;
-        Self {
-            bits: (0..=MOST_BITS).rev().find(|bits| fits(*bits)).unwrap_or(0),
-        }
+        Self { bits: (0..=MOST_BITS).rev().find(|bits| fits(*bits)).unwrap_or(0) }
     }
 
     #[inline]
@@ -78,9 +76,7 @@ impl Strata {
     /// Returns 64 random bits for a pair of numbers.
     #[inline]
     fn drawn(&self, pair: u32) -> u64 {
-        mix(self
-            .key
-            .wrapping_add(u64::from(pair).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+        mix(self.key.wrapping_add(u64::from(pair).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
     /// Returns the sample's point in the net of a pair.
@@ -128,14 +124,7 @@ impl Stream {
         let state = mix(counter ^ key);
         Self {
             random: Pcg32::new(state, mix(state ^ key)),
-            strata: Strata {
-                nets: &NO_NETS,
-                key: 0,
-                index: 0,
-                bits: 0,
-                end: 0,
-                next: 0,
-            },
+            strata: Strata { nets: &NO_NETS, key: 0, index: 0, bits: 0, end: 0, next: 0 },
         }
     }
 
@@ -345,12 +334,7 @@ mod tests {
             before = Some(sample);
         }
         let n = f64::from(groups);
-        assert!(
-            means
-                .iter()
-                .all(|m| (m / n).abs() < 5.0 * (1.0 / 12.0 / n).sqrt()),
-            "{means:?}"
-        );
+        assert!(means.iter().all(|m| (m / n).abs() < 5.0 * (1.0 / 12.0 / n).sqrt()), "{means:?}");
         for p in products.iter().chain(&next) {
             assert!((p / n).abs() < 5.0 / 12.0 / n.sqrt(), "{products:?} {next:?}");
         }
@@ -381,10 +365,7 @@ mod tests {
     fn groups_fit_into_the_samples() {
         let of = |samples, replicates| Group::of(samples, replicates).size();
         assert_eq!([of(1, 16), of(31, 16), of(32, 16), of(64, 16)], [1, 1, 2, 4]);
-        assert_eq!(
-            [of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)],
-            [8, 64, 64, 64]
-        );
+        assert_eq!([of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)], [8, 64, 64, 64]);
     }
 
     /// Raw numbers are those from which uniforms are computed, and every bit is set half of the time (5

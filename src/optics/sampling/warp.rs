@@ -34,11 +34,7 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (r, other) = if wide { (a, b) } else { (b, a) };
     let ratio = other / if r == 0.0 { 1.0 } else { r };
     let (s, c) = sin_cos_octant(FRAC_PI_4 * ratio);
-    if wide {
-        Vec2::new(r * c, r * s)
-    } else {
-        Vec2::new(r * s, r * c)
-    }
+    if wide { Vec2::new(r * c, r * s) } else { Vec2::new(r * s, r * c) }
 }
 
 /// Warps to the cosine-weighted hemisphere; density [`cosine_pdf`].
@@ -113,10 +109,7 @@ pub(super) mod tests {
             let x = i as f32 / 100_000.0;
             let (s, c) = sin_cos_turns(x);
             let (s64, c64) = (std::f64::consts::TAU * f64::from(x)).sin_cos();
-            assert!(
-                (f64::from(s) - s64).abs() < 1.5e-7 && (f64::from(c) - c64).abs() < 1.5e-7,
-                "{x}"
-            );
+            assert!((f64::from(s) - s64).abs() < 1.5e-7 && (f64::from(c) - c64).abs() < 1.5e-7, "{x}");
         }
     }
 
@@ -166,16 +159,9 @@ pub(super) mod tests {
             chi += (pooled_o - pooled_e).powi(2) / pooled_e;
             dof += 1.0;
         } else {
-            assert!(
-                pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0,
-                "samples where the density is zero"
-            );
+            assert!(pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0, "samples where the density is zero");
         }
-        assert!(
-            (total / N as f64 - 1.0).abs() < 0.01,
-            "density integrates to {}",
-            total / N as f64
-        );
+        assert!((total / N as f64 - 1.0).abs() < 0.01, "density integrates to {}", total / N as f64);
         // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
         let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
         assert!(z < 5.0, "chi² = {chi} on {dof} degrees of freedom, z = {z}");
@@ -198,16 +184,11 @@ pub(super) mod tests {
         for _ in 0..1000 {
             let n: [Vec3A; 16] = std::array::from_fn(|_| sphere(stream.uniform2()));
             let u: [[f32; 2]; 16] = std::array::from_fn(|_| stream.uniform2());
-            let several = cosine_hemispheres(
-                &[0, 1, 2].map(|k| n.map(|v| v[k])),
-                &[0, 1].map(|k| u.map(|v| v[k])),
-            );
+            let several =
+                cosine_hemispheres(&[0, 1, 2].map(|k| n.map(|v| v[k])), &[0, 1].map(|k| u.map(|v| v[k])));
             for i in 0..16 {
                 let alone = basis(n[i]) * cosine_hemisphere(u[i]);
-                assert_eq!(
-                    several.map(|v| v[i].to_bits()),
-                    alone.to_array().map(f32::to_bits)
-                );
+                assert_eq!(several.map(|v| v[i].to_bits()), alone.to_array().map(f32::to_bits));
             }
         }
     }

@@ -75,23 +75,21 @@ impl Bench {
         let on_axis: Vec<Stokes> = detecting(&self.optics, &sets[1], &Ray::axial(self.nm)).collect();
         let channels = self.optics.sensor.channels();
         let mut out = vec![0.0; width * height];
-        out.par_chunks_mut(width.max(1))
-            .enumerate()
-            .for_each(|(row, out)| {
-                let y = y0 + row;
-                for (column, out) in out.iter_mut().enumerate() {
-                    let x = x0 + column;
-                    let channel = if channels == 4 { polarizer(x, y) } else { 0 };
-                    let weights = if axial {
-                        on_axis[channel]
-                    } else {
-                        let ray = self.camera.ray(x, y, size, self.nm);
-                        let mut all = detecting(&self.optics, &sets[1], &ray);
-                        all.nth(channel).unwrap_or_default()
-                    };
-                    *out = weights.dot(&light.at(y * size[0] + x, &lighting));
-                }
-            });
+        out.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, out)| {
+            let y = y0 + row;
+            for (column, out) in out.iter_mut().enumerate() {
+                let x = x0 + column;
+                let channel = if channels == 4 { polarizer(x, y) } else { 0 };
+                let weights = if axial {
+                    on_axis[channel]
+                } else {
+                    let ray = self.camera.ray(x, y, size, self.nm);
+                    let mut all = detecting(&self.optics, &sets[1], &ray);
+                    all.nth(channel).unwrap_or_default()
+                };
+                *out = weights.dot(&light.at(y * size[0] + x, &lighting));
+            }
+        });
         out
     }
 
@@ -100,10 +98,7 @@ impl Bench {
     pub fn histogram(&self, histogram: &[f32], sets: &[Vec<Set>; 2], ray: &Ray) -> Vec<f64> {
         let lighting = illuminating(&self.optics, &sets[0], ray);
         let weights = detecting(&self.optics, &sets[1], ray).next().unwrap_or_default();
-        histogram
-            .chunks_exact(ELEMENTS)
-            .map(|m| weights.dot(&times(m, &lighting)))
-            .collect()
+        histogram.chunks_exact(ELEMENTS).map(|m| weights.dot(&times(m, &lighting))).collect()
     }
 }
 
@@ -115,20 +110,9 @@ mod tests {
     /// Single frames equal the simulated batch, along the axis and through a pinhole.
     #[test]
     fn frames_are_those_of_the_batch() {
-        let layout = Layout {
-            height: 4,
-            width: 6,
-            times: 1,
-            lanes: 1,
-        };
+        let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };
         let matrices: Vec<f32> = (0..layout.pixels() * 16)
-            .map(|i| {
-                if i % 16 == 0 {
-                    1.0
-                } else {
-                    ((i * 31) % 17) as f32 / 50.0
-                }
-            })
+            .map(|i| if i % 16 == 0 { 1.0 } else { ((i * 31) % 17) as f32 / 50.0 })
             .collect();
         let double: Vec<f64> = matrices.iter().copied().map(f64::from).collect();
         for array in [false, true] {
@@ -136,12 +120,8 @@ mod tests {
             for view in [Directions::Axial, Directions::pinhole(0.8, 6, 4)] {
                 let rays = view.rays(layout, &[550.0]);
                 let seen = simulate(&double, layout, &scheme, &rays, &Noise::None, 0).expect("captures");
-                let bench = Bench {
-                    optics: scheme.clone(),
-                    nm: 550.0,
-                    camera: view,
-                    projector: Directions::Axial,
-                };
+                let bench =
+                    Bench { optics: scheme.clone(), nm: 550.0, camera: view, projector: Directions::Axial };
                 for k in 0..3 {
                     let sets = scheme.sets(k);
                     // In the batch the generator, too, uses the ray of the pixel.

@@ -131,10 +131,7 @@ impl Galvo {
     #[must_use]
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
-        let start = Framed {
-            direction: Vector3::x(),
-            x: Vector3::y(),
-        };
+        let start = Framed { direction: Vector3::x(), x: Vector3::y() };
         self.along(nm, start, &normals, across(Vector3::x(), beam))
     }
 
@@ -167,10 +164,7 @@ impl Galvo {
             m = turned(&ray, s) * m;
             let cos = ray.direction.dot(normal).abs();
             m = self.reflection(nm, cos) * m;
-            ray = Framed {
-                direction: reflected(ray.direction, *normal),
-                x: s,
-            };
+            ray = Framed { direction: reflected(ray.direction, *normal), x: s };
         }
         turned(&ray, end_x) * m
     }
@@ -204,10 +198,7 @@ mod tests {
     use super::*;
 
     fn silver() -> Galvo {
-        Galvo {
-            n: SpectralValue::Same(0.0596),
-            k: SpectralValue::Same(3.5974),
-        }
+        Galvo { n: SpectralValue::Same(0.0596), k: SpectralValue::Same(3.5974) }
     }
 
     /// Tracing the return path mirror by mirror agrees with reciprocity.
@@ -216,10 +207,7 @@ mod tests {
         let galvo = silver();
         for direction in [[0.0, 0.0], [0.1, -0.05], [-0.2, 0.15]] {
             let (normals, beam) = galvo.bounces(direction);
-            let start = Framed {
-                direction: -beam,
-                x: across(Vector3::x(), beam),
-            };
+            let start = Framed { direction: -beam, x: across(Vector3::x(), beam) };
             let back = galvo.along(550.0, start, &[normals[1], normals[0]], Vector3::y());
             assert!((back - galvo.inward(550.0, direction)).amax() < 1e-6);
         }
@@ -250,11 +238,7 @@ mod tests {
         let m = arm.matrix(550.0);
         assert!((m[(0, 0)] - 0.45).abs() < 1e-12 && (m[(0, 1)] / m[(0, 0)] - 0.1).abs() < 1e-12);
         assert!((m[(2, 3)].atan2(m[(2, 2)]) - 30.0_f64.to_radians()).abs() < 1e-12);
-        let rig = Coaxial {
-            transmission: arm.clone(),
-            reflection: arm,
-            galvo: None,
-        };
+        let rig = Coaxial { transmission: arm.clone(), reflection: arm, galvo: None };
         assert!((rig.reflection(550.0)[(3, 3)] + rig.transmission(550.0)[(3, 3)]).abs() < 1e-12);
     }
 }

@@ -73,12 +73,7 @@ impl DesignMatrix {
                 }
             }
         }
-        Self {
-            a,
-            name: scheme.name.clone(),
-            captures: scheme.captures(),
-            least: scheme.least_captures(),
-        }
+        Self { a, name: scheme.name.clone(), captures: scheme.captures(), least: scheme.least_captures() }
     }
 
     /// Returns the intensities of a row-major Mueller matrix.
@@ -100,10 +95,7 @@ impl DesignMatrix {
     pub fn rank(&self) -> usize {
         let values = self.singular_values();
         let most = values.first().copied().unwrap_or(0.0);
-        values
-            .iter()
-            .filter(|v| **v > RANK_TOLERANCE * most && **v > 0.0)
-            .count()
+        values.iter().filter(|v| **v > RANK_TOLERANCE * most && **v > 0.0).count()
     }
 
     /// Returns the condition number of the 16 columns; infinite below rank 16.
@@ -158,12 +150,7 @@ impl DesignMatrix {
     /// Returns the error for a scheme of this rank.
     #[must_use]
     pub fn rank_error(&self, rank: usize) -> RankError {
-        RankError {
-            name: self.name.clone(),
-            rank,
-            captures: self.captures,
-            least: self.least,
-        }
+        RankError { name: self.name.clone(), rank, captures: self.captures, least: self.least }
     }
 }
 
@@ -264,11 +251,7 @@ mod tests {
              [[analyzer]]\nkind = \"polarizer\"\nangle_deg = 30\n";
         let scheme =
             crate::capture::scheme_file::from_toml(std::path::Path::new("c.toml"), text).expect("a scheme");
-        let ray = Ray {
-            nm: 635.0,
-            incidence: 0.1,
-            azimuth: 0.7,
-        };
+        let ray = Ray { nm: 635.0, incidence: 0.1, azimuth: 0.7 };
         let axial = Ray::axial(635.0);
         let rig = scheme.coaxial.as_ref().expect("coaxial");
         let galvo = rig.galvo.as_ref().expect("a galvo");
@@ -330,14 +313,8 @@ mod tests {
         assert!(few.to_string().contains("rank 10 of 16") && few.to_string().contains("at least 16"));
         let array = drr(5, true).pseudo_inverse().expect_err("too few");
         assert_eq!((array.rank, array.least), (13, 8));
-        let still = Scheme::four(
-            "still",
-            std::array::from_fn(|_| Setting::Each(vec![0.3; 20])),
-            false,
-        );
-        let still = matrix(&still.expect("a scheme"))
-            .covariance()
-            .expect_err("no rank");
+        let still = Scheme::four("still", std::array::from_fn(|_| Setting::Each(vec![0.3; 20])), false);
+        let still = matrix(&still.expect("a scheme")).covariance().expect_err("no rank");
         assert_eq!(still.rank, 1);
         assert!(still.to_string().contains("more different settings"), "{still}");
     }

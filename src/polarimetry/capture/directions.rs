@@ -22,9 +22,7 @@ impl Directions {
     #[must_use]
     pub fn pinhole(fov_x: f64, width: usize, height: usize) -> Self {
         let half = (fov_x / 2.0).tan();
-        Self::Pinhole {
-            half: [half, half * height as f64 / width.max(1) as f64],
-        }
+        Self::Pinhole { half: [half, half * height as f64 / width.max(1) as f64] }
     }
 
     /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
@@ -37,11 +35,7 @@ impl Directions {
         };
         let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n.max(1) as f64 - 1.0;
         let (tx, ty) = (half[0] * place(x, size[0]), -half[1] * place(y, size[1]));
-        Ray {
-            nm,
-            incidence: tx.hypot(ty).atan(),
-            azimuth: ty.atan2(tx),
-        }
+        Ray { nm, incidence: tx.hypot(ty).atan(), azimuth: ty.atan2(tx) }
     }
 
     /// Returns the rays of all pixels of a layout: rows from the top, wavelengths last. If all rays are
@@ -53,9 +47,7 @@ impl Directions {
         }
         let size = [layout.width, layout.height];
         let places = (0..layout.height).flat_map(|y| (0..layout.width).map(move |x| (x, y)));
-        places
-            .flat_map(|(x, y)| wavelengths_nm.iter().map(move |nm| self.ray(x, y, size, *nm)))
-            .collect()
+        places.flat_map(|(x, y)| wavelengths_nm.iter().map(move |nm| self.ray(x, y, size, *nm))).collect()
     }
 }
 

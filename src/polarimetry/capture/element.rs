@@ -97,11 +97,7 @@ impl Ray {
     /// Returns the ray along the optical axis.
     #[must_use]
     pub fn axial(nm: f64) -> Self {
-        Self {
-            nm,
-            incidence: 0.0,
-            azimuth: 0.0,
-        }
+        Self { nm, incidence: 0.0, azimuth: 0.0 }
     }
 }
 
@@ -125,11 +121,7 @@ pub fn rotator(theta: f64) -> Mueller {
 /// Returns a linear diattenuator at 0° with power transmittance `most` along x and `least` along y.
 #[must_use]
 pub fn diattenuator(most: f64, least: f64) -> Mueller {
-    let (mean, half, cross) = (
-        (most + least) / 2.0,
-        (most - least) / 2.0,
-        (most * least).max(0.0).sqrt(),
-    );
+    let (mean, half, cross) = ((most + least) / 2.0, (most - least) / 2.0, (most * least).max(0.0).sqrt());
     let mut m = Mueller::from_diagonal(&Stokes::new(mean, mean, cross, cross));
     (m[(0, 1)], m[(1, 0)]) = (half, half);
     m
@@ -167,34 +159,18 @@ pub enum Quantity {
 impl Element {
     #[must_use]
     pub fn polarizer(name: &str, angle: Setting) -> Self {
-        Self::ideal(
-            name,
-            angle,
-            ElementKind::Polarizer {
-                extinction: SpectralValue::Same(0.0),
-            },
-        )
+        Self::ideal(name, angle, ElementKind::Polarizer { extinction: SpectralValue::Same(0.0) })
     }
 
     #[must_use]
     pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
-        let kind = ElementKind::Retarder {
-            retardance,
-            error: SpectralValue::Same(0.0),
-            order: 0,
-            index: 1.55,
-        };
+        let kind =
+            ElementKind::Retarder { retardance, error: SpectralValue::Same(0.0), order: 0, index: 1.55 };
         Self::ideal(name, angle, kind)
     }
 
     fn ideal(name: &str, angle: Setting, kind: ElementKind) -> Self {
-        Self {
-            name: name.to_owned(),
-            kind,
-            angle,
-            axis_offset: 0.0,
-            transmittance: SpectralValue::Same(1.0),
-        }
+        Self { name: name.to_owned(), kind, angle, axis_offset: 0.0, transmittance: SpectralValue::Same(1.0) }
     }
 
     #[must_use]
@@ -203,10 +179,7 @@ impl Element {
             ElementKind::Retarder { retardance, .. } => retardance.at(k),
             ElementKind::Polarizer { .. } => 0.0,
         };
-        Set {
-            angle: self.angle.at(k),
-            retardance,
-        }
+        Set { angle: self.angle.at(k), retardance }
     }
 
     /// Returns the retardance at a setting for a ray, radians; 0 for a polarizer.
@@ -274,23 +247,13 @@ impl Element {
         let by_theta = |m: &Mueller| (m * g - g * m) * 2.0;
         let (value, delta1, delta2) = (self.matrix(set, ray), turn(by_delta), turn(by_delta2));
         let theta1 = by_theta(&value);
-        Jet {
-            value,
-            first: [theta1, delta1],
-            second: [by_theta(&theta1), by_theta(&delta1), delta2],
-        }
+        Jet { value, first: [theta1, delta1], second: [by_theta(&theta1), by_theta(&delta1), delta2] }
     }
 
     /// Returns the quantities that change between captures.
     pub fn driven(&self) -> impl Iterator<Item = Quantity> {
         let angle = matches!(self.angle, Setting::Each(_)).then_some(Quantity::Angle);
-        let each = matches!(
-            self.kind,
-            ElementKind::Retarder {
-                retardance: Setting::Each(_),
-                ..
-            }
-        );
+        let each = matches!(self.kind, ElementKind::Retarder { retardance: Setting::Each(_), .. });
         angle.into_iter().chain(each.then_some(Quantity::Retardance))
     }
 
@@ -342,11 +305,7 @@ mod tests {
     /// Derivatives agree with central differences.
     #[test]
     fn derivatives_are_those_of_the_matrix() {
-        let ray = Ray {
-            nm: 550.0,
-            incidence: 0.0,
-            azimuth: 0.4,
-        };
+        let ray = Ray { nm: 550.0, incidence: 0.0, azimuth: 0.4 };
         let of = |theta: f64, delta: f64| {
             let mut e = Element::retarder("r", Setting::Fixed(theta), Setting::Fixed(delta));
             e.axis_offset = 0.1;
@@ -384,11 +343,7 @@ mod tests {
             (extraordinary - (no * no - s * s).sqrt()) / (ne - no)
         };
         for (beta, azimuth) in [(0.0, 90.0_f64), (std::f64::consts::FRAC_PI_2, 0.0)] {
-            let ray = Ray {
-                nm: 550.0,
-                incidence: alpha,
-                azimuth: azimuth.to_radians(),
-            };
+            let ray = Ray { nm: 550.0, incidence: alpha, azimuth: azimuth.to_radians() };
             let e = Element::retarder("r", Setting::Fixed(0.0), Setting::Fixed(1.0));
             let found = e.retardance(e.set_at(0), &ray);
             assert!((found - exact(beta)).abs() < 1e-4, "{found} {}", exact(beta));
@@ -398,9 +353,7 @@ mod tests {
     #[test]
     fn a_leaky_polarizer_passes_what_it_should() {
         let mut p = Element::polarizer("p", Setting::Fixed(0.0));
-        p.kind = ElementKind::Polarizer {
-            extinction: SpectralValue::Same(0.01),
-        };
+        p.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(0.01) };
         p.transmittance = SpectralValue::Same(0.8);
         let m = p.jet(0, &Ray::axial(550.0)).value;
         let through = |s1: f64| (m * Stokes::new(1.0, s1, 0.0, 0.0))[0];

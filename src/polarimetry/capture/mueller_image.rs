@@ -121,13 +121,7 @@ impl MuellerImage {
             1 => (None, Some(0)),
             _ => (Some(0), Some(1)),
         };
-        let frame = Frame {
-            shape,
-            has_lanes,
-            y,
-            x,
-            bin_ps: None,
-        };
+        let frame = Frame { shape, has_lanes, y, x, bin_ps: None };
         Self::new(matrices, frame, nm)
     }
 
@@ -159,24 +153,13 @@ impl MuellerImage {
             }
         }
         let by_projector = |a: &Axis| matches!(a.kind, AxisKind::V | AxisKind::U) && a.len() != 1;
-        let frame = Frame {
-            shape,
-            has_lanes,
-            y,
-            x,
-            bin_ps: bin_ps.filter(|_| !axes.iter().any(by_projector)),
-        };
+        let frame =
+            Frame { shape, has_lanes, y, x, bin_ps: bin_ps.filter(|_| !axes.iter().any(by_projector)) };
         Self::new(matrices, frame, wavelengths_nm)
     }
 
     fn new(matrices: Vec<f64>, frame: Frame, nm: Vec<f64>) -> Result<Self, ImageError> {
-        let Frame {
-            shape,
-            has_lanes,
-            y,
-            x,
-            bin_ps,
-        } = frame;
+        let Frame { shape, has_lanes, y, x, bin_ps } = frame;
         check_lanes(&shape, has_lanes, nm.len())?;
         let places = shape.len() - usize::from(has_lanes);
         let of = |axis: Option<usize>| axis.map_or(1, |i| shape[i]);
@@ -285,10 +268,7 @@ impl MuellerImage {
 
 fn check_lanes(shape: &[usize], has_lanes: bool, wavelengths: usize) -> Result<(), ImageError> {
     if has_lanes && shape.last() != Some(&wavelengths) {
-        return Err(ImageError::Wavelengths {
-            shape: shape.to_vec(),
-            wavelengths,
-        });
+        return Err(ImageError::Wavelengths { shape: shape.to_vec(), wavelengths });
     }
     Ok(())
 }
@@ -315,12 +295,7 @@ mod tests {
         assert_eq!(layout(&[3, 5, 7, 2], &[]), [3, 5, 14, 1]);
         assert_eq!(layout(&[3, 5, 7, 2], &[450.0, 650.0]), [3, 5, 7, 2]);
         assert_eq!(layout(&[3, 5], &[633.0]), [3, 5, 1, 1]);
-        let halved = Layout {
-            height: 1,
-            width: 2,
-            times: 7,
-            lanes: 2,
-        };
+        let halved = Layout { height: 1, width: 2, times: 7, lanes: 2 };
         let of = image(&[3, 5, 7, 2], &[450.0, 650.0]).expect("an image");
         assert_eq!(of.captured_shape(halved), [1, 2, 7, 2]);
         assert_eq!(of.mean(), 0.5);
@@ -328,26 +303,16 @@ mod tests {
 
     #[test]
     fn slices_say_which_axes_they_have() {
-        let axis = |kind, n: usize| Axis {
-            kind,
-            coords: (0..n).map(|i| i as f64).collect(),
-            chunk: 1,
-        };
+        let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
         let of = |axes: &[Axis]| {
             let elements = 16 * axes.iter().map(|a| a.coords.len()).product::<usize>();
             MuellerImage::of_slice(vec![1.0; elements], axes, vec![550.0], Some(25.0))
         };
         let timed = of(&[axis(AxisKind::X, 4), axis(AxisKind::T, 3)]).expect("an image");
-        assert_eq!(
-            (timed.layout.width, timed.layout.times, timed.bin_ps),
-            (4, 3, Some(25.0))
-        );
+        assert_eq!((timed.layout.width, timed.layout.times, timed.bin_ps), (4, 3, Some(25.0)));
         let projected = of(&[axis(AxisKind::Y, 2), axis(AxisKind::U, 3)]).expect("an image");
         assert_eq!((projected.layout.height, projected.bin_ps), (2, None));
-        assert_eq!(
-            of(&[axis(AxisKind::Bounces, 2)]),
-            Err(ImageError::Parts("bounces"))
-        );
+        assert_eq!(of(&[axis(AxisKind::Bounces, 2)]), Err(ImageError::Parts("bounces")));
         assert_eq!(of(&[axis(AxisKind::X, 0)]), Err(ImageError::Empty));
     }
 
@@ -358,26 +323,14 @@ mod tests {
             image(&[2, 3], &[450.0, 650.0]),
             Err(ImageError::Wavelengths { wavelengths: 2, .. })
         ));
-        assert!(matches!(
-            image(&[], &[450.0, 650.0]),
-            Err(ImageError::Wavelengths { .. })
-        ));
+        assert!(matches!(image(&[], &[450.0, 650.0]), Err(ImageError::Wavelengths { .. })));
         assert!(matches!(
             MuellerImage::of_array(vec![0.0; 17], vec![], &[]),
             Err(ImageError::Elements { found: 17, .. })
         ));
         let small = image(&[1, 8], &[]).expect("an image");
-        let camera = |binning| Detector::Cmos {
-            camera: Cmos {
-                binning,
-                ..Cmos::default()
-            },
-            demosaic: None,
-        };
+        let camera = |binning| Detector::Cmos { camera: Cmos { binning, ..Cmos::default() }, demosaic: None };
         assert!(small.noise_of(camera(1)).is_ok());
-        assert!(matches!(
-            small.noise_of(camera(2)),
-            Err(ImageError::TooSmall { .. })
-        ));
+        assert!(matches!(small.noise_of(camera(2)), Err(ImageError::TooSmall { .. })));
     }
 }

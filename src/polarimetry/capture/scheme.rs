@@ -35,10 +35,7 @@ impl Sensor {
     /// Returns an ideal polarizer array.
     #[must_use]
     pub fn array() -> Self {
-        Self::PolarizerArray {
-            extinction: SpectralValue::Same(0.0),
-            axis_offsets: [0.0; 4],
-        }
+        Self::PolarizerArray { extinction: SpectralValue::Same(0.0), axis_offsets: [0.0; 4] }
     }
 
     /// Returns the number of measurements per pixel and capture.
@@ -163,26 +160,15 @@ impl Scheme {
     }
 
     fn elements(&self) -> impl Iterator<Item = (Side, usize, &Element)> {
-        let generator = self
-            .generator
-            .iter()
-            .enumerate()
-            .map(|(i, e)| (Side::Generator, i, e));
-        generator.chain(
-            self.analyzer
-                .iter()
-                .enumerate()
-                .map(|(i, e)| (Side::Analyzer, i, e)),
-        )
+        let generator = self.generator.iter().enumerate().map(|(i, e)| (Side::Generator, i, e));
+        generator.chain(self.analyzer.iter().enumerate().map(|(i, e)| (Side::Analyzer, i, e)))
     }
 
     /// Returns whether the analyzer's only retarder is a perfect quarter-wave plate.
     #[must_use]
     pub fn quarter_waves(&self) -> bool {
         let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
-            ElementKind::Retarder {
-                retardance, error, ..
-            } => Some((retardance, error)),
+            ElementKind::Retarder { retardance, error, .. } => Some((retardance, error)),
             ElementKind::Polarizer { .. } => None,
         });
         let quarter = |d: f64| (d - FRAC_PI_2).abs() < 1e-9;
@@ -210,13 +196,7 @@ impl Scheme {
     #[must_use]
     pub fn motors(&self) -> Vec<Motor> {
         self.elements()
-            .flat_map(|(side, element, e)| {
-                e.driven().map(move |quantity| Motor {
-                    side,
-                    element,
-                    quantity,
-                })
-            })
+            .flat_map(|(side, element, e)| e.driven().map(move |quantity| Motor { side, element, quantity }))
             .collect()
     }
 
@@ -245,11 +225,7 @@ impl Scheme {
     #[must_use]
     pub fn with_parameters(&self, parameters: &[f64]) -> Self {
         let motors = self.motors();
-        assert_eq!(
-            parameters.len(),
-            motors.len() * self.captures,
-            "one number for every setting"
-        );
+        assert_eq!(parameters.len(), motors.len() * self.captures, "one number for every setting");
         let mut out = self.clone();
         for (motor, values) in motors.iter().zip(parameters.chunks_exact(self.captures)) {
             let side = match motor.side {
@@ -290,11 +266,7 @@ impl Scheme {
     pub fn turned(&self, name: &str, angles: &[f64]) -> Result<Self, SchemeError> {
         let same = angles.iter().all(|a| Some(a) == angles.first());
         let (mut generator, mut analyzer) = (self.generator.clone(), self.analyzer.clone());
-        for e in generator
-            .iter_mut()
-            .chain(&mut analyzer)
-            .filter(|e| e.name == name)
-        {
+        for e in generator.iter_mut().chain(&mut analyzer).filter(|e| e.name == name) {
             e.angle = match (&e.angle, angles) {
                 (Setting::Fixed(_), [first, ..]) if same => Setting::Fixed(*first),
                 _ => Setting::Each(angles.to_vec()),
@@ -313,12 +285,7 @@ impl Scheme {
     pub fn drr(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
-        let angles = [
-            Setting::Fixed(0.0),
-            turning(5.0),
-            turning(25.0),
-            Setting::Fixed(0.0),
-        ];
+        let angles = [Setting::Fixed(0.0), turning(5.0), turning(25.0), Setting::Fixed(0.0)];
         let name = if array { "DRR-P" } else { "DRR" };
         Self::four(&format!("{name} {captures}"), angles, array)
     }
@@ -335,12 +302,7 @@ impl Scheme {
             let angle = |k| (step * k as f64).rem_euclid(180.0).to_radians();
             Setting::Each((0..captures).map(angle).collect())
         };
-        let angles = [
-            turning(GOLDEN_DEG),
-            turning(5.0),
-            turning(25.0),
-            turning(2.0 * GOLDEN_DEG),
-        ];
+        let angles = [turning(GOLDEN_DEG), turning(5.0), turning(25.0), turning(2.0 * GOLDEN_DEG)];
         let name = if array { "QRPR-P" } else { "QRPR" };
         Self::four(&format!("{name} {captures}"), angles, array)
     }
@@ -354,11 +316,7 @@ impl Scheme {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
         let name = if array { "L-QRPR-P" } else { "L-QRPR" };
-        Self::four(
-            &format!("{name} {captures}"),
-            [0.0, 5.0, 25.0, 0.0].map(turning),
-            array,
-        )
+        Self::four(&format!("{name} {captures}"), [0.0, 5.0, 25.0, 0.0].map(turning), array)
     }
 
     /// Returns polarizer 1, retarder 2, the scene, retarder 3 and, for an intensity sensor, polarizer 4.
@@ -369,10 +327,8 @@ impl Scheme {
     pub fn four(name: &str, angles: [Setting; 4], array: bool) -> Result<Self, SchemeError> {
         let [p1, r2, r3, p4] = angles;
         let quarter = || Setting::Fixed(FRAC_PI_2);
-        let generator = vec![
-            Element::polarizer("polarizer_1", p1),
-            Element::retarder("retarder_2", r2, quarter()),
-        ];
+        let generator =
+            vec![Element::polarizer("polarizer_1", p1), Element::retarder("retarder_2", r2, quarter())];
         let mut analyzer = vec![Element::retarder("retarder_3", r3, quarter())];
         if array {
             return Self::new(name, generator, analyzer, Sensor::array());
@@ -427,10 +383,7 @@ fn captures(generator: &[Element], analyzer: &[Element]) -> Result<usize, Scheme
                 None => continue,
             };
             if let Some(k) = values.iter().position(|v| !v.is_finite()) {
-                return Err(SchemeError::NotFinite {
-                    name: e.name.clone(),
-                    capture: k + 1,
-                });
+                return Err(SchemeError::NotFinite { name: e.name.clone(), capture: k + 1 });
             }
             if !matches!(e.setting(quantity), Some(Setting::Each(_))) {
                 continue;
@@ -461,11 +414,7 @@ mod tests {
 
     #[test]
     fn parameters_go_and_come() {
-        for scheme in [
-            Scheme::drr(9, false),
-            Scheme::qrpr(7, true),
-            Scheme::liquid_crystal(5, false),
-        ] {
+        for scheme in [Scheme::drr(9, false), Scheme::qrpr(7, true), Scheme::liquid_crystal(5, false)] {
             let scheme = scheme.expect("a scheme");
             let parameters = scheme.parameters();
             assert_eq!(parameters.len(), scheme.motors().len() * scheme.captures());
@@ -486,10 +435,7 @@ mod tests {
                 .to_string()
         };
         let uneven = four(Setting::Each(vec![0.0; 3]), Setting::Each(vec![0.0; 4]));
-        assert!(
-            uneven.contains("retarder_2` are 4") && uneven.contains("polarizer_1` are 3"),
-            "{uneven}"
-        );
+        assert!(uneven.contains("retarder_2` are 4") && uneven.contains("polarizer_1` are 3"), "{uneven}");
         let nan = four(Setting::Each(vec![0.0, f64::NAN]), Setting::Fixed(0.0));
         assert!(nan.contains("polarizer_1` at capture 2"), "{nan}");
         assert!(four(Setting::Fixed(f64::INFINITY), Setting::Fixed(0.0)).contains("polarizer_1"));

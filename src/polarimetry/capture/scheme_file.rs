@@ -56,27 +56,18 @@ pub fn load(path: &Path) -> Result<Scheme, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
-    let place = Text {
-        path,
-        text: text.into(),
-    };
+    let place = Text { path, text: text.into() };
     let file: SchemeFile = document::parse(path, text, |message| {
         let missing = message.contains("missing field `sensor`");
-        let calibration = if missing {
-            "; `sunstone rig calibrate` adds a scheme to a calibration file"
-        } else {
-            ""
-        };
+        let calibration =
+            if missing { "; `sunstone rig calibrate` adds a scheme to a calibration file" } else { "" };
         format!("`sunstone scheme drr -k 36 -o scheme.toml` writes an example{calibration}")
     })?;
     let side = |elements: &[Located<ElementFile>], name: &str| -> Result<Vec<Element>, InputError> {
         let all = elements.iter().enumerate();
         all.map(|(i, e)| place.element(e, name, i)).collect()
     };
-    let (generator, analyzer) = (
-        side(&file.generator, "generator")?,
-        side(&file.analyzer, "analyzer")?,
-    );
+    let (generator, analyzer) = (side(&file.generator, "generator")?, side(&file.analyzer, "analyzer")?);
     let name = file.name.clone().unwrap_or_else(|| stem(path));
     let mut scheme = Scheme::new(&name, generator, analyzer, place.sensor(&file.sensor)?)
         .map_err(|e| place.error(None, e.to_string(), "use lists of settings with equal lengths"))?;
@@ -93,10 +84,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
         scheme.source = **source;
     }
     if let Some(coaxial) = &file.coaxial {
-        for (arm, name) in [
-            (&coaxial.transmission, "transmission"),
-            (&coaxial.reflection, "reflection"),
-        ] {
+        for (arm, name) in [(&coaxial.transmission, "transmission"), (&coaxial.reflection, "reflection")] {
             let checks = [
                 (arm.efficiency.check(0.0, 1.0), "efficiency"),
                 (arm.diattenuation.check(-1.0, 1.0), "diattenuation"),
@@ -104,22 +92,14 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
             ];
             for (result, field) in checks {
                 result.map_err(|must| {
-                    place.error(
-                        None,
-                        format!("`coaxial.{name}.{field}` {must}"),
-                        "correct the value",
-                    )
+                    place.error(None, format!("`coaxial.{name}.{field}` {must}"), "correct the value")
                 })?;
             }
         }
         if let Some(galvo) = &coaxial.galvo {
             for (value, field) in [(&galvo.n, "n"), (&galvo.k, "k")] {
                 value.check(0.0, 1e6).map_err(|must| {
-                    place.error(
-                        None,
-                        format!("`coaxial.galvo.{field}` {must}"),
-                        "correct the value",
-                    )
+                    place.error(None, format!("`coaxial.galvo.{field}` {must}"), "correct the value")
                 })?;
             }
         }

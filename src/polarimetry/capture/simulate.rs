@@ -113,18 +113,13 @@ pub fn simulate(
     let pixels = layout.pixels();
     let elements = pixels.saturating_mul(ELEMENTS);
     count("the elements of all matrices", elements, matrices.len())?;
-    let all = layout
-        .height
-        .saturating_mul(layout.width)
-        .saturating_mul(layout.lanes);
+    let all = layout.height.saturating_mul(layout.width).saturating_mul(layout.lanes);
     if rays.len() != all {
         count("the rays of all wavelengths", layout.lanes, rays.len())?;
     }
     // Random streams have 32-bit indices.
     count("the pixels of one capture", pixels.min(u32::MAX as usize), pixels)?;
-    let keys = scheme
-        .measurements()
-        .saturating_mul(layout.times.saturating_mul(layout.lanes));
+    let keys = scheme.measurements().saturating_mul(layout.times.saturating_mul(layout.lanes));
     count("the frames of all captures", keys.min(u32::MAX as usize), keys)?;
     let job = Job {
         matrices,
@@ -229,44 +224,29 @@ impl Job<'_> {
     /// Returns the index of a pixel's ray.
     fn ray(&self, pixel: usize) -> usize {
         let Layout { times, lanes, .. } = self.layout;
-        if self.rays.len() == lanes {
-            pixel % lanes
-        } else {
-            pixel / (times * lanes) * lanes + pixel % lanes
-        }
+        if self.rays.len() == lanes { pixel % lanes } else { pixel / (times * lanes) * lanes + pixel % lanes }
     }
 
     /// Returns the rows of measurement `m`, to be read for consecutive pixels.
     fn rows(&self, m: usize) -> Rows<'_> {
-        Rows {
-            job: self,
-            m,
-            last: None,
-        }
+        Rows { job: self, m, last: None }
     }
 
     fn gaussian(&self, sigma: f64) -> Captured {
         let pixels = self.layout.pixels();
         let mut out = vec![0.0_f32; self.measurements * pixels];
-        out.par_chunks_mut(pixels.max(1))
-            .enumerate()
-            .for_each(|(m, out)| {
-                let mut rows = self.rows(m);
-                for (p, o) in out.iter_mut().enumerate() {
-                    let mut value = rows.clean(p);
-                    if sigma > 0.0 {
-                        let z: f64 = StandardNormal.sample(&mut stream(self.seed, p as u32, m as u32));
-                        value += sigma * z;
-                    }
-                    *o = value as f32;
+        out.par_chunks_mut(pixels.max(1)).enumerate().for_each(|(m, out)| {
+            let mut rows = self.rows(m);
+            for (p, o) in out.iter_mut().enumerate() {
+                let mut value = rows.clean(p);
+                if sigma > 0.0 {
+                    let z: f64 = StandardNormal.sample(&mut stream(self.seed, p as u32, m as u32));
+                    value += sigma * z;
                 }
-            });
-        Captured {
-            intensities: out,
-            variances: None,
-            saturated: 0,
-            layout: self.layout,
-        }
+                *o = value as f32;
+            }
+        });
+        Captured { intensities: out, variances: None, saturated: 0, layout: self.layout }
     }
 
     fn camera(&self, camera: &Cmos, method: Option<Method>) -> Result<Captured, DetectorError> {
@@ -277,17 +257,8 @@ impl Job<'_> {
         }
         let halved = camera.binning == 2 || method == Some(Method::Superpixel);
         let side = if halved { 2 } else { 1 };
-        let Layout {
-            height,
-            width,
-            times,
-            lanes,
-        } = self.layout;
-        let layout = Layout {
-            height: height / side,
-            width: width / side,
-            ..self.layout
-        };
+        let Layout { height, width, times, lanes } = self.layout;
+        let layout = Layout { height: height / side, width: width / side, ..self.layout };
         // Number of measurements per exposure.
         let group = if method.is_some() { 4 } else { 1 };
         let pixels = layout.pixels();
@@ -330,12 +301,7 @@ impl Job<'_> {
             .enumerate()
             .map(exposure)
             .try_reduce(|| 0, |a, b| Ok(a + b))?;
-        Ok(Captured {
-            intensities,
-            variances: Some(variances),
-            saturated,
-            layout,
-        })
+        Ok(Captured { intensities, variances: Some(variances), saturated, layout })
     }
 
     fn diode(&self, diode: &Spad) -> Result<Captured, DetectorError> {
@@ -368,12 +334,7 @@ impl Job<'_> {
             .enumerate()
             .map(capture)
             .try_reduce(|| 0, |a, b| Ok(a + b))?;
-        Ok(Captured {
-            intensities,
-            variances: None,
-            saturated,
-            layout: self.layout,
-        })
+        Ok(Captured { intensities, variances: None, saturated, layout: self.layout })
     }
 }
 

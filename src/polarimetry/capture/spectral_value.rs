@@ -55,11 +55,7 @@ impl SpectralValue {
                 rows.iter().all(|row| inside(row[1]))
             }
         };
-        if ok {
-            Ok(())
-        } else {
-            Err(format!("must be from {low} to {high}"))
-        }
+        if ok { Ok(()) } else { Err(format!("must be from {low} to {high}")) }
     }
 }
 
@@ -70,14 +66,8 @@ mod tests {
     #[test]
     fn tables_are_linear_between_rows_and_constant_beyond() {
         let t = SpectralValue::Table(vec![[450.0, 1.0], [550.0, 2.0], [650.0, 0.0]]);
-        for (nm, want) in [
-            (400.0, 1.0),
-            (450.0, 1.0),
-            (500.0, 1.5),
-            (550.0, 2.0),
-            (600.0, 1.0),
-            (700.0, 0.0),
-        ] {
+        for (nm, want) in [(400.0, 1.0), (450.0, 1.0), (500.0, 1.5), (550.0, 2.0), (600.0, 1.0), (700.0, 0.0)]
+        {
             assert!((t.at(nm) - want).abs() < 1e-12);
         }
         assert!((t.scaled(2.0).at(500.0) - 3.0).abs() < 1e-12);

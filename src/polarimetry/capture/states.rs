@@ -21,11 +21,7 @@ pub struct StateJet {
 
 impl StateJet {
     fn constant(value: Stokes) -> Self {
-        Self {
-            value,
-            first: vec![],
-            second: vec![],
-        }
+        Self { value, first: vec![], second: vec![] }
     }
 
     /// Applies a constant element.
@@ -70,20 +66,13 @@ impl StateJet {
 /// Returns the indices and quantities of an element's motors.
 fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantity)> {
     let motors = scheme.motors().into_iter().enumerate();
-    motors
-        .filter(|(_, m)| m.side == side && m.element == element)
-        .map(|(i, m)| (i, m.quantity))
-        .collect()
+    motors.filter(|(_, m)| m.side == side && m.element == element).map(|(i, m)| (i, m.quantity)).collect()
 }
 
 /// Returns the ray at the elements. In a coaxial rig they stand before the mirrors, where the ray is on the
 /// axis.
 fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
-    if scheme.coaxial.is_some() {
-        Ray::axial(ray.nm)
-    } else {
-        *ray
-    }
+    if scheme.coaxial.is_some() { Ray::axial(ray.nm) } else { *ray }
 }
 
 /// Returns the Stokes vector that illuminates the scene for the given generator settings. Together with
@@ -92,9 +81,7 @@ fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
 pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
     let elements_ray = &at_elements(scheme, ray);
     let pairs = scheme.generator().iter().zip(generator);
-    let state = pairs.fold(Stokes::from(scheme.source), |s, (e, set)| {
-        e.matrix(*set, elements_ray) * s
-    });
+    let state = pairs.fold(Stokes::from(scheme.source), |s, (e, set)| e.matrix(*set, elements_ray) * s);
     let coaxial = scheme.coaxial.as_ref();
     coaxial.map_or(state, |c| c.outward(ray) * state)
 }
@@ -110,9 +97,7 @@ pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<
         through *= coaxial.inward(ray);
     }
     let transposed = through.transpose();
-    sensor_rows(&scheme.sensor, ray.nm)
-        .into_iter()
-        .map(move |row| transposed * row)
+    sensor_rows(&scheme.sensor, ray.nm).into_iter().map(move |row| transposed * row)
 }
 
 /// Returns the Stokes vector that illuminates the scene in capture `k`, with derivatives up to `orders` (0, 1
@@ -122,11 +107,7 @@ pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJe
     let mut state = StateJet::constant(Stokes::from(scheme.source));
     let elements_ray = &at_elements(scheme, ray);
     for (i, e) in scheme.generator().iter().enumerate() {
-        let motors = if orders > 0 {
-            motors_of(scheme, Side::Generator, i)
-        } else {
-            vec![]
-        };
+        let motors = if orders > 0 { motors_of(scheme, Side::Generator, i) } else { vec![] };
         state.pass(&e.jet(k, elements_ray), &motors, orders);
     }
     if let Some(coaxial) = &scheme.coaxial {
@@ -140,17 +121,12 @@ pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJe
 fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     match sensor {
         Sensor::Intensity => vec![Stokes::new(1.0, 0.0, 0.0, 0.0)],
-        Sensor::PolarizerArray {
-            extinction,
-            axis_offsets,
-        } => ARRAY_DEG
+        Sensor::PolarizerArray { extinction, axis_offsets } => ARRAY_DEG
             .iter()
             .zip(axis_offsets)
             .map(|(degrees, offset)| {
                 let polarizer = diattenuator(1.0, extinction.at(nm));
-                (polarizer * rotator(degrees.to_radians() + offset))
-                    .row(0)
-                    .transpose()
+                (polarizer * rotator(degrees.to_radians() + offset)).row(0).transpose()
             })
             .collect(),
     }
@@ -166,9 +142,7 @@ fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     let eigen = normal.symmetric_eigen();
     let most = eigen.eigenvalues.amax();
     let used = eigen.eigenvalues.iter().enumerate();
-    used.filter(|(_, v)| **v > 1e-12 * most)
-        .map(|(i, v)| eigen.eigenvectors.column(i) * v.sqrt())
-        .collect()
+    used.filter(|(_, v)| **v > 1e-12 * most).map(|(i, v)| eigen.eigenvectors.column(i) * v.sqrt()).collect()
 }
 
 /// Returns the rows a with which capture `k` weights light from the scene, one per channel, with derivatives
@@ -186,11 +160,7 @@ pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) 
         .enumerate()
         .rev()
         .map(|(i, e)| {
-            let motors = if orders > 0 {
-                motors_of(scheme, Side::Analyzer, i)
-            } else {
-                vec![]
-            };
+            let motors = if orders > 0 { motors_of(scheme, Side::Analyzer, i) } else { vec![] };
             (transposed(&e.jet(k, elements_ray)), motors)
         })
         .collect();
@@ -227,17 +197,10 @@ mod tests {
     fn states_are_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
             let scheme = scheme.expect("a scheme");
-            let ray = Ray {
-                nm: 450.0,
-                incidence: 0.2,
-                azimuth: 1.0,
-            };
+            let ray = Ray { nm: 450.0, incidence: 0.2, azimuth: 1.0 };
             for k in 0..3 {
                 let [generator, analyzer] = scheme.sets(k);
-                assert_eq!(
-                    illuminating(&scheme, &generator, &ray),
-                    generated(&scheme, k, &ray, 0).value
-                );
+                assert_eq!(illuminating(&scheme, &generator, &ray), generated(&scheme, k, &ray, 0).value);
                 let rows: Vec<_> = detecting(&scheme, &analyzer, &ray).collect();
                 let jets = analyzed(&scheme, k, &ray, 0, false);
                 assert_eq!(rows.len(), jets.len());
@@ -252,11 +215,7 @@ mod tests {
     /// liquid-crystal schemes.
     #[test]
     fn derivatives_are_those_of_the_states() {
-        let schemes = [
-            Scheme::qrpr(2, false),
-            Scheme::qrpr(2, true),
-            Scheme::liquid_crystal(2, false),
-        ];
+        let schemes = [Scheme::qrpr(2, false), Scheme::qrpr(2, true), Scheme::liquid_crystal(2, false)];
         let (k, h) = (1, 1e-5);
         let ray = Ray::axial(550.0);
         for scheme in schemes {
@@ -268,10 +227,8 @@ mod tests {
                 scheme.with_parameters(&p)
             };
             type Of = fn(&Scheme, usize, &Ray) -> Vec<StateJet>;
-            let sides: [Of; 2] = [
-                |s, k, ray| vec![generated(s, k, ray, 2)],
-                |s, k, ray| analyzed(s, k, ray, 2, false),
-            ];
+            let sides: [Of; 2] =
+                [|s, k, ray| vec![generated(s, k, ray, 2)], |s, k, ray| analyzed(s, k, ray, 2, false)];
             let mut checked = 0;
             for of in sides {
                 for (c, state) in of(&scheme, k, &ray).iter().enumerate() {
@@ -285,11 +242,7 @@ mod tests {
                                 continue;
                             };
                             let of_other = |s: &StateJet| {
-                                s.first
-                                    .iter()
-                                    .find(|(m, _)| *m == other)
-                                    .expect("a motor of this side")
-                                    .1
+                                s.first.iter().find(|(m, _)| *m == other).expect("a motor of this side").1
                             };
                             let found = (of_other(&plus[c]) - of_other(&minus[c])) / (2.0 * h);
                             assert!((found - second).amax() < 1e-8, "{a} {b}");

@@ -111,10 +111,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
 fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
     let four = |v: &[f64]| f64x4::new([v[0], v[1], v[2], v[3]]);
-    for (out, (sin, cos)) in out
-        .chunks_exact_mut(4)
-        .zip(sin.chunks_exact(4).zip(cos.chunks_exact(4)))
-    {
+    for (out, (sin, cos)) in out.chunks_exact_mut(4).zip(sin.chunks_exact(4).zip(cos.chunks_exact(4))) {
         out.copy_from_slice(&four(sin).atan2(four(cos)).to_array());
     }
     out
@@ -252,11 +249,8 @@ impl Batch {
         if !self.regular[k] {
             return decompose(m, rounding);
         }
-        let mut parts = Parts {
-            depolarizer: [[0.0; 4]; 4],
-            retarder: [[0.0; 4]; 4],
-            diattenuator: [[0.0; 4]; 4],
-        };
+        let mut parts =
+            Parts { depolarizer: [[0.0; 4]; 4], retarder: [[0.0; 4]; 4], diattenuator: [[0.0; 4]; 4] };
         parts.depolarizer[0][0] = 1.0;
         parts.retarder[0][0] = 1.0;
         parts.diattenuator[0] = m[0];
@@ -283,10 +277,7 @@ mod tests {
     use crate::decompose::testing::{product, samples};
 
     fn near(a: &Matrix, b: &Matrix, tolerance: f64) -> bool {
-        a.iter()
-            .flatten()
-            .zip(b.iter().flatten())
-            .all(|(a, b)| (a - b).abs() <= tolerance)
+        a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
     /// The batch equals single decompositions, and its factors reproduce the matrices.
@@ -311,10 +302,7 @@ mod tests {
                 let one = decompose(m, DOUBLE).expect("a decomposition");
                 assert!(near(&parts.depolarizer, &one.depolarizer, 1e-9), "{m:?}");
                 assert!(near(&parts.retarder, &one.retarder, 1e-9), "{m:?}");
-                assert!(
-                    near(&parts.diattenuator, &one.diattenuator, 1e-12 * m[0][0]),
-                    "{m:?}"
-                );
+                assert!(near(&parts.diattenuator, &one.diattenuator, 1e-12 * m[0][0]), "{m:?}");
                 let built = product(&product(&parts.depolarizer, &parts.retarder), &parts.diattenuator);
                 assert!(near(&built, m, 1e-10 * m[0][0]), "{m:?}");
             }
@@ -336,9 +324,6 @@ mod tests {
         assert_eq!(found[0], decompose(&polarizer, DOUBLE));
         assert_eq!(found[3], decompose(&depolarizer, DOUBLE));
         assert!(found[2].is_none() && batch.properties(2, &wrong, DOUBLE).is_none());
-        assert_eq!(
-            found[1],
-            Batch::new(&[good; LANES], DOUBLE).parts(LANES - 1, &good, DOUBLE)
-        );
+        assert_eq!(found[1], Batch::new(&[good; LANES], DOUBLE).parts(LANES - 1, &good, DOUBLE));
     }
 }

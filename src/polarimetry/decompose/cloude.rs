@@ -18,11 +18,7 @@ pub type Matrix = [[f64; 4]; 4];
 /// Returns σ_i in the order of the Stokes elements.
 #[must_use]
 pub fn pauli(i: usize) -> Matrix2<Complex<f64>> {
-    let (o, l, j) = (
-        Complex::new(0.0, 0.0),
-        Complex::new(1.0, 0.0),
-        Complex::new(0.0, 1.0),
-    );
+    let (o, l, j) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 1.0));
     match i {
         0 => Matrix2::new(l, o, o, l),
         1 => Matrix2::new(l, o, o, -l),
@@ -97,10 +93,7 @@ pub fn nearest(m: &Matrix) -> Option<Matrix> {
 pub fn entropy(m: &Matrix) -> Option<f64> {
     let values = eigenvalues(m)?.map(|v| v.max(0.0));
     let sum: f64 = values.iter().sum();
-    let terms = values
-        .iter()
-        .filter(|v| **v > 0.0)
-        .map(|v| -(v / sum) * (v / sum).ln() / 4.0_f64.ln());
+    let terms = values.iter().filter(|v| **v > 0.0).map(|v| -(v / sum) * (v / sum).ln() / 4.0_f64.ln());
     (sum > 0.0).then(|| terms.sum())
 }
 
@@ -131,10 +124,7 @@ mod tests {
 
     fn assert_eigenvalues(m: &Matrix, want: [f64; 4]) {
         let got = eigenvalues(m).unwrap();
-        assert!(
-            got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12),
-            "{got:?} is not {want:?}"
-        );
+        assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12), "{got:?} is not {want:?}");
     }
 
     /// Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
@@ -187,13 +177,8 @@ mod tests {
             let gold = conductor(c, Spectral::splat(0.4242), Spectral::splat(2.4721));
             let glass = dielectric(c, Spectral::splat(1.5));
             let inside = dielectric(c, Spectral::splat(1.0 / 1.5));
-            for block in [
-                gold,
-                glass.reflection,
-                glass.transmission,
-                inside.reflection,
-                inside.transmission,
-            ] {
+            for block in [gold, glass.reflection, glass.transmission, inside.reflection, inside.transmission]
+            {
                 all.push(matrix(block.to_mueller()));
             }
         }
@@ -224,10 +209,7 @@ mod tests {
     fn the_nearest_realizable_matrix_is_known_for_a_flip() {
         // Eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0, which changes all four diagonal elements by ½.
         let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
-        assert!(
-            distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12,
-            "{near:?}"
-        );
+        assert!(distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12, "{near:?}");
     }
 
     prop_compose! {

@@ -87,13 +87,7 @@ pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     if rest <= rounding {
         let d = d.normalize();
         let r = smallest_rotation(d, p);
-        return Some(Parts::new(
-            m00,
-            d,
-            Vector3::zeros(),
-            &(Matrix3::identity() * p.norm()),
-            &r,
-        ));
+        return Some(Parts::new(m00, d, Vector3::zeros(), &(Matrix3::identity() * p.norm()), &r));
     }
     let c = rest.sqrt();
     let undo = (Matrix3::identity() * c + d * d.transpose() / (1.0 + c)) / rest;
@@ -125,10 +119,7 @@ fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
             let proper = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, turn.determinant().signum()));
             (delta, u * proper * vt)
         }
-        1 => (
-            delta,
-            smallest_rotation(vt.row(0).transpose(), u.column(0).into_owned()),
-        ),
+        1 => (delta, smallest_rotation(vt.row(0).transpose(), u.column(0).into_owned())),
         _ => (Matrix3::zeros(), Matrix3::identity()),
     }
 }
@@ -142,9 +133,8 @@ fn smallest_rotation(from: Vector3<f64>, to: Vector3<f64>) -> Matrix3<f64> {
     if cos < -1.0 + 1e-12 {
         // Half a turn about the perpendicular axis that is closest to the first coordinate axes.
         let across = |e: Vector3<f64>| e - a * a.dot(&e);
-        let axis = across(Vector3::x())
-            .try_normalize(1e-3)
-            .unwrap_or_else(|| across(Vector3::y()).normalize());
+        let axis =
+            across(Vector3::x()).try_normalize(1e-3).unwrap_or_else(|| across(Vector3::y()).normalize());
         return axis * axis.transpose() * 2.0 - Matrix3::identity();
     }
     let v = a.cross(&b);
@@ -165,10 +155,7 @@ mod tests {
 
     fn assert_rebuilds(m: &Matrix, parts: &Parts, tolerance: f64) {
         for (got, want) in rebuilt(parts).iter().flatten().zip(m.iter().flatten()) {
-            assert!(
-                (got - want).abs() <= tolerance * m[0][0],
-                "{got} is not {want} in {m:?}"
-            );
+            assert!((got - want).abs() <= tolerance * m[0][0], "{got} is not {want} in {m:?}");
         }
     }
 
@@ -183,14 +170,7 @@ mod tests {
     /// Products of the factors reproduce the input, and constructed parameters are recovered.
     #[test]
     fn constructed_parts_come_back() {
-        for Sample {
-            m,
-            parts,
-            retardance,
-            axis,
-            ..
-        } in samples(2000, 1)
-        {
+        for Sample { m, parts, retardance, axis, .. } in samples(2000, 1) {
             let got = decompose(&m, DOUBLE).expect("a decomposition");
             assert_rebuilds(&m, &got, 1e-10);
             assert_proper(&got);
@@ -230,12 +210,7 @@ mod tests {
             }
         }
         // A polarizer followed by a depolarizer.
-        let m = matrix([
-            [0.5, 0.5, 0., 0.],
-            [0.1, 0.1, 0., 0.],
-            [0.2, 0.2, 0., 0.],
-            [0.; 4],
-        ]);
+        let m = matrix([[0.5, 0.5, 0., 0.], [0.1, 0.1, 0., 0.], [0.2, 0.2, 0., 0.], [0.; 4]]);
         assert_rebuilds(&m, &decompose(&m, DOUBLE).expect("a decomposition"), 1e-12);
     }
 

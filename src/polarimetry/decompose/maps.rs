@@ -113,10 +113,7 @@ impl Quantity {
 
     /// Returns whether the quantity needs the factors.
     fn needs_parts(self) -> bool {
-        matches!(
-            self,
-            Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator
-        )
+        matches!(self, Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator)
     }
 
     #[inline(always)]
@@ -197,10 +194,7 @@ pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, usize) {
     assert_eq!(elements.len() % 16, 0, "whole matrices");
     let n = elements.len() / 16;
-    let mut out: Vec<Vec<T>> = quantities
-        .iter()
-        .map(|q| vec![T::default(); n * q.size()])
-        .collect();
+    let mut out: Vec<Vec<T>> = quantities.iter().map(|q| vec![T::default(); n * q.size()]).collect();
     // The output slices of each work unit.
     let mut pieces: Vec<Vec<&mut [T]>> = (0..n.div_ceil(CHUNK)).map(|_| vec![]).collect();
     for (values, q) in out.iter_mut().zip(quantities) {
@@ -249,12 +243,8 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 }
 
 /// Quantities with error estimates.
-pub const WITH_ERRORS: [Quantity; 4] = [
-    Quantity::Polarizance,
-    Quantity::Diattenuation,
-    Quantity::Retardance,
-    Quantity::Depolarization,
-];
+pub const WITH_ERRORS: [Quantity; 4] =
+    [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
 /// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
 ///
@@ -270,11 +260,7 @@ pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
 }
 
 fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
-    assert_eq!(
-        (elements.len(), elements.len() % 16),
-        (sigmas.len(), 0),
-        "whole matrices"
-    );
+    assert_eq!((elements.len(), elements.len() % 16), (sigmas.len(), 0), "whole matrices");
     let one = |(m, sigmas): (&[T], &[T])| -> [T; 4] {
         let (m, sigmas) = (matrix(m), matrix(sigmas));
         let mut sums = [0.0; 4];
@@ -297,12 +283,8 @@ fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
         }
         sums.map(|s| T::new(s.sqrt()))
     };
-    let all: Vec<[T; 4]> = elements
-        .par_chunks(16)
-        .zip(sigmas.par_chunks(16))
-        .with_min_len(256)
-        .map(one)
-        .collect();
+    let all: Vec<[T; 4]> =
+        elements.par_chunks(16).zip(sigmas.par_chunks(16)).with_min_len(256).map(one).collect();
     (0..4).map(|q| all.iter().map(|e| e[q]).collect()).collect()
 }
 
@@ -340,11 +322,7 @@ mod tests {
                     let mut want = vec![0.0; q.size()];
                     q.write(&m, &Some((*parts, Properties::of(&m, parts))), &mut want);
                     for (g, w) in got.iter().zip(&want) {
-                        assert!(
-                            (g - w).abs() < 1e-6 * (1.0 + w.abs()),
-                            "{}: {g} is not {w}",
-                            q.name()
-                        );
+                        assert!((g - w).abs() < 1e-6 * (1.0 + w.abs()), "{}: {g} is not {w}", q.name());
                     }
                 }
             }

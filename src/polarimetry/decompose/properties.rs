@@ -49,23 +49,14 @@ fn axis(r: &Matrix, turn: [f64; 3], sin2: f64) -> [f64; 3] {
     }
     if r[1][1] + r[2][2] + r[3][3] > 1.0 {
         // No rotation, or one too small for a direction.
-        return if sin2 > 1e-12 {
-            turn.map(|t| t / sin2)
-        } else {
-            [0.0; 3]
-        };
+        return if sin2 > 1e-12 { turn.map(|t| t / sin2) } else { [0.0; 3] };
     }
     // Half a turn: m_R = 2 a aᵀ - 1. The largest column is the most precise.
     let column = |k: usize| std::array::from_fn(|i| r[i + 1][k + 1] + f64::from(u8::from(i == k)));
-    let best: [f64; 3] = (0..3)
-        .map(column)
-        .max_by(|a, b| length(*a).total_cmp(&length(*b)))
-        .unwrap_or_default();
+    let best: [f64; 3] =
+        (0..3).map(column).max_by(|a, b| length(*a).total_cmp(&length(*b))).unwrap_or_default();
     let n = length(best);
-    let sign = best
-        .iter()
-        .find(|a| a.abs() > 1e-9 * n)
-        .map_or(1.0, |a| a.signum());
+    let sign = best.iter().find(|a| a.abs() > 1e-9 * n).map_or(1.0, |a| a.signum());
     best.map(|a| sign * a / n)
 }
 

@@ -47,11 +47,6 @@ pub fn samples(n: u32, seed: u64) -> impl Iterator<Item = Sample> {
             diattenuator: compose(m00, d, d, &m_d),
         };
         let behind = product(&parts.depolarizer, &parts.retarder);
-        Sample {
-            m: product(&behind, &parts.diattenuator),
-            parts,
-            retardance,
-            axis: [axis.x, axis.y, axis.z],
-        }
+        Sample { m: product(&behind, &parts.diattenuator), parts, retardance, axis: [axis.x, axis.y, axis.z] }
     })
 }

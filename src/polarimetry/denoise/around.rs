@@ -19,16 +19,13 @@ pub fn around(
     if values.is_empty() {
         return out;
     }
-    across
-        .par_chunks_mut(row)
-        .zip(values.par_chunks(row))
-        .for_each(|(sums, values)| {
-            for (x, sum) in sums.chunks_mut(channels).enumerate() {
-                for near in x.saturating_sub(radius)..(x + radius + 1).min(width) {
-                    add(sum, &values[near * channels..][..channels]);
-                }
+    across.par_chunks_mut(row).zip(values.par_chunks(row)).for_each(|(sums, values)| {
+        for (x, sum) in sums.chunks_mut(channels).enumerate() {
+            for near in x.saturating_sub(radius)..(x + radius + 1).min(width) {
+                add(sum, &values[near * channels..][..channels]);
             }
-        });
+        }
+    });
     out.par_chunks_mut(row).enumerate().for_each(|(y, sums)| {
         let rows = y.saturating_sub(radius)..(y + radius + 1).min(height);
         for near in rows.clone() {
@@ -65,17 +62,10 @@ mod tests {
         for y in 0..3_i32 {
             for x in 0..4_i32 {
                 let near = |a: i32, b: i32| (y - a).abs() <= 1 && (x - b).abs() <= 1 && (a, b) != (1, 1);
-                let all: Vec<f32> = (0..12)
-                    .filter(|i| near(i / 4, i % 4))
-                    .map(|i| (2 * i) as f32)
-                    .collect();
+                let all: Vec<f32> = (0..12).filter(|i| near(i / 4, i % 4)).map(|i| (2 * i) as f32).collect();
                 let want = all.iter().sum::<f32>() / all.len() as f32;
                 let at = (y * 4 + x) as usize;
-                assert!(
-                    (got[2 * at] - want).abs() < 1e-5,
-                    "{y} {x}: {} not {want}",
-                    got[2 * at]
-                );
+                assert!((got[2 * at] - want).abs() < 1e-5, "{y} {x}: {} not {want}", got[2 * at]);
                 assert!((got[2 * at + 1] - want - 1.0).abs() < 1e-5);
             }
         }

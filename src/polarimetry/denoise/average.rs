@@ -43,59 +43,49 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     let mut spread = vec![0.0_f32; out.mean.len()];
     let mut bias = vec![0.0_f32; out.mean.len()];
     let rows = out.mean.par_chunks_mut(row).zip(spread.par_chunks_mut(row));
-    rows.zip(bias.par_chunks_mut(row))
-        .enumerate()
-        .for_each(|(y, ((mean, spread), bias))| {
-            let mut sums = Sums::new(channels);
-            let pixels = mean.chunks_mut(channels).zip(spread.chunks_mut(channels));
-            for (x, ((mean, spread), bias)) in pixels.zip(bias.chunks_mut(channels)).enumerate() {
-                let p = y * weights.size[1] + x;
-                if !weights.moved[p] {
-                    continue;
-                }
-                let at = p * channels..(p + 1) * channels;
-                let part = |r: usize| (&scaled[r], weights.shares[r], &noise[r][at.clone()]);
-                let window = p * WINDOW..(p + 1) * WINDOW;
-                sums.clear();
-                // M and V.
-                let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
-                // The increase of the mean with outliers included.
-                let mut left = vec![0.0_f32; channels];
-                for (render, share) in weights.shares.iter().enumerate() {
-                    let of = &weights.of[render][window.clone()];
-                    let slopes = &weights.slopes[render][window.clone()];
-                    sums.add([of, slopes], p, part(render), part(other(render, scaled.len())));
-                    for (o, w) in of.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                        let Some(q) = neighbour(p, o, weights.size) else {
-                            continue;
-                        };
-                        add(
-                            spread,
-                            (share * w).powi(2),
-                            &noise[render][q * channels..][..channels],
-                        );
-                        if weights.outliers[render][q] {
-                            add(&mut left, share * w, &taken[render][q * channels..][..channels]);
-                        }
-                    }
-                    add(&mut rendered, *share, &scaled[render].mean[at.clone()]);
-                    add(&mut own, share * share, &noise[render][at.clone()]);
-                }
-                for c in 0..channels {
-                    bias[c] =
-                        (sums.mean[c] - rendered[c]).powi(2) - own[c] + 2.0 * sums.common[c] - spread[c];
-                    mean[c] = sums.mean[c] / scale;
-                    spread[c] += left[c] * left[c];
-                }
+    rows.zip(bias.par_chunks_mut(row)).enumerate().for_each(|(y, ((mean, spread), bias))| {
+        let mut sums = Sums::new(channels);
+        let pixels = mean.chunks_mut(channels).zip(spread.chunks_mut(channels));
+        for (x, ((mean, spread), bias)) in pixels.zip(bias.chunks_mut(channels)).enumerate() {
+            let p = y * weights.size[1] + x;
+            if !weights.moved[p] {
+                continue;
             }
-        });
+            let at = p * channels..(p + 1) * channels;
+            let part = |r: usize| (&scaled[r], weights.shares[r], &noise[r][at.clone()]);
+            let window = p * WINDOW..(p + 1) * WINDOW;
+            sums.clear();
+            // M and V.
+            let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
+            // The increase of the mean with outliers included.
+            let mut left = vec![0.0_f32; channels];
+            for (render, share) in weights.shares.iter().enumerate() {
+                let of = &weights.of[render][window.clone()];
+                let slopes = &weights.slopes[render][window.clone()];
+                sums.add([of, slopes], p, part(render), part(other(render, scaled.len())));
+                for (o, w) in of.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                    let Some(q) = neighbour(p, o, weights.size) else {
+                        continue;
+                    };
+                    add(spread, (share * w).powi(2), &noise[render][q * channels..][..channels]);
+                    if weights.outliers[render][q] {
+                        add(&mut left, share * w, &taken[render][q * channels..][..channels]);
+                    }
+                }
+                add(&mut rendered, *share, &scaled[render].mean[at.clone()]);
+                add(&mut own, share * share, &noise[render][at.clone()]);
+            }
+            for c in 0..channels {
+                bias[c] = (sums.mean[c] - rendered[c]).powi(2) - own[c] + 2.0 * sums.common[c] - spread[c];
+                mean[c] = sums.mean[c] / scale;
+                spread[c] += left[c] * left[c];
+            }
+        }
+    });
     let bias = around(&bias, weights.size, channels, CALM, &weights.moved);
     let errors = out.error.chunks_mut(channels);
     let squares = spread.chunks(channels).zip(bias.chunks(channels));
-    for ((errors, (spread, bias)), _) in errors
-        .zip(squares)
-        .zip(&weights.moved)
-        .filter(|(_, moved)| **moved)
+    for ((errors, (spread, bias)), _) in errors.zip(squares).zip(&weights.moved).filter(|(_, moved)| **moved)
     {
         for ((e, s), b) in errors.iter_mut().zip(spread).zip(bias) {
             *e = (s + b.max(0.0)).sqrt() / scale;
@@ -129,13 +119,7 @@ fn kept(weights: &Weights, renders: &[Values]) -> Values {
     }
     let of = |f: &dyn Fn(&Values, usize, f32) -> f64| -> Vec<f64> {
         let n = renders[0].mean.len();
-        let all = (0..n).map(|i| {
-            renders
-                .iter()
-                .zip(&weights.shares)
-                .map(|(r, s)| f(r, i, *s))
-                .sum()
-        });
+        let all = (0..n).map(|i| renders.iter().zip(&weights.shares).map(|(r, s)| f(r, i, *s)).sum());
         all.collect()
     };
     let mean = of(&|r, i, s| f64::from(s) * f64::from(r.mean[i]));

@@ -58,10 +58,7 @@ struct Plan {
 }
 
 fn is_kept(kind: AxisKind) -> bool {
-    matches!(
-        kind,
-        AxisKind::StokesOut | AxisKind::StokesIn | AxisKind::Wavelength
-    )
+    matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn | AxisKind::Wavelength)
 }
 
 impl Plan {
@@ -102,12 +99,7 @@ impl GuideBuilder {
     pub fn new(size: Size, axes: &[Axis]) -> Self {
         let plan = Plan::new(axes);
         let n = size[0] * size[1] * (plan.matrix + plan.groups);
-        Self {
-            size,
-            plan,
-            mean: vec![0.0; n],
-            variance: vec![0.0; n],
-        }
+        Self { size, plan, mean: vec![0.0; n], variance: vec![0.0; n] }
     }
 
     /// Adds a block of entries of all pixels, given by its first index and shape.
@@ -173,50 +165,29 @@ impl Guide {
         // A pixel that is dark at random has a meaningless error of zero.
         let speck = |p: usize| {
             let near = neighbours(p, size).flat_map(|q| renders.iter().map(move |r| met(q, r)));
-            let (lit, all) = near.fold((0.0, 0.0), |(lit, all), m| {
-                (lit + f64::from(u8::from(m)), all + 1.0)
-            });
+            let (lit, all) = near.fold((0.0, 0.0), |(lit, all), m| (lit + f64::from(u8::from(m)), all + 1.0));
             lit > LIT * all && !renders.iter().any(|r| met(p, r))
         };
         let exact = every(&|_, v| v == 0.0);
         let still = (0..pixels).map(|p| exact[p] && !speck(p)).collect();
-        let largest = renders
-            .iter()
-            .flat_map(|r| r.mean.iter().zip(&r.variance))
-            .map(|(m, v)| m.abs().max(v.sqrt()));
+        let largest =
+            renders.iter().flat_map(|r| r.mean.iter().zip(&r.variance)).map(|(m, v)| m.abs().max(v.sqrt()));
         let scale = unit(largest.filter(|x| x.is_finite()).fold(0.0, f64::max));
         let finite = |p: usize, x: f64| {
-            if known[p / channels.max(1)] {
-                (x * scale) as f32
-            } else {
-                0.0
-            }
+            if known[p / channels.max(1)] { (x * scale) as f32 } else { 0.0 }
         };
         let values = |r: GuideBuilder| Values {
             size,
             channels,
             mean: r.mean.iter().enumerate().map(|(i, m)| finite(i, *m)).collect(),
-            error: r
-                .variance
-                .iter()
-                .enumerate()
-                .map(|(i, v)| finite(i, v.sqrt()))
-                .collect(),
+            error: r.variance.iter().enumerate().map(|(i, v)| finite(i, v.sqrt())).collect(),
         };
         let mut renders: Vec<Values> = renders.into_iter().map(values).collect();
         let outliers = outliers(&renders, lanes, &known);
         for (render, outliers) in renders.iter_mut().zip(&outliers) {
             replace(render, outliers, &known);
         }
-        Self {
-            size,
-            renders,
-            shares,
-            judge,
-            known,
-            outliers,
-            still,
-        }
+        Self { size, renders, shares, judge, known, outliers, still }
     }
 }
 

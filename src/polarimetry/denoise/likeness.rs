@@ -96,10 +96,7 @@ impl Likeness {
             }
             plane
         });
-        Self {
-            size,
-            planes: planes.collect(),
-        }
+        Self { size, planes: planes.collect() }
     }
 
     /// Returns d² of a pixel and its neighbour `q` at an offset, and its slope for the noise of the pixel.
@@ -146,10 +143,7 @@ fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
         }
         let far = n <= 0.0 && s > 0.0;
         let n = if n > 0.0 { n } else { 1.0 };
-        out.push(Pair {
-            d2: if far { FAR } else { s / n },
-            slopes: own.slopes.map(|slope| slope / n),
-        });
+        out.push(Pair { d2: if far { FAR } else { s / n }, slopes: own.slopes.map(|slope| slope / n) });
     }
     out
 }
@@ -180,12 +174,7 @@ impl Noise {
             }
         }
         let [mean, error, floor] = all;
-        Self {
-            channels,
-            mean,
-            error,
-            floor,
-        }
+        Self { channels, mean, error, floor }
     }
 
     /// Returns the sums for a profile.
@@ -219,11 +208,7 @@ impl Noise {
                 let least = if vp < vq { vp } else { vq };
                 let (v, floor) = (vp + vq, fp[c] + fq[c]);
                 let under = if v > floor { v } else { floor };
-                let under = if under > f32::MIN_POSITIVE {
-                    under
-                } else {
-                    f32::MIN_POSITIVE
-                };
+                let under = if under > f32::MIN_POSITIVE { under } else { f32::MIN_POSITIVE };
                 let ratio = (d * d - 2.0 * least) / under;
                 let far = ratio >= FAR;
                 let slope = if far { 0.0 } else { 2.0 * d / under };
@@ -234,10 +219,6 @@ impl Noise {
             }
         }
         let [d2, under, first, second] = [sum, count, first, second].map(|s| s.iter().sum());
-        Sums {
-            d2,
-            under,
-            slopes: [first, second],
-        }
+        Sums { d2, under, slopes: [first, second] }
     }
 }

@@ -59,9 +59,7 @@ pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f3
     let n = values.channels;
     let mut taken = vec![0.0; values.mean.len()];
     for p in (0..outliers.len()).filter(|p| outliers[*p]) {
-        let near: Vec<usize> = neighbours(p, values.size)
-            .filter(|q| known[*q] && !outliers[*q])
-            .collect();
+        let near: Vec<usize> = neighbours(p, values.size).filter(|q| known[*q] && !outliers[*q]).collect();
         if near.is_empty() {
             continue;
         }
@@ -97,19 +95,12 @@ mod tests {
     fn spot(value: f32, error: f32) -> Values {
         let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
         (mean[SPOT], errors[SPOT]) = (value, error);
-        Values {
-            size: SIZE,
-            channels: 1,
-            mean,
-            error: errors,
-        }
+        Values { size: SIZE, channels: 1, mean, error: errors }
     }
 
     fn found(renders: &[Values]) -> Vec<Vec<usize>> {
         let all = outliers(renders, 1, &[true; 25]);
-        all.iter()
-            .map(|of| (0..25).filter(|p| of[*p]).collect())
-            .collect()
+        all.iter().map(|of| (0..25).filter(|p| of[*p]).collect()).collect()
     }
 
     #[test]
@@ -128,10 +119,7 @@ mod tests {
             assert!(found(renders).iter().all(Vec::is_empty));
         }
         // In dark regions, rare paths are the only light.
-        let dark = Values {
-            mean: vec![0.0; 25],
-            ..plain
-        };
+        let dark = Values { mean: vec![0.0; 25], ..plain };
         let mut once = dark.clone();
         (once.mean[SPOT], once.error[SPOT]) = (1.0, 1.0);
         assert!(found(&[once, dark]).iter().all(Vec::is_empty));
@@ -146,12 +134,7 @@ mod tests {
         assert!((values.error[SPOT] - 0.1).abs() < 1e-6);
         assert_eq!(taken.iter().filter(|t| **t != 0.0).count(), 1);
         // A pixel without neighbours stays.
-        let mut alone = Values {
-            size: [1, 1],
-            channels: 1,
-            mean: vec![50.0],
-            error: vec![49.0],
-        };
+        let mut alone = Values { size: [1, 1], channels: 1, mean: vec![50.0], error: vec![49.0] };
         assert_eq!(replace(&mut alone, &[true], &[true]), [0.0]);
         assert_eq!(alone.mean, [50.0]);
     }

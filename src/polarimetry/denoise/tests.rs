@@ -28,43 +28,17 @@ impl Normal {
 
 fn axis(kind: AxisKind, n: usize) -> Axis {
     let coords = (0..n).map(|i| i as f64 + 1.0).collect();
-    Axis {
-        kind,
-        coords,
-        chunk: n as u64,
-    }
+    Axis { kind, coords, chunk: n as u64 }
 }
 
 fn mueller() -> Vec<Axis> {
-    vec![
-        axis(AxisKind::StokesOut, 4),
-        axis(AxisKind::StokesIn, 4),
-        axis(AxisKind::Wavelength, 1),
-    ]
+    vec![axis(AxisKind::StokesOut, 4), axis(AxisKind::StokesIn, 4), axis(AxisKind::Wavelength, 1)]
 }
 
 /// A polarizer at an angle with transmittance `k`: realizable, on the boundary of the cone.
 fn polarizer(angle: f64, k: f64) -> [f64; 16] {
     let (s, c) = (2.0 * angle).sin_cos();
-    [
-        1.0,
-        c,
-        s,
-        0.0,
-        c,
-        c * c,
-        c * s,
-        0.0,
-        s,
-        c * s,
-        s * s,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    ]
-    .map(|x| x * k / 2.0)
+    [1.0, c, s, 0.0, c, c * c, c * s, 0.0, s, c * s, s * s, 0.0, 0.0, 0.0, 0.0, 0.0].map(|x| x * k / 2.0)
 }
 
 const SIZE: Size = [40, 48];
@@ -118,12 +92,7 @@ fn rendered_of(truth: Truth, seed: u64, n: usize, stated: f64) -> Values {
             error.push((stated * (variance / (n - 1.0)).sqrt()) as f32);
         }
     }
-    Values {
-        size: SIZE,
-        channels: 16,
-        mean,
-        error,
-    }
+    Values { size: SIZE, channels: 16, mean, error }
 }
 
 fn rendered(seed: u64, n: usize, stated: f64) -> Values {
@@ -146,10 +115,7 @@ fn weights_of(renders: &[Values], axes: &[Axis]) -> Weights {
         b
     };
     let share = 1.0 / renders.len() as f32;
-    Weights::new(&Guide::new(
-        renders.iter().map(builder).collect(),
-        vec![share; renders.len()],
-    ))
+    Weights::new(&Guide::new(renders.iter().map(builder).collect(), vec![share; renders.len()]))
 }
 
 fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
@@ -191,10 +157,7 @@ fn the_stated_error_is_the_error() {
         let [low, high] = [of(truth, 0.5)[0], of(wall, 2.0)[0]];
         println!("{name}: z {z:.3}, of a wall {even:.3}; errors {left:.3} and {gone:.3} of the render's");
         println!("{name}: stated half z {low:.3}, double {high:.3}");
-        assert!(
-            (0.7..1.4).contains(&z) && (0.7..1.4).contains(&even),
-            "{name}: z is {z}, {even}"
-        );
+        assert!((0.7..1.4).contains(&z) && (0.7..1.4).contains(&even), "{name}: z is {z}, {even}");
         assert!(
             left < 1.0 / 3.0_f64.sqrt() && gone < 0.1_f64.sqrt(),
             "{name}: {left}, {gone} of the error is left"
@@ -234,10 +197,7 @@ fn weights_are_shares() {
     for of in &weights.of {
         for window in of.chunks(WINDOW) {
             let sum: f64 = window.iter().map(|w| f64::from(*w)).sum();
-            assert!(
-                window.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-5,
-                "{sum}"
-            );
+            assert!(window.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-5, "{sum}");
         }
     }
 }
@@ -262,26 +222,18 @@ fn an_outlier_is_left_out_and_stated() {
         let o = (0..WINDOW).find(|o| neighbour(p, *o, SIZE) == Some(spot));
         weights.of[0][p * WINDOW + o.expect("within reach")]
     };
-    let near = (0..WINDOW)
-        .filter(|o| *o != MIDDLE)
-        .filter_map(|o| neighbour(spot, o, SIZE));
-    let beside = near
-        .max_by(|a, b| weight_for(*a).total_cmp(&weight_for(*b)))
-        .expect("some");
+    let near = (0..WINDOW).filter(|o| *o != MIDDLE).filter_map(|o| neighbour(spot, o, SIZE));
+    let beside = near.max_by(|a, b| weight_for(*a).total_cmp(&weight_for(*b))).expect("some");
     for p in [spot, beside] {
         let weight = weight_for(p);
         let m00 = p * 16;
         let off = f64::from(with.mean[m00] - without.mean[m00]).abs();
         assert!(off < 0.02 * expected(wall, p)[0], "{p}: {off}");
         let left = 0.5 * f64::from(weight) * 100.0 * m[0];
-        let more = (f64::from(with.error[m00]).powi(2) - f64::from(without.error[m00]).powi(2))
-            .max(0.0)
-            .sqrt();
+        let more =
+            (f64::from(with.error[m00]).powi(2) - f64::from(without.error[m00]).powi(2)).max(0.0).sqrt();
         println!("pixel {p}: off by {off:.4}, left out {left:.4}, stated {more:.4} more");
-        assert!(
-            left > 0.1 * m[0] && (more / left - 1.0).abs() < 0.1,
-            "{p}: {more} of {left}"
-        );
+        assert!(left > 0.1 * m[0] && (more / left - 1.0).abs() < 0.1, "{p}: {more} of {left}");
     }
     let alone = denoised(&[met], &mueller());
     assert!(f64::from(alone.mean[spot * 16]) > 1.5 * expected(wall, spot)[0]);
@@ -322,32 +274,18 @@ fn what_has_no_error_stays_bit_for_bit() {
     let mut mixed = rendered(11, 4, 1.0);
     mixed.error[16 * 500..16 * 501].fill(0.0);
     let out = denoised(std::slice::from_ref(&mixed), &mueller());
-    assert_eq!(
-        bits(&out.mean[16 * 500..16 * 501]),
-        bits(&mixed.mean[16 * 500..16 * 501])
-    );
-    assert_ne!(
-        bits(&out.mean[16 * 501..16 * 502]),
-        bits(&mixed.mean[16 * 501..16 * 502])
-    );
+    assert_eq!(bits(&out.mean[16 * 500..16 * 501]), bits(&mixed.mean[16 * 500..16 * 501]));
+    assert_ne!(bits(&out.mean[16 * 501..16 * 502]), bits(&mixed.mean[16 * 501..16 * 502]));
 }
 
 #[test]
 fn a_constant_image_stays_so_and_is_known_better() {
     let size = [30, 30];
-    let values = Values {
-        size,
-        channels: 2,
-        mean: vec![3.0; 1800],
-        error: vec![0.1; 1800],
-    };
+    let values = Values { size, channels: 2, mean: vec![3.0; 1800], error: vec![0.1; 1800] };
     let out = denoised(&[values], &[axis(AxisKind::Wavelength, 2)]);
     assert!(out.mean.iter().all(|m| (m - 3.0).abs() < 1e-5));
     let middle = f64::from(out.error[2 * (15 * 30 + 15)]);
-    assert!(
-        (middle / (0.1 / (WINDOW as f64).sqrt()) - 1.0).abs() < 0.01,
-        "{middle}"
-    );
+    assert!((middle / (0.1 / (WINDOW as f64).sqrt()) - 1.0).abs() < 0.01, "{middle}");
 }
 
 /// Non-finite values do not spread, and empty channels stay empty.
@@ -359,17 +297,11 @@ fn lost_pixels_do_not_spread() {
         lost.error[16 * 700] = bad;
         let out = denoised(std::slice::from_ref(&lost), &mueller());
         let bits = |v: &Values, p: usize| {
-            v.mean[16 * p..16 * p + 16]
-                .iter()
-                .map(|x| x.to_bits())
-                .collect::<Vec<_>>()
+            v.mean[16 * p..16 * p + 16].iter().map(|x| x.to_bits()).collect::<Vec<_>>()
         };
         for p in 0..SIZE[0] * SIZE[1] {
             let all = out.mean[16 * p..][..16].iter().chain(&out.error[16 * p..][..16]);
-            assert!(
-                [300, 700].contains(&p) || all.copied().all(f32::is_finite),
-                "{bad} at {p}"
-            );
+            assert!([300, 700].contains(&p) || all.copied().all(f32::is_finite), "{bad} at {p}");
             assert_eq!(out.mean[16 * p + 15], 0.0);
         }
         assert_eq!(bits(&out, 300), bits(&lost, 300));
@@ -383,19 +315,9 @@ fn images_of_any_size_and_brightness() {
         let n = size[0] * size[1];
         let mut random = Normal(13);
         let mean: Vec<f32> = (0..n).map(|_| 1.0 + 0.1 * random.next() as f32).collect();
-        let values = Values {
-            size,
-            channels: 1,
-            error: vec![0.1; n],
-            mean: mean.clone(),
-        };
+        let values = Values { size, channels: 1, error: vec![0.1; n], mean: mean.clone() };
         let out = denoised(&[values], &[axis(AxisKind::Wavelength, 1)]);
-        assert!(
-            out.mean
-                .iter()
-                .zip(&out.error)
-                .all(|(m, e)| m.is_finite() && *e > 0.0)
-        );
+        assert!(out.mean.iter().zip(&out.error).all(|(m, e)| m.is_finite() && *e > 0.0));
         if n == 1 {
             assert_eq!(out.mean, mean);
             assert!((out.error[0] - 0.1).abs() < 1e-6);
@@ -412,14 +334,8 @@ fn images_of_any_size_and_brightness() {
     for power in [-90, 100] {
         let k = 2.0_f32.powi(power);
         let got = denoised(&[scaled(k)], &mueller());
-        assert!(
-            got.mean.iter().zip(&want.mean).all(|(a, b)| *a == b * k),
-            "2^{power}"
-        );
-        assert!(
-            got.error.iter().zip(&want.error).all(|(a, b)| *a == b * k),
-            "2^{power}"
-        );
+        assert!(got.mean.iter().zip(&want.mean).all(|(a, b)| *a == b * k), "2^{power}");
+        assert!(got.error.iter().zip(&want.error).all(|(a, b)| *a == b * k), "2^{power}");
     }
 }
 
@@ -430,12 +346,7 @@ fn depth_separates() {
     let axes = [axis(AxisKind::T, bins), axis(AxisKind::Wavelength, 1)];
     let mut random = Normal(15);
     let n = size[0] * size[1];
-    let mut values = Values {
-        size,
-        channels: bins,
-        mean: vec![0.0; n * bins],
-        error: vec![0.0; n * bins],
-    };
+    let mut values = Values { size, channels: bins, mean: vec![0.0; n * bins], error: vec![0.0; n * bins] };
     for p in 0..n {
         let at = p * bins + if p % size[1] < 12 { 40 } else { 41 };
         values.mean[at] = 1.0 + 0.1 * random.next() as f32;
@@ -449,15 +360,9 @@ fn depth_separates() {
         assert!((out.mean[p * bins + near] - 1.0).abs() < 0.2);
     }
     // Their sums alone do not separate them.
-    let sums = Values {
-        channels: 1,
-        ..out.clone()
-    };
-    let sums = Values {
-        mean: out.mean.chunks(bins).map(|m| m.iter().sum()).collect(),
-        error: vec![0.1; n],
-        ..sums
-    };
+    let sums = Values { channels: 1, ..out.clone() };
+    let sums =
+        Values { mean: out.mean.chunks(bins).map(|m| m.iter().sum()).collect(), error: vec![0.1; n], ..sums };
     let mixed = weights_of(&[sums], &[axis(AxisKind::Wavelength, 1)]);
     let edge = (8 * size[1] + 11) * WINDOW;
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
@@ -481,23 +386,14 @@ fn what_met_no_light_by_chance_is_no_black_speck() {
                 error.push((m.abs() * deviation / rare) as f32);
             }
         }
-        Values {
-            size: SIZE,
-            channels: 16,
-            mean,
-            error,
-        }
+        Values { size: SIZE, channels: 16, mean, error }
     };
     let light = |v: &Values| v.mean.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
     let dark = |v: &Values| v.mean.chunks(16).filter(|m| m[0] == 0.0).count();
     for renders in [vec![render(31)], vec![render(32), render(33)]] {
         let out = denoised(&renders, &mueller());
         let before = renders.iter().map(dark).min().expect("a render");
-        assert!(
-            before > 250 && dark(&out) == 0,
-            "{before} were dark, {} are",
-            dark(&out)
-        );
+        assert!(before > 250 && dark(&out) == 0, "{before} were dark, {} are", dark(&out));
         let pixels = (SIZE[0] * SIZE[1] * renders.len() * n as usize) as f64;
         let bound = 5.0 * ((1.0 - rare) / rare / pixels).sqrt();
         let kept = light(&out) / (SIZE[0] * SIZE[1]) as f64 / wall(0)[0];

@@ -50,12 +50,7 @@ impl Weights {
         let likeness: Vec<Likeness> = (0..guide.renders.len())
             .map(|render| Likeness::new(guide, other(render, guide.renders.len()), PATCH))
             .collect();
-        let moved: Vec<bool> = guide
-            .known
-            .iter()
-            .zip(&guide.still)
-            .map(|(k, s)| *k && !s)
-            .collect();
+        let moved: Vec<bool> = guide.known.iter().zip(&guide.still).map(|(k, s)| *k && !s).collect();
         let kinds = kinds(guide, &likeness, &moved);
         let (mut of, mut slopes) = (vec![], vec![]);
         for likeness in &likeness {
@@ -99,10 +94,7 @@ struct Candidate {
 
 /// Returns the normalized weights of each strength.
 fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS] {
-    let mut all = STRENGTHS.map(|_| Candidate {
-        weights: [0.0; WINDOW],
-        slopes: [0.0; WINDOW],
-    });
+    let mut all = STRENGTHS.map(|_| Candidate { weights: [0.0; WINDOW], slopes: [0.0; WINDOW] });
     for o in 0..WINDOW {
         let Some(q) = neighbour(p, o, guide.size).filter(|q| guide.known[*q]) else {
             continue;
@@ -118,10 +110,7 @@ fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS
         let sum: f32 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= sum);
         let mean: f32 = weights.iter().zip(slopes.iter()).map(|(w, s)| w * s).sum();
-        slopes
-            .iter_mut()
-            .zip(weights.iter())
-            .for_each(|(s, w)| *s = w * (*s - mean));
+        slopes.iter_mut().zip(weights.iter()).for_each(|(s, w)| *s = w * (*s - mean));
     }
     all
 }
@@ -198,40 +187,36 @@ fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
     let profile: Vec<f32> = scale.chunks(channels.max(1)).map(whole).collect();
     let mut risks = vec![0.0_f32; moved.len() * KINDS];
     let width = guide.size[1].max(1);
-    risks
-        .par_chunks_mut(width * KINDS)
-        .enumerate()
-        .for_each(|(y, risks)| {
-            let mut sums = Sums::new(channels);
-            for (x, risks) in risks.chunks_mut(KINDS).enumerate() {
-                let p = y * width + x;
-                if !moved[p] {
-                    continue;
+    risks.par_chunks_mut(width * KINDS).enumerate().for_each(|(y, risks)| {
+        let mut sums = Sums::new(channels);
+        for (x, risks) in risks.chunks_mut(KINDS).enumerate() {
+            let p = y * width + x;
+            if !moved[p] {
+                continue;
+            }
+            let at = p * channels..(p + 1) * channels;
+            let over = |c: usize| match guide.judge.get(c) {
+                Some(judge) => scale[p * channels + judge],
+                None => profile[p],
+            };
+            let all: Vec<_> = likeness.iter().map(|l| candidates(guide, l, p)).collect();
+            for (kind, risk) in risks.iter_mut().enumerate() {
+                sums.clear();
+                for (render, candidates) in all.iter().enumerate() {
+                    let Candidate { weights, slopes } = &candidates[kind];
+                    let part = |r: usize| (&guide.renders[r], guide.shares[r], &own[r][at.clone()]);
+                    sums.add([weights, slopes], p, part(render), part(other(render, all.len())));
                 }
-                let at = p * channels..(p + 1) * channels;
-                let over = |c: usize| match guide.judge.get(c) {
-                    Some(judge) => scale[p * channels + judge],
-                    None => profile[p],
-                };
-                let all: Vec<_> = likeness.iter().map(|l| candidates(guide, l, p)).collect();
-                for (kind, risk) in risks.iter_mut().enumerate() {
-                    sums.clear();
-                    for (render, candidates) in all.iter().enumerate() {
-                        let Candidate { weights, slopes } = &candidates[kind];
-                        let part = |r: usize| (&guide.renders[r], guide.shares[r], &own[r][at.clone()]);
-                        sums.add([weights, slopes], p, part(render), part(other(render, all.len())));
-                    }
-                    for c in 0..channels {
-                        let of = over(c);
-                        if of > 0.0 {
-                            let i = p * channels + c;
-                            *risk +=
-                                ((sums.mean[c] - mean[i]).powi(2) - noise[i] + 2.0 * sums.common[c]) / of;
-                        }
+                for c in 0..channels {
+                    let of = over(c);
+                    if of > 0.0 {
+                        let i = p * channels + c;
+                        *risk += ((sums.mean[c] - mean[i]).powi(2) - noise[i] + 2.0 * sums.common[c]) / of;
                     }
                 }
             }
-        });
+        }
+    });
     let risks = around(&risks, guide.size, KINDS, CALM, moved);
     let mut best = vec![0.0; risks.len()];
     for ((risks, best), moved) in risks.chunks(KINDS).zip(best.chunks_mut(KINDS)).zip(moved) {

@@ -90,21 +90,10 @@ mod tests {
     #[test]
     fn oblique_plates_are_undone() {
         let mut scheme = Scheme::drr(36, false).expect("a scheme");
-        let layout = Layout {
-            height: 3,
-            width: 4,
-            times: 2,
-            lanes: 2,
-        };
+        let layout = Layout { height: 3, width: 4, times: 2, lanes: 2 };
         scheme.name = "oblique".into();
         let matrices: Vec<f64> = (0..layout.pixels() * 16)
-            .map(|i| {
-                if i % 16 == 0 {
-                    1.0
-                } else {
-                    ((i * 7919) % 100) as f64 / 400.0
-                }
-            })
+            .map(|i| if i % 16 == 0 { 1.0 } else { ((i * 7919) % 100) as f64 / 400.0 })
             .collect();
         let view = Directions::pinhole(1.0, layout.width, layout.height);
         let nm = [450.0, 650.0];
@@ -112,11 +101,7 @@ mod tests {
         let seen = simulate(&matrices, layout, &scheme, &rays, &Noise::None, 1).expect("captures");
         let error = |rays: &[Ray]| {
             let mut out = vec![0.0_f32; matrices.len()];
-            let places = Places {
-                rays,
-                times: layout.times,
-                lanes: layout.lanes,
-            };
+            let places = Places { rays, times: layout.times, lanes: layout.lanes };
             let options = Options::default();
             reconstruct(&scheme, places, &options, &seen.intensities, None, &mut out, None).expect("rank 16");
             let pairs = out.iter().zip(&matrices);

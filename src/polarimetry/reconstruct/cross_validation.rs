@@ -108,33 +108,16 @@ pub fn learn_and_validate(
     folds: &[FoldMoments],
     onlooker: &dyn Onlooker,
 ) -> Validated {
-    let Learned {
-        scheme,
-        loss,
-        descents,
-    } = learn_before(template, objective, search, onlooker);
-    let mut out = Validated {
-        scheme,
-        unseen: loss,
-        spread: 0.0,
-        seen: loss,
-        descents,
-    };
+    let Learned { scheme, loss, descents } = learn_before(template, objective, search, onlooker);
+    let mut out = Validated { scheme, unseen: loss, spread: 0.0, seen: loss, descents };
     if folds.is_empty() || !depends_on_materials(template, objective.estimator) {
         return out;
     }
-    let own = Search {
-        starts: search.starts.div_ceil(4),
-        adam_steps: 0,
-        ..*search
-    };
+    let own = Search { starts: search.starts.div_ceil(4), adam_steps: 0, ..*search };
     let errors: Vec<FoldError> = folds
         .iter()
         .map(|fold| {
-            let objective = Objective {
-                second_moment: SecondMoment::new(fold.train),
-                ..objective.clone()
-            };
+            let objective = Objective { second_moment: SecondMoment::new(fold.train), ..objective.clone() };
             let learned = learn_before(template, &objective, &own, onlooker);
             validate(&learned.scheme, &objective, &fold.train, &fold.test)
         })
@@ -143,11 +126,7 @@ pub fn learn_and_validate(
     let mean = |f: fn(&FoldError) -> f64| errors.iter().map(f).sum::<f64>() / n;
     out.seen = mean(|e| e.seen);
     out.unseen = mean(|e| e.unseen);
-    let var = errors
-        .iter()
-        .map(|e| (e.unseen - out.unseen).powi(2))
-        .sum::<f64>()
-        / (n - 1.0).max(1.0);
+    let var = errors.iter().map(|e| (e.unseen - out.unseen).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
     out.spread = (var / n).sqrt();
     out
 }
@@ -166,17 +145,9 @@ mod tests {
             let s = Moments::of(&rows(200, seed)).second();
             Moment::from_fn(|i, j| s[i][j])
         };
-        let fold = |seed: u64| FoldMoments {
-            train: moment(seed),
-            test: moment(seed + 1),
-        };
+        let fold = |seed: u64| FoldMoments { train: moment(seed), test: moment(seed + 1) };
         let folds = [fold(1), fold(3), fold(5)];
-        let search = Search {
-            starts: 1,
-            iterations: 5,
-            adam_steps: 0,
-            seed: 0,
-        };
+        let search = Search { starts: 1, iterations: 5, adam_steps: 0, seed: 0 };
         let of = |captures, estimator, folds: &[FoldMoments]| {
             let template = Scheme::quad(captures, false).expect("a scheme");
             let objective = Objective {

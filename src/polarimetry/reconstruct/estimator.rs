@@ -26,10 +26,7 @@ impl LinearEstimate {
     pub fn least_squares(design: &DesignMatrix) -> Result<Self, RankError> {
         let w = design.pseudo_inverse()?;
         let covariance = &w * w.transpose();
-        Ok(Self {
-            covariance: Moment::from_fn(|i, j| covariance[(i, j)]),
-            w,
-        })
+        Ok(Self { covariance: Moment::from_fn(|i, j| covariance[(i, j)]), w })
     }
 
     /// Builds the estimator with a prior: second moment `s` of matrices with T00 = 1, and the noise of an
@@ -46,10 +43,7 @@ impl LinearEstimate {
         let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
         let p = root * inverse * root.transpose();
         let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
-        Self {
-            w: dynamic * a.transpose(),
-            covariance: p * per,
-        }
+        Self { w: dynamic * a.transpose(), covariance: p * per }
     }
 }
 
@@ -61,10 +55,7 @@ mod tests {
     use optics::sampling::stream::Stream;
 
     fn design(captures: usize) -> DesignMatrix {
-        DesignMatrix::new(
-            &Scheme::qrpr(captures, false).expect("a scheme"),
-            &Ray::axial(550.0),
-        )
+        DesignMatrix::new(&Scheme::qrpr(captures, false).expect("a scheme"), &Ray::axial(550.0))
     }
 
     /// An uninformative prior is equivalent to least squares.
@@ -114,10 +105,7 @@ mod tests {
         let mean = errors.iter().sum::<f64>() / f64::from(n);
         let var = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / f64::from(n - 1);
         let want = prior.covariance.trace() * sigma.powi(2);
-        assert!(
-            (mean - want).abs() < 5.0 * (var / f64::from(n)).sqrt(),
-            "{mean} is not {want}"
-        );
+        assert!((mean - want).abs() < 5.0 * (var / f64::from(n)).sqrt(), "{mean} is not {want}");
         assert!(mean < 0.05 * s.trace(), "{mean} of {}", s.trace());
     }
 }

@@ -31,12 +31,7 @@ pub struct Search {
 
 impl Default for Search {
     fn default() -> Self {
-        Self {
-            starts: 24,
-            iterations: 400,
-            adam_steps: 2000,
-            seed: 0,
-        }
+        Self { starts: 24, iterations: 400, adam_steps: 2000, seed: 0 }
     }
 }
 
@@ -92,10 +87,7 @@ impl Smooth for Settings<'_> {
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
         let (loss, mut gradient) = self.objective.gradient(&self.template.with_parameters(x));
         let per = self.objective.sigma.powi(-2);
-        self.history
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(loss);
+        self.history.lock().unwrap_or_else(PoisonError::into_inner).push(loss);
         gradient.iter_mut().for_each(|g| *g *= per);
         (loss * per, gradient)
     }
@@ -143,22 +135,13 @@ pub fn learn_before(
     // Adam takes longest, so it starts first.
     let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
     let random_starts = (0..search.starts).map(Start::Random);
-    let starts: Vec<Start> = adam_first
-        .into_iter()
-        .chain([Start::Template])
-        .chain(random_starts)
-        .collect();
+    let starts: Vec<Start> = adam_first.into_iter().chain([Start::Template]).chain(random_starts).collect();
     onlooker.begins(starts.len());
     let found: Vec<(String, Minimum, Vec<f64>)> = starts
         .into_par_iter()
         .with_max_len(1)
         .map(|start| {
-            let f = Settings {
-                template,
-                objective,
-                onlooker,
-                history: Mutex::default(),
-            };
+            let f = Settings { template, objective, onlooker, history: Mutex::default() };
             let (name, minimum) = match start {
                 Start::Adam => {
                     let minimum = adam(&f, &own, search.adam_steps, 0.02);
@@ -194,11 +177,7 @@ pub fn learn_before(
             scheme = template.with_parameters(&tidy(template, &minimum.x));
         }
     }
-    Learned {
-        loss: objective.loss(&scheme),
-        scheme,
-        descents,
-    }
+    Learned { loss: objective.loss(&scheme), scheme, descents }
 }
 
 /// Maps angles to 0 to 180°, their period, and retardances to 0 to one wave.
@@ -209,10 +188,7 @@ fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
         Quantity::Angle => std::f64::consts::PI,
         Quantity::Retardance => std::f64::consts::TAU,
     };
-    x.iter()
-        .enumerate()
-        .map(|(i, v)| v.rem_euclid(period(i)))
-        .collect()
+    x.iter().enumerate().map(|(i, v)| v.rem_euclid(period(i))).collect()
 }
 
 /// The result of one fold of a cross-validation.
@@ -228,10 +204,7 @@ pub struct FoldError {
 /// evaluated on `train` and `test`.
 #[must_use]
 pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &Moment) -> FoldError {
-    let mut out = FoldError {
-        seen: 0.0,
-        unseen: 0.0,
-    };
+    let mut out = FoldError { seen: 0.0, unseen: 0.0 };
     for ray in &objective.rays {
         let design = DesignMatrix::new(scheme, ray);
         let w = match objective.estimator {

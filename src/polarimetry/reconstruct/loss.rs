@@ -60,8 +60,7 @@ pub struct Objective {
 #[must_use]
 pub fn metric(functionals: &[[f64; 16]]) -> Moment {
     let all = functionals.iter().map(|w| Elements::from_row_slice(w));
-    all.map(|w| w * w.transpose())
-        .fold(Moment::zeros(), |sum, m| sum + m)
+    all.map(|w| w * w.transpose()).fold(Moment::zeros(), |sum, m| sum + m)
 }
 
 /// The states of a capture, whose products are its rows of A.
@@ -76,9 +75,7 @@ fn product(a: &nalgebra::Vector4<f64>, g: &nalgebra::Vector4<f64>) -> Elements {
 
 impl Capture {
     fn rows(&self) -> impl Iterator<Item = Elements> {
-        self.analyzed
-            .iter()
-            .map(|a| product(&a.value, &self.generated.value))
+        self.analyzed.iter().map(|a| product(&a.value, &self.generated.value))
     }
 
     /// Returns the motors, each with the derivatives of all rows for it.
@@ -101,11 +98,7 @@ impl Capture {
         let g = &self.generated;
         let mut out = vec![];
         for (m, n, d) in &g.second {
-            out.push((
-                *m,
-                *n,
-                self.analyzed.iter().map(|a| product(&a.value, d)).collect(),
-            ));
+            out.push((*m, *n, self.analyzed.iter().map(|a| product(&a.value, d)).collect()));
         }
         let Some(first) = self.analyzed.first() else {
             return out;
@@ -149,14 +142,7 @@ impl Objective {
     fn with_gradient(&self, scheme: &Scheme, wanted: bool) -> (f64, Vec<f64>) {
         let mut loss = 0.0;
         let captures = scheme.captures();
-        let mut gradient = vec![
-            0.0;
-            if wanted {
-                scheme.motors().len() * captures
-            } else {
-                0
-            }
-        ];
+        let mut gradient = vec![0.0; if wanted { scheme.motors().len() * captures } else { 0 }];
         for ray in &self.rays {
             let orders = match (wanted, self.angle_error > 0.0) {
                 (false, false) => 0,
@@ -211,10 +197,9 @@ impl Objective {
     fn parts(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         match self.estimator {
             Estimator::Prior => self.prior(a, noise),
-            Estimator::LeastSquares => Some(
-                self.full_rank(a, noise)
-                    .unwrap_or_else(|| self.least_norm(a, noise)),
-            ),
+            Estimator::LeastSquares => {
+                Some(self.full_rank(a, noise).unwrap_or_else(|| self.least_norm(a, noise)))
+            }
         }
     }
 

@@ -30,10 +30,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
     let (mut mean, mut square) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-    let mut best = Minimum {
-        x: x.clone(),
-        value: f64::INFINITY,
-    };
+    let mut best = Minimum { x: x.clone(), value: f64::INFINITY };
     for step in 0..=steps {
         if f.is_unwanted() {
             break;
@@ -94,10 +91,7 @@ impl<F: Smooth> Remembered<'_, F> {
                 return Err(Error::msg("the function has no finite value near its last point"));
             }
         }
-        let mut best = self
-            .best
-            .lock()
-            .map_err(|_| Error::msg("another evaluation failed"))?;
+        let mut best = self.best.lock().map_err(|_| Error::msg("another evaluation failed"))?;
         if value < best.value {
             *best = Minimum { x: x.to_vec(), value };
         }
@@ -129,10 +123,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
     let problem = Remembered {
         f,
         last: Mutex::new(None),
-        best: Mutex::new(Minimum {
-            x: start.to_vec(),
-            value: f64::INFINITY,
-        }),
+        best: Mutex::new(Minimum { x: start.to_vec(), value: f64::INFINITY }),
         walls: AtomicU32::new(0),
     };
     // The loss is of the order of σ². Argmin's tolerances are absolute and must be below it for any noise.
@@ -141,19 +132,13 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         .and_then(|s| s.with_tolerance_cost(0.0));
     if let Ok(solver) = solver {
         let configured = Executor::new(&problem, solver).configure(|state: IterState<_, _, _, _, _, _>| {
-            state
-                .param(start.to_vec())
-                .max_iters(iterations)
-                .target_cost(f64::NEG_INFINITY)
+            state.param(start.to_vec()).max_iters(iterations).target_cost(f64::NEG_INFINITY)
         });
         // A line search without improvement ends the run; the best point is kept.
         let _ = configured.run().map(|result| result.state().get_iter());
     }
     let best = problem.best.lock().map(|b| b.clone());
-    best.unwrap_or(Minimum {
-        x: start.to_vec(),
-        value: f64::INFINITY,
-    })
+    best.unwrap_or(Minimum { x: start.to_vec(), value: f64::INFINITY })
 }
 
 #[cfg(test)]
@@ -165,10 +150,7 @@ mod tests {
     impl Smooth for Valley {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
             let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);
-            (
-                a * a + 100.0 * b * b,
-                vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b],
-            )
+            (a * a + 100.0 * b * b, vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b])
         }
     }
 
@@ -210,18 +192,11 @@ mod tests {
     #[test]
     fn searches_end_where_the_function_does() {
         for (open, tells) in (1..12).flat_map(|open| [(open, false), (open, true)]) {
-            let valley = || Closing {
-                looks: AtomicU32::new(0),
-                open,
-                tells,
-            };
+            let valley = || Closing { looks: AtomicU32::new(0), open, tells };
             let closing = valley();
             let found = quasi_newton(&closing, &[-1.2, 1.0], 1_000_000);
             let looks = closing.looks.load(Ordering::Relaxed);
-            assert!(
-                looks <= if tells { open } else { open + MOST_WALLS + 1 },
-                "{looks} looks at {open}"
-            );
+            assert!(looks <= if tells { open } else { open + MOST_WALLS + 1 }, "{looks} looks at {open}");
             assert!(found.value <= 24.3, "{found:?}");
             let closing = valley();
             let found = adam(&closing, &[-1.2, 1.0], 50, 0.02);

@@ -128,17 +128,8 @@ impl<T: Number> Reconstruction<T> {
                     (Weights::new(&e), e)
                 }));
             }
-            let least = if options.prior.is_some() {
-                least.ok()
-            } else {
-                Some(least?)
-            };
-            Ok(Lane {
-                a,
-                least,
-                priors,
-                expected,
-            })
+            let least = if options.prior.is_some() { least.ok() } else { Some(least?) };
+            Ok(Lane { a, least, priors, expected })
         };
         Ok(Self {
             lanes: rays.iter().map(lane).collect::<Result<_, _>>()?,
@@ -186,23 +177,13 @@ impl<T: Number> Reconstruction<T> {
         errors: Option<&mut [T]>,
     ) -> Tally {
         let pixels = out.len() / 16;
-        assert_eq!(
-            intensities.len(),
-            pixels * self.measurements(),
-            "one intensity a measurement and pixel"
-        );
+        assert_eq!(intensities.len(), pixels * self.measurements(), "one intensity a measurement and pixel");
         let fast = variances.is_none() && self.options.prior.is_none();
         if let (true, [lane]) = (fast, self.lanes.as_slice()) {
-            let finite = lane
-                .least
-                .as_ref()
-                .is_some_and(|(weights, _)| weights.apply(intensities, out));
+            let finite = lane.least.as_ref().is_some_and(|(weights, _)| weights.apply(intensities, out));
             let plain = errors.is_none() && self.options.saturation.is_none() && !self.options.realizable;
             if plain && finite {
-                return Tally {
-                    pixels,
-                    ..Tally::default()
-                };
+                return Tally { pixels, ..Tally::default() };
             }
         }
         let done = fast && self.lanes.len() == 1;
@@ -213,10 +194,8 @@ impl<T: Number> Reconstruction<T> {
             let known = done.then(|| std::array::from_fn(|e| out[e].get()));
             let solved = self.pixel(lane, &at, &variance, known, errors.is_some());
             let lost = solved.found.is_none();
-            let found = solved.found.unwrap_or(Estimated {
-                elements: [f64::NAN; 16],
-                errors: [f64::NAN; 16],
-            });
+            let found =
+                solved.found.unwrap_or(Estimated { elements: [f64::NAN; 16], errors: [f64::NAN; 16] });
             let elements = self.projected(found.elements);
             for (o, v) in out.iter_mut().zip(elements) {
                 *o = T::new(v);
@@ -226,11 +205,7 @@ impl<T: Number> Reconstruction<T> {
                     *o = T::new(v);
                 }
             }
-            Tally {
-                pixels: 1,
-                partial: usize::from(solved.partial && !lost),
-                lost: usize::from(lost),
-            }
+            Tally { pixels: 1, partial: usize::from(solved.partial && !lost), lost: usize::from(lost) }
         };
         let rows = out.par_chunks_exact_mut(16);
         match errors {
@@ -299,9 +274,8 @@ impl<T: Number> Reconstruction<T> {
         let (elements, covariance, scale) = if self.options.prior.is_some() {
             let noise = self.options.noise.unwrap_or(0.0);
             let s = brightness();
-            let step = (2.0 * (noise / s).log2())
-                .round()
-                .clamp(f64::from(FIRST), f64::from(FIRST + STEPS - 1));
+            let step =
+                (2.0 * (noise / s).log2()).round().clamp(f64::from(FIRST), f64::from(FIRST + STEPS - 1));
             let index = if step.is_nan() { 0 } else { step as i32 - FIRST };
             let (weights, estimate) = &lane.priors[index as usize];
             let out = weights.one((0..count).map(at)).map(Number::get);
@@ -322,10 +296,7 @@ impl<T: Number> Reconstruction<T> {
             elements,
             errors: std::array::from_fn(|e| scale * covariance[(e, e)].max(0.0).sqrt()),
         };
-        Solved {
-            found: Some(found),
-            partial,
-        }
+        Solved { found: Some(found), partial }
     }
 
     /// Returns the noise's standard deviation from the residuals, √(Σ r²/(n - 16)); NaN without redundant
@@ -343,11 +314,7 @@ impl<T: Number> Reconstruction<T> {
             sum += (at(m).get() - predicted).powi(2);
             n += 1.0;
         }
-        if n > 16.0 {
-            (sum / (n - 16.0)).sqrt()
-        } else {
-            f64::NAN
-        }
+        if n > 16.0 { (sum / (n - 16.0)).sqrt() } else { f64::NAN }
     }
 }
 

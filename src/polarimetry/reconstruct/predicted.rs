@@ -32,11 +32,7 @@ pub fn of_counts(
     matrices: &mut [f32],
     variance: &(dyn Fn(f64, f64) -> f64 + Sync),
 ) -> Result<Vec<f32>, RankError> {
-    let places = Places {
-        rays,
-        times: layout.times,
-        lanes: layout.lanes,
-    };
+    let places = Places { rays, times: layout.times, lanes: layout.lanes };
     reconstruct(scheme, places, options, counts, None, matrices, None)?;
     Ok(predicted(scheme, rays, layout, matrices, variance))
 }
@@ -91,10 +87,7 @@ fn predicted(
         }
         out
     };
-    let places: Vec<Vec<f32>> = (0..layout.height * layout.width)
-        .into_par_iter()
-        .map(place)
-        .collect();
+    let places: Vec<Vec<f32>> = (0..layout.height * layout.width).into_par_iter().map(place).collect();
     let mut out = vec![0.0; count * pixels];
     for (p, all) in places.iter().enumerate() {
         for (i, times_of) in all.chunks_exact(times.max(1)).enumerate() {

@@ -49,11 +49,7 @@ impl<T: Number> Weights<T> {
     /// If lengths differ.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
-        assert_eq!(
-            intensities.len(),
-            pixels * self.0.len(),
-            "one intensity a measurement and pixel"
-        );
+        assert_eq!(intensities.len(), pixels * self.0.len(), "one intensity a measurement and pixel");
         let tasks = out.par_chunks_mut(TASK * 16).enumerate().map(|(i, out)| {
             let first = i * TASK;
             let end = first + out.len() / 16;

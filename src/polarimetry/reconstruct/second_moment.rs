@@ -26,10 +26,7 @@ impl SecondMoment {
     /// as 0.
     #[must_use]
     pub fn new(matrix: Moment) -> Self {
-        Self {
-            root: root(&matrix),
-            matrix,
-        }
+        Self { root: root(&matrix), matrix }
     }
 
     /// Returns E[t tᵀ].
@@ -66,9 +63,8 @@ pub fn in_any_frames(second_moment: &Moment) -> Moment {
     // The rotated moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β. Eight angles each
     // give the exact average.
     const ANGLES: usize = 8;
-    let turns: Vec<_> = (0..ANGLES)
-        .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
-        .collect();
+    let turns: Vec<_> =
+        (0..ANGLES).map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64)).collect();
     let mut sum = Moment::zeros();
     for a in &turns {
         for b in &turns {
@@ -143,10 +139,7 @@ pub fn fault(s: &Moment) -> Option<&'static str> {
 /// If the file cannot be written.
 pub fn save(path: &Path, name: &str, s: &Moment) -> std::io::Result<()> {
     let rows = (0..16).map(|i| (0..16).map(|j| s[(i, j)]).collect());
-    let out = SecondMomentOut {
-        name,
-        second_moment: rows.collect(),
-    };
+    let out = SecondMomentOut { name, second_moment: rows.collect() };
     let text = toml::to_string(&out).map_err(std::io::Error::other)?;
     whole_file::write_with(path, |file| file.write_all(text.as_bytes()))
 }
@@ -177,12 +170,7 @@ mod tests {
         assert!(fault(&of(&|i, j| if i == j { -1.0 } else { 0.0 })).contains("negative"));
         assert!(fault(&of(&|_, _| f64::NAN).replace("NaN", "nan")).contains("finite"));
         assert!(fault("prior = 3").contains("pbrdf pca"));
-        assert!(
-            load(Path::new("/nowhere/p.toml"))
-                .expect_err("no file")
-                .to_string()
-                .contains("cannot read")
-        );
+        assert!(load(Path::new("/nowhere/p.toml")).expect_err("no file").to_string().contains("cannot read"));
     }
 
     /// The rotated moment agrees with that of 20 000 rotated matrices within 5 sigma; a second rotation

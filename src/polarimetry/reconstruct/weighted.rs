@@ -110,16 +110,7 @@ mod tests {
         let t: [f64; 16] = std::array::from_fn(|e| (e as f64).sin());
         let clean = design.intensities(&t);
         let with = |lost: usize| {
-            let all = (0..36).map(|m| {
-                (
-                    if m % 3 == 0 && m / 3 < lost {
-                        f64::NAN
-                    } else {
-                        clean[m]
-                    },
-                    1.0,
-                )
-            });
+            let all = (0..36).map(|m| (if m % 3 == 0 && m / 3 < lost { f64::NAN } else { clean[m] }, 1.0));
             estimate(&design.a, all, None)
         };
         for lost in 0..8 {

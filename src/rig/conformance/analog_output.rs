@@ -19,14 +19,8 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         && limits.samples > 0;
     report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     let half = (least + most) / 2.0;
-    report.check(
-        "refuses data before it is configured",
-        fails(card.write(&[vec![half]]), Fault::Refused),
-    );
-    report.check(
-        "refuses to start without data",
-        fails(card.start(), Fault::Refused),
-    );
+    report.check("refuses data before it is configured", fails(card.write(&[vec![half]]), Fault::Refused));
+    report.check("refuses to start without data", fails(card.start(), Fault::Refused));
     report.check(
         "refuses to wait when nothing was started",
         fails(card.wait(Duration::from_millis(10)), Fault::Refused),
@@ -43,17 +37,11 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
     ] {
         report.check(name, fails(card.configure(&settings, SHORT), Fault::Limit));
     }
-    report.check(
-        "accepts a valid configuration",
-        good(card.configure(&set(vec![0], rate_hz), SHORT)),
-    );
+    report.check("accepts a valid configuration", good(card.configure(&set(vec![0], rate_hz), SHORT)));
     for (name, buffer) in [
         ("refuses more lists than channels", vec![vec![half]; 2]),
         ("refuses an empty buffer", vec![vec![]]),
-        (
-            "refuses a buffer that is too long",
-            vec![vec![half; limits.samples + 1]],
-        ),
+        ("refuses a buffer that is too long", vec![vec![half; limits.samples + 1]]),
         ("refuses voltages outside its range", vec![vec![half, most + 0.1]]),
         ("refuses a voltage of NaN", vec![vec![f64::NAN]]),
     ] {
@@ -66,10 +54,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
             .and_then(|()| good(card.start()))
             .and_then(|()| good(card.wait(LONG))),
     );
-    report.check(
-        "outputs the same buffer again",
-        good(card.start()).and_then(|()| good(card.wait(LONG))),
-    );
+    report.check("outputs the same buffer again", good(card.start()).and_then(|()| good(card.wait(LONG))));
     report.check(
         "refuses a second buffer during the first",
         good(card.write(&long)).and_then(|()| {
@@ -94,9 +79,6 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
             fails(card.wait(Duration::from_millis(10)), Fault::Refused)
         }),
     );
-    report.check(
-        "outputs after a stop",
-        good(card.start()).and_then(|()| good(card.wait(LONG))),
-    );
+    report.check("outputs after a stop", good(card.start()).and_then(|()| good(card.wait(LONG))));
     report
 }

@@ -12,10 +12,7 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     let limits = counter.limits();
     let sane = limits.bins > 0 && limits.finest_ps > 0.0 && limits.full > 0;
     report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
-    report.check(
-        "refuses to count before it is configured",
-        fails(counter.begin(), Fault::Refused),
-    );
+    report.check("refuses to count before it is configured", fails(counter.begin(), Fault::Refused));
     let settings = |bins: usize| CounterSettings {
         bins,
         bin_ps: limits.finest_ps,
@@ -39,10 +36,7 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
                 }),
         );
     }
-    let tagged = CounterSettings {
-        tags: true,
-        ..settings(limits.bins.min(100))
-    };
+    let tagged = CounterSettings { tags: true, ..settings(limits.bins.min(100)) };
     match limits.tags {
         None => report.check(
             "refuses time tags that it does not support",
@@ -87,26 +81,18 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
         "refuses more bins than the limit",
         fails(counter.configure(&settings(limits.bins + 1), SHORT), Fault::Limit),
     );
-    report.check(
-        "refuses 0 bins",
-        fails(counter.configure(&settings(0), SHORT), Fault::Limit),
-    );
+    report.check("refuses 0 bins", fails(counter.configure(&settings(0), SHORT), Fault::Limit));
     let mut bad = settings(1);
     bad.bin_ps = f64::NAN;
-    report.check(
-        "refuses an invalid bin width",
-        fails(counter.configure(&bad, SHORT), Fault::Limit),
-    );
+    report.check("refuses an invalid bin width", fails(counter.configure(&bad, SHORT), Fault::Limit));
     let mut slow = settings(1);
     slow.dwell = Duration::from_millis(300).min(limits.longest);
     report.check(
         "reports a timeout at a short deadline and delivers the histogram later",
-        good(counter.configure(&slow, SHORT))
-            .and_then(|()| good(counter.begin()))
-            .and_then(|()| {
-                fails(counter.finish(Duration::from_millis(1)), Fault::Timeout)?;
-                good(counter.finish(SHORT)).map(drop)
-            }),
+        good(counter.configure(&slow, SHORT)).and_then(|()| good(counter.begin())).and_then(|()| {
+            fails(counter.finish(Duration::from_millis(1)), Fault::Timeout)?;
+            good(counter.finish(SHORT)).map(drop)
+        }),
     );
     report
 }

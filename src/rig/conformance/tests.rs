@@ -26,17 +26,11 @@ fn simulated_instruments_conform() {
     let stage = rig.stages.get_mut("a").expect("a stage");
     let reports = [
         ("stage", rotation_stage(stage.device.as_mut())),
-        (
-            "projector",
-            pattern_projector(rig.projector.as_mut().expect("one").as_mut()),
-        ),
+        ("projector", pattern_projector(rig.projector.as_mut().expect("one").as_mut())),
         ("camera", area_camera(rig.camera.as_mut().expect("one").as_mut())),
         ("galvo", galvo_scanner(rig.galvo.as_mut().expect("one").as_mut())),
         ("laser", pulsed_laser(rig.laser.as_mut().expect("one").as_mut())),
-        (
-            "counter",
-            photon_counter::photon_counter(rig.counter.as_mut().expect("one").as_mut()),
-        ),
+        ("counter", photon_counter::photon_counter(rig.counter.as_mut().expect("one").as_mut())),
     ];
     for (name, report) in &reports {
         println!("simulated {name}: {} checks", report.0.len());
@@ -67,20 +61,13 @@ fn liars_are_found() {
     }
     impl PulsedLaser for Liar {
         fn limits(&self) -> crate::instrument::LaserLimits {
-            crate::instrument::LaserLimits {
-                nm: 635.0,
-                rate_hz: [1e6, 1e7],
-            }
+            crate::instrument::LaserLimits { nm: 635.0, rate_hz: [1e6, 1e7] }
         }
         fn emit(&mut self, _: bool, _: f64, _: Duration) -> Result<(), Failure> {
             Ok(())
         }
         fn state(&mut self, _: Duration) -> Result<crate::instrument::LaserState, Failure> {
-            Ok(crate::instrument::LaserState {
-                emitting: true,
-                rate_hz: 1e6,
-                power: 1.0,
-            })
+            Ok(crate::instrument::LaserState { emitting: true, rate_hz: 1e6, power: 1.0 })
         }
     }
     let report = pulsed_laser(&mut Liar);

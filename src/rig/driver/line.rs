@@ -50,12 +50,7 @@ impl SerialLine {
     /// # Errors
     /// [`LineError::Gone`] with the system's error message.
     pub fn open(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
-        let mut line = Self {
-            path: path.to_owned(),
-            baud,
-            hardware,
-            port: None,
-        };
+        let mut line = Self { path: path.to_owned(), baud, hardware, port: None };
         line.reopen()?;
         Ok(line)
     }
@@ -103,11 +98,7 @@ impl Line for SerialLine {
     fn reopen(&mut self) -> Result<(), LineError> {
         use serialport::FlowControl;
         self.port = None;
-        let flow = if self.hardware {
-            FlowControl::Hardware
-        } else {
-            FlowControl::None
-        };
+        let flow = if self.hardware { FlowControl::Hardware } else { FlowControl::None };
         let open = serialport::new(&self.path, self.baud).flow_control(flow).open();
         match open {
             Ok(port) => {
@@ -130,14 +121,8 @@ impl MemoryLine {
     #[must_use]
     pub fn pair() -> (Self, Self) {
         let ((to_b, from_a), (to_a, from_b)) = (channel(), channel());
-        let a = Self {
-            to: to_b,
-            from: from_b,
-        };
-        let b = Self {
-            to: to_a,
-            from: from_a,
-        };
+        let a = Self { to: to_b, from: from_b };
+        let b = Self { to: to_a, from: from_a };
         (a, b)
     }
 }

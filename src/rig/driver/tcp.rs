@@ -20,10 +20,7 @@ impl TcpLine {
     /// # Errors
     /// [`LineError::Gone`] with the system's error message.
     pub fn open(address: &str) -> Result<Self, LineError> {
-        let mut line = Self {
-            address: address.to_owned(),
-            stream: None,
-        };
+        let mut line = Self { address: address.to_owned(), stream: None };
         line.reopen()?;
         Ok(line)
     }

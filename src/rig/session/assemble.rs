@@ -46,9 +46,7 @@ pub fn simulated(plan: &RigPlan) -> Option<&str> {
         ("counter", plan.counter.as_ref().map(|c| &c.0)),
     ];
     let role = roles.into_iter().find(|(_, d)| *d == Some(&Driver::Simulated));
-    stage
-        .map(|(name, _)| name.as_str())
-        .or(role.map(|(name, _)| name))
+    stage.map(|(name, _)| name.as_str()).or(role.map(|(name, _)| name))
 }
 
 /// Creates the simulated bench of a rig file with the given scenery.
@@ -61,18 +59,10 @@ pub fn bench(
     plan: &Plan,
     scenery: Scenery,
 ) -> Result<Shared, AssembleError> {
-    let clock = if bench.real_time {
-        Clock::real()
-    } else {
-        Clock::simulated()
-    };
+    let clock = if bench.real_time { Clock::real() } else { Clock::simulated() };
     let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
     let elements = |s: &polarimetry::capture::scheme::Scheme| -> Vec<String> {
-        s.generator()
-            .iter()
-            .chain(s.analyzer())
-            .map(|e| e.name.clone())
-            .collect()
+        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
     };
     if elements(&optics) != elements(&plan.scheme)
         || optics.sensor.channels() != plan.scheme.sensor.channels()
@@ -99,9 +89,7 @@ pub fn bench(
         )));
     }
     let view = |fov: Option<f64>| {
-        fov.map_or(Directions::Axial, |degrees| {
-            Directions::pinhole(degrees.to_radians(), size[0], size[1])
-        })
+        fov.map_or(Directions::Axial, |degrees| Directions::pinhole(degrees.to_radians(), size[0], size[1]))
     };
     let camera = match &plan.work {
         Work::Camera(_) => view(bench.fov_deg[0]),
@@ -117,14 +105,7 @@ pub fn bench(
             Directions::pinhole(degrees.to_radians(), size[0] as usize, size[1] as usize)
         }),
     };
-    let world = Shared::new(
-        clock,
-        truth,
-        scenery,
-        bench.cmos.clone(),
-        bench.spad.clone(),
-        bench.seed,
-    );
+    let world = Shared::new(clock, truth, scenery, bench.cmos.clone(), bench.spad.clone(), bench.seed);
     world.plan_faults(bench.faults.clone());
     Ok(world)
 }
@@ -180,9 +161,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     let mut rig = Rig::new(&plan.name, clock);
     let bench = |name: &str| {
         world.cloned().ok_or_else(|| {
-            AssembleError(format!(
-                "`{name}` is simulated, but the rig file has no [bench]; add one"
-            ))
+            AssembleError(format!("`{name}` is simulated, but the rig file has no [bench]; add one"))
         })
     };
     let missing = |name: &str, driver: &Driver| {
@@ -213,22 +192,13 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
             }
             other => return missing(name, other),
         };
-        rig.stages.insert(
-            name.clone(),
-            Stage {
-                device,
-                approach_deg: file.approach_deg,
-            },
-        );
+        rig.stages.insert(name.clone(), Stage { device, approach_deg: file.approach_deg });
     }
     match &plan.projector {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.projector = Some(Box::new(SimulatedProjector::new(
-                "projector",
-                bench("projector")?,
-                *limits,
-            )));
+            rig.projector =
+                Some(Box::new(SimulatedProjector::new("projector", bench("projector")?, *limits)));
         }
         Some((Driver::Dlpc350, limits)) => {
             let settings = plan.flash.clone().unwrap_or_default();
@@ -239,11 +209,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.camera {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.camera = Some(Box::new(SimulatedCamera::new(
-                "camera",
-                bench("camera")?,
-                limits.clone(),
-            )));
+            rig.camera = Some(Box::new(SimulatedCamera::new("camera", bench("camera")?, limits.clone())));
         }
         Some((Driver::GenICam, limits)) => {
             rig.camera = Some(genicam_camera(plan.camera_serial.as_deref(), limits)?);
@@ -280,11 +246,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.counter {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.counter = Some(Box::new(SimulatedCounter::new(
-                "counter",
-                bench("counter")?,
-                *limits,
-            )));
+            rig.counter = Some(Box::new(SimulatedCounter::new("counter", bench("counter")?, *limits)));
         }
         Some((Driver::Vendor, _)) => {
             let Some((library, settings)) = plan.th260.clone() else {

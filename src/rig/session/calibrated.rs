@@ -81,10 +81,8 @@ impl Believed {
                 out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), FIX))?;
             }
             if let Some((camera, projector)) = pair {
-                for ((table, size), name) in [camera, projector]
-                    .into_iter()
-                    .zip(sizes)
-                    .zip(["camera", "projector"])
+                for ((table, size), name) in
+                    [camera, projector].into_iter().zip(sizes).zip(["camera", "projector"])
                 {
                     let [w, h] = table.resolution;
                     if let Some([x, y]) = size.filter(|s| *s != table.resolution) {
@@ -119,14 +117,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn given() -> Believed {
-        Believed {
-            cmos: Cmos {
-                exposure_s: 0.7,
-                ..Cmos::default()
-            },
-            spad: Spad::default(),
-            geometry: None,
-        }
+        Believed { cmos: Cmos { exposure_s: 0.7, ..Cmos::default() }, spad: Spad::default(), geometry: None }
     }
 
     const PAIR: &str = "[camera]\nresolution = [8, 6]\nopencv_matrix = [[9, 0, 3.5], [0, 9, 2.5], [0, 0, 1]]\n\
@@ -156,15 +147,8 @@ mod tests {
         ];
         let found = read(&texts, [None; 2]).expect("calibrations");
         let want = Believed {
-            cmos: Cmos {
-                gain_e_per_dn: Some(2.5),
-                read_noise_e: 4.0,
-                ..given().cmos
-            },
-            spad: Spad {
-                irf_fwhm_ps: 61.0,
-                ..Spad::default()
-            },
+            cmos: Cmos { gain_e_per_dn: Some(2.5), read_noise_e: 4.0, ..given().cmos },
+            spad: Spad { irf_fwhm_ps: 61.0, ..Spad::default() },
             geometry: None,
         };
         assert_eq!(found, want);
@@ -202,11 +186,7 @@ mod tests {
                 [Some([8, 7]), None],
                 "0.toml:1:1: [camera] was calibrated with 8 × 6 pixels, but the rig has 8 × 7",
             ),
-            (
-                PAIR,
-                [None, Some([5, 4])],
-                "0.toml:5:1: [projector] was calibrated with 4 × 4",
-            ),
+            (PAIR, [None, Some([5, 4])], "0.toml:5:1: [projector] was calibrated with 4 × 4"),
             (&torn, [None; 2], "[projector] is not a calibrated device"),
             (&still, [None; 2], "have the same position"),
         ];

@@ -43,11 +43,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (
             let help = "add driver = \"analog\", or remove it";
             return Err((format!("`{name}` applies only to driver = \"analog\""), help));
         }
-        let limits = GalvoLimits {
-            range_deg: file.range_deg,
-            resolution_deg: RESOLUTION_DEG,
-            settle,
-        };
+        let limits = GalvoLimits { range_deg: file.range_deg, resolution_deg: RESOLUTION_DEG, settle };
         return Ok((limits, None));
     }
     let card = card(file.card.unwrap_or_default())?;

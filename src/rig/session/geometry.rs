@@ -58,9 +58,7 @@ impl Lens {
             ));
         }
         if !k.iter().all(|v| v.is_finite()) {
-            return Err(format!(
-                "`{name}.distortion` contains a number that is not finite; correct it"
-            ));
+            return Err(format!("`{name}.distortion` contains a number that is not finite; correct it"));
         }
         Self::of(file.matrix, Opencv::from_list(k).into(), name)
     }
@@ -76,18 +74,12 @@ impl Lens {
                 "`{name}.matrix` is not a camera matrix; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             ));
         };
-        Ok(Self {
-            matrix,
-            inverse,
-            distortion,
-        })
+        Ok(Self { matrix, inverse, distortion })
     }
 
     /// Creates a lens from a calibration table.
     fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
-        let device = table
-            .device()
-            .ok_or_else(|| format!("[{name}] is not a calibrated device"))?;
+        let device = table.device().ok_or_else(|| format!("[{name}] is not a calibrated device"))?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
             None => Opencv::from_list(&device.coefficients).into(),
@@ -138,10 +130,7 @@ impl Geometry {
     /// # Errors
     /// Like [`Self::new`].
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
-        let lenses = (
-            Lens::calibrated(camera, "camera")?,
-            Lens::calibrated(projector, "projector")?,
-        );
+        let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
         let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
             return Err("a pose is not a rotation and a translation".into());
         };
@@ -168,11 +157,7 @@ impl Geometry {
         let mut shift = Matrix3::identity();
         (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);
         let f = shift.transpose() * f * shift;
-        Ok(Self {
-            fundamental: f / f.amax(),
-            camera,
-            projector,
-        })
+        Ok(Self { fundamental: f / f.amax(), camera, projector })
     }
 
     /// Calls a function with the epipolar geometry that masks need.
@@ -252,11 +237,7 @@ mod tests {
 
     #[test]
     fn faults_are_told() {
-        assert!(
-            Geometry::new(&file("[1.0]"))
-                .expect_err("a fault")
-                .contains("OpenCV's 4, 5, 8 or 12")
-        );
+        assert!(Geometry::new(&file("[1.0]")).expect_err("a fault").contains("OpenCV's 4, 5, 8 or 12"));
         let mut none = file("[]");
         none.translation = [0.0; 3];
         assert!(Geometry::new(&none).is_err());

@@ -61,11 +61,7 @@ impl Run {
             .map_err(|e| ImageError(e.to_string()))?;
         let given = scheme.unwrap_or(&planned);
         let names = |s: &Scheme| -> Vec<String> {
-            s.generator()
-                .iter()
-                .chain(s.analyzer())
-                .map(|e| e.name.clone())
-                .collect()
+            s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
         };
         if names(given) != names(&planned) || given.sensor.channels() != planned.sensor.channels() {
             return Err(ImageError(format!(
@@ -78,16 +74,11 @@ impl Run {
             stood(&store, given, &planned).map_err(|e| ImageError(format!("{}: {e}", path.display())))?;
         let work = attribute("work")?;
         let masks = match work["masks"].as_array() {
-            Some(list) => list
-                .iter()
-                .filter_map(|m| Some(m["name"].as_str()?.to_owned()))
-                .collect(),
+            Some(list) => list.iter().filter_map(|m| Some(m["name"].as_str()?.to_owned())).collect(),
             None => vec!["scan".to_owned()],
         };
         Ok(Self {
-            nm: attribute("wavelength_nm")?
-                .as_f64()
-                .ok_or_else(|| damaged("wavelength_nm"))?,
+            nm: attribute("wavelength_nm")?.as_f64().ok_or_else(|| damaged("wavelength_nm"))?,
             detector: attribute("detector")?,
             fov_x: work["fov_x_deg"].as_f64().map(f64::to_radians),
             work,
@@ -150,14 +141,9 @@ impl Run {
         let [captures, shots, exposures, height, width] = shape[..] else {
             return Err(self.damaged("the frames' shape"));
         };
-        let list = self.work["masks"]
-            .as_array()
-            .ok_or_else(|| self.damaged("`masks`"))?;
+        let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
-            ImageError(format!(
-                "unknown mask `{mask}`; the run has {}",
-                self.masks.join(", ")
-            ))
+            ImageError(format!("unknown mask `{mask}`; the run has {}", self.masks.join(", ")))
         })?;
         let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
         let count = entry["shots"].as_u64().unwrap_or(0) as usize;
@@ -166,10 +152,8 @@ impl Run {
             .read_map(&format!("shot_of_{mask}"))
             .map_err(|e| ImageError(e.to_string()))?
             .ok_or_else(|| self.damaged("the mask's map"))?;
-        let shot_of: Vec<Option<usize>> = map
-            .iter()
-            .map(|s| (*s >= 0.0 && (*s as usize) < count).then_some(*s as usize))
-            .collect();
+        let shot_of: Vec<Option<usize>> =
+            map.iter().map(|s| (*s >= 0.0 && (*s as usize) < count).then_some(*s as usize)).collect();
         if first.saturating_add(count) > shots || shot_of.len() != height * width {
             return Err(self.damaged("`masks`"));
         }
@@ -210,14 +194,8 @@ impl Run {
             };
             let all: Vec<Estimate> = (0..pixels).map(estimate).collect();
             let known = |e: &Estimate| !e.saturated && e.radiance.is_finite();
-            let values = all
-                .iter()
-                .map(|e| if known(e) { e.radiance } else { f64::NAN })
-                .collect();
-            let variances = all
-                .iter()
-                .map(|e| if known(e) { e.variance } else { f64::INFINITY })
-                .collect();
+            let values = all.iter().map(|e| if known(e) { e.radiance } else { f64::NAN }).collect();
+            let variances = all.iter().map(|e| if known(e) { e.variance } else { f64::INFINITY }).collect();
             if channels == 1 {
                 return Ok(vec![[values, variances]]);
             }
@@ -234,30 +212,19 @@ impl Run {
         let mut out = Intensities {
             values: vec![],
             variances: vec![],
-            layout: Layout {
-                height: height / side,
-                width: width / side,
-                times: 1,
-                lanes: 1,
-            },
+            layout: Layout { height: height / side, width: width / side, times: 1, lanes: 1 },
             time: None,
         };
         for [values, variances] in captured.into_iter().flatten() {
             out.values.extend(values.into_iter().map(|v| v as f32));
-            out.variances.extend(
-                variances
-                    .into_iter()
-                    .map(|v| if v.is_nan() { f32::INFINITY } else { v as f32 }),
-            );
+            out.variances
+                .extend(variances.into_iter().map(|v| if v.is_nan() { f32::INFINITY } else { v as f32 }));
         }
         Ok(out)
     }
 
     pub(super) fn pulses(&self) -> Result<Vec<f64>, ImageError> {
-        let read = self
-            .store
-            .read_column("pulses")
-            .map_err(|e| ImageError(e.to_string()))?;
+        let read = self.store.read_column("pulses").map_err(|e| ImageError(e.to_string()))?;
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
@@ -273,9 +240,7 @@ impl Run {
         let mut spad: Spad = serde_json::from_value(self.detector["spad"].clone())
             .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
         let bins = self.store.layout().frame_len();
-        let bin_ps = self.work["bin_ps"]
-            .as_f64()
-            .ok_or_else(|| self.damaged("`bin_ps`"))?;
+        let bin_ps = self.work["bin_ps"].as_f64().ok_or_else(|| self.damaged("`bin_ps`"))?;
         spad.bin_ps = bin_ps;
         spad.bins = bins;
         spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
@@ -286,20 +251,12 @@ impl Run {
     }
 
     fn scan(&self) -> Result<Intensities, ImageError> {
-        let shape: Vec<usize> = self
-            .store
-            .layout()
-            .shape()
-            .into_iter()
-            .map(|n| n as usize)
-            .collect();
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
         let [captures, height, width, bins] = shape[..] else {
             return Err(self.damaged("the frames' shape"));
         };
         let spad = self.diode()?.ok_or_else(|| self.damaged("`detector`"))?;
-        let offset_ps = self.work["offset_ps"]
-            .as_f64()
-            .ok_or_else(|| self.damaged("`offset_ps`"))?;
+        let offset_ps = self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?;
         let bin_ps = spad.bin_ps;
         let pulses = self.pulses()?;
         let row = |n: usize| -> Result<Vec<[f32; 2]>, ImageError> {
@@ -311,9 +268,7 @@ impl Run {
                 // Bins beyond the counter's window were not read, and do not affect earlier bins.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
-                let found = diode
-                    .estimate(&period, self.nm)
-                    .map_err(|e| ImageError(e.to_string()))?;
+                let found = diode.estimate(&period, self.nm).map_err(|e| ImageError(e.to_string()))?;
                 out.extend(found.iter().map(|e| {
                     let v = if e.saturated { f64::NAN } else { e.radiance };
                     [v as f32, e.variance as f32]
@@ -321,20 +276,13 @@ impl Run {
             }
             Ok(out)
         };
-        let rows: Vec<Vec<[f32; 2]>> = (0..captures * height)
-            .into_par_iter()
-            .map(row)
-            .collect::<Result<_, _>>()?;
+        let rows: Vec<Vec<[f32; 2]>> =
+            (0..captures * height).into_par_iter().map(row).collect::<Result<_, _>>()?;
         let all = || rows.iter().flatten();
         Ok(Intensities {
             values: all().map(|p| p[0]).collect(),
             variances: all().map(|p| p[1]).collect(),
-            layout: Layout {
-                height,
-                width,
-                times: bins,
-                lanes: 1,
-            },
+            layout: Layout { height, width, times: bins, lanes: 1 },
             time: Some((offset_ps, bin_ps)),
         })
     }
@@ -349,26 +297,15 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
         return Err("its number of frames does not match its scheme".into());
     }
     let mut out = given.clone();
-    let names: Vec<String> = given
-        .generator()
-        .iter()
-        .chain(given.analyzer())
-        .map(|e| e.name.clone())
-        .collect();
+    let names: Vec<String> =
+        given.generator().iter().chain(given.analyzer()).map(|e| e.name.clone()).collect();
     for name in names {
-        let read = store
-            .read_column(&format!("angle_{name}"))
-            .map_err(|e| e.to_string())?;
-        let element = planned
-            .generator()
-            .iter()
-            .chain(planned.analyzer())
-            .find(|e| e.name == name);
+        let read = store.read_column(&format!("angle_{name}")).map_err(|e| e.to_string())?;
+        let element = planned.generator().iter().chain(planned.analyzer()).find(|e| e.name == name);
         let angles: Vec<f64> = match (read, element) {
-            (Some(angles), _) => angles
-                .chunks_exact(per)
-                .map(|a| (a.iter().sum::<f64>() / per as f64).to_radians())
-                .collect(),
+            (Some(angles), _) => {
+                angles.chunks_exact(per).map(|a| (a.iter().sum::<f64>() / per as f64).to_radians()).collect()
+            }
             (None, Some(element)) => (0..captures).map(|k| element.set_at(k).angle).collect(),
             (None, None) => continue,
         };

@@ -183,9 +183,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let store = dir.path();
         let mut journal = Journal::open(store).expect("opens");
-        journal
-            .append(&[Event::Frame(record(0)), Event::Frame(record(1))])
-            .expect("appends");
+        journal.append(&[Event::Frame(record(0)), Event::Frame(record(1))]).expect("appends");
         drop(journal);
         let path = store.join(FILE);
         let whole = std::fs::read(&path).expect("reads");

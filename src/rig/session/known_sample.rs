@@ -75,19 +75,11 @@ impl Run {
         let Layout { height, width, .. } = seen.layout;
         let axial = Ray::axial(self.nm);
         if seen.time.is_none() {
-            return vec![Region {
-                x: 0..=width,
-                y: 0..=height,
-                ray: axial,
-            }];
+            return vec![Region { x: 0..=width, y: 0..=height, ray: axial }];
         }
         // All i with |2 i + 1 − n| at most MIDDLE.
         let middle = |n: usize| n.saturating_sub(MIDDLE + 1).div_ceil(2)..=(n + MIDDLE - 1) / 2;
-        let mut all = vec![Region {
-            x: middle(width),
-            y: middle(height),
-            ray: axial,
-        }];
+        let mut all = vec![Region { x: middle(width), y: middle(height), ray: axial }];
         let mirrors = self.scheme.coaxial.as_ref().is_some_and(|c| c.galvo.is_some());
         let wide = width.min(height) > 2 * (2 * AROUND + 1);
         if let (true, true, Some(fov)) = (mirrors, wide, self.fov_x) {
@@ -115,10 +107,7 @@ fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
         let place = p / times.max(1);
         region.y.contains(&(place / width.max(1))) && region.x.contains(&(place % width.max(1)))
     };
-    let measured = seen
-        .values
-        .chunks_exact(pixels)
-        .zip(seen.variances.chunks_exact(pixels));
+    let measured = seen.values.chunks_exact(pixels).zip(seen.variances.chunks_exact(pixels));
     let (mut readings, mut left_out) = (0, 0);
     let of = |(values, variances): (&[f32], &[f32])| {
         let (mut n, mut sum, mut square) = (0.0, 0.0, 0.0);

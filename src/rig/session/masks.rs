@@ -41,12 +41,7 @@ pub struct Mask {
 }
 
 fn whole(size: [u32; 2]) -> Region {
-    Region {
-        x: 0,
-        y: 0,
-        width: size[0],
-        height: size[1],
-    }
+    Region { x: 0, y: 0, width: size[0], height: size[1] }
 }
 
 /// Returns a mask of one frame with all projector pixels at `value` (255 or 0).
@@ -59,10 +54,7 @@ pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mas
     };
     Mask {
         name: name.to_owned(),
-        shots: vec![Shot {
-            pattern,
-            region: whole(camera),
-        }],
+        shots: vec![Shot { pattern, region: whole(camera) }],
         shot_of: vec![Some(0); camera[0] as usize * camera[1] as usize],
     }
 }
@@ -70,11 +62,7 @@ pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mas
 /// Returns where a projector line crosses the middle column or, for `upright` pencils, the middle row.
 fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     let [w, h] = size.map(f64::from);
-    if upright {
-        -(line[1] * h / 2.0 + line[2]) / line[0]
-    } else {
-        -(line[0] * w / 2.0 + line[2]) / line[1]
-    }
+    if upright { -(line[1] * h / 2.0 + line[2]) / line[0] } else { -(line[0] * w / 2.0 + line[2]) / line[1] }
 }
 
 /// Returns the homogeneous epipole in the projector, where all epipolar lines meet: Fᵀ e' = 0.
@@ -127,25 +115,18 @@ pub fn stripes(
         .collect();
     if of_projector.iter().all(Option::is_none) || shot_of.iter().all(Option::is_none) {
         return Err(
-            "no epipolar line of the camera crosses the projector; correct the geometry of the rig".into(),
+            "no epipolar line of the camera crosses the projector; correct the geometry of the rig".into()
         );
     }
     let shot = |i: u32| Shot {
         pattern: Pattern {
             width: projector[0],
             height: projector[1],
-            pixels: of_projector
-                .iter()
-                .map(|s| if (*s == Some(i)) == inside { 255 } else { 0 })
-                .collect(),
+            pixels: of_projector.iter().map(|s| if (*s == Some(i)) == inside { 255 } else { 0 }).collect(),
         },
         region: bounds(&shot_of, i, camera, steps),
     };
-    Ok(Mask {
-        name: name.to_owned(),
-        shots: (0..count).map(shot).collect(),
-        shot_of,
-    })
+    Ok(Mask { name: name.to_owned(), shots: (0..count).map(shot).collect(), shot_of })
 }
 
 /// Iterates over the centers of pixels, rows from the top.
@@ -203,17 +184,9 @@ mod tests {
         let mask = stripes("epipolar", 4, true, &side_by_side(), [8, 8], [6, 8], [1, 1]).expect("lines");
         assert_eq!(mask.shots.len(), 4);
         for (i, shot) in mask.shots.iter().enumerate() {
-            let lit: Vec<usize> = (0..64)
-                .filter(|p| shot.pattern.pixels[*p] == 255)
-                .map(|p| p / 8)
-                .collect();
+            let lit: Vec<usize> = (0..64).filter(|p| shot.pattern.pixels[*p] == 255).map(|p| p / 8).collect();
             assert!(lit.iter().all(|row| row / 2 == i) && lit.len() == 16, "{lit:?}");
-            let want = Region {
-                x: 0,
-                y: 2 * i as u32,
-                width: 6,
-                height: 2,
-            };
+            let want = Region { x: 0, y: 2 * i as u32, width: 6, height: 2 };
             assert_eq!(shot.region, want);
         }
         let rest = stripes("rest", 4, false, &side_by_side(), [8, 8], [6, 8], [2, 4]).expect("lines");
@@ -234,11 +207,7 @@ mod tests {
         let t = Vector3::new(0.4, 0.05, 0.1);
         let inverse = k.try_inverse().expect("regular");
         let f = inverse.transpose() * t.cross_matrix() * r * inverse;
-        let geometry = Epipolar {
-            fundamental: f,
-            camera: SAME,
-            projector: SAME,
-        };
+        let geometry = Epipolar { fundamental: f, camera: SAME, projector: SAME };
         let mask = stripes("e", 12, true, &geometry, [64, 48], [64, 48], [1, 1]).expect("lines");
         let mut met = 0;
         for y in 0..48 {

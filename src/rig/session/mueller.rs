@@ -49,22 +49,11 @@ impl Run {
     /// # Errors
     /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
-        let method = if how.superpixel {
-            Method::Superpixel
-        } else {
-            Method::Bilinear
-        };
-        let Intensities {
-            values,
-            mut variances,
-            layout,
-            time,
-        } = self.intensities(mask, method)?;
+        let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
+        let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;
         let points = self.scheme.coaxial.as_ref().is_some_and(|c| c.galvo.is_some());
         let fov = how.fov_x.or(self.fov_x.filter(|_| points));
-        let view = fov.map_or(Directions::Axial, |f| {
-            Directions::pinhole(f, layout.width, layout.height)
-        });
+        let view = fov.map_or(Directions::Axial, |f| Directions::pinhole(f, layout.width, layout.height));
         let rays = view.rays(layout, &[self.nm]);
         let pixels = layout.pixels();
         let mut image = MuellerImage {
@@ -75,11 +64,7 @@ impl Run {
             time,
             tally: Tally::default(),
         };
-        let places = Places {
-            rays: &rays,
-            times: layout.times,
-            lanes: layout.lanes,
-        };
+        let places = Places { rays: &rays, times: layout.times, lanes: layout.lanes };
         let failed = |e: polarimetry::capture::design_matrix::RankError| ImageError(e.to_string());
         if let Some(spad) = self.diode()? {
             let (plain, first) = (Options::default(), &mut image.mean);
@@ -119,13 +104,8 @@ pub fn write_store(
             coords,
         };
         let indices = |n: usize| (0..n).map(|i| i as f64).collect::<Vec<f64>>();
-        let Layout {
-            height, width, times, ..
-        } = image.layout;
-        let mut axes = vec![
-            axis(AxisKind::Y, indices(height), 32),
-            axis(AxisKind::X, indices(width), 32),
-        ];
+        let Layout { height, width, times, .. } = image.layout;
+        let mut axes = vec![axis(AxisKind::Y, indices(height), 32), axis(AxisKind::X, indices(width), 32)];
         if let Some((start, bin)) = image.time {
             let centres = (0..times).map(|i| start + (i as f64 + 0.5) * bin).collect();
             axes.push(axis(AxisKind::T, centres, 128));
@@ -135,20 +115,13 @@ pub fn write_store(
         axes.push(axis(AxisKind::Wavelength, vec![nm], 1));
         let mut slice = Map::new();
         slice.insert("mask".into(), json!(image.name));
-        let layout = SliceLayout {
-            name: image.name.clone(),
-            axes,
-            time: image.time,
-            totals: false,
-        };
+        let layout = SliceLayout { name: image.name.clone(), axes, time: image.time, totals: false };
         (layout, slice)
     };
     let slices: Vec<_> = images.iter().map(layout).collect();
     let fill = |store: &TensorStore| -> Result<(), ProbeError> {
-        let failed = |e: store::zarr::OpenError| ProbeError::Write {
-            path: path.to_owned(),
-            cause: e.to_string(),
-        };
+        let failed =
+            |e: store::zarr::OpenError| ProbeError::Write { path: path.to_owned(), cause: e.to_string() };
         for (image, (layout, _)) in images.iter().zip(&slices) {
             let slice = store.slice(&image.name).map_err(failed)?;
             let shape = layout.shape();

@@ -50,17 +50,9 @@ impl Run {
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
-            return Err(ImageError(format!(
-                "{path}: this is a camera run; use a run of a plan with [scan]"
-            )));
+            return Err(ImageError(format!("{path}: this is a camera run; use a run of a plan with [scan]")));
         };
-        let shape: Vec<usize> = self
-            .store
-            .layout()
-            .shape()
-            .into_iter()
-            .map(|n| n as usize)
-            .collect();
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
         let (&[captures, height, width, bins], Some(fov)) = (&shape[..], self.fov_x) else {
             return Err(self.damaged("the frames' shape"));
         };
@@ -69,17 +61,12 @@ impl Run {
         }
         let view = Directions::pinhole(fov, width, height);
         let slant = (0..width * height).map(|p| {
-            let [ax, ay] = view
-                .ray(p % width, p / width, [width, height], self.nm)
-                .direction();
+            let [ax, ay] = view.ray(p % width, p / width, [width, height], self.nm).direction();
             (1.0 + ax.tan().powi(2) + ay.tan().powi(2)).sqrt()
         });
         let mut counts = vec![];
         for row in 0..captures * height {
-            let all = self
-                .store
-                .read_chunk(row)
-                .map_err(|e| ImageError(e.to_string()))?;
+            let all = self.store.read_chunk(row).map_err(|e| ImageError(e.to_string()))?;
             counts.extend(all.chunks_exact(bins).map(<[u32]>::to_vec));
         }
         let pulses: Vec<u64> = self.pulses()?.into_iter().map(|n| n.max(0.0) as u64).collect();
@@ -100,9 +87,7 @@ impl Run {
             counts,
             pulses,
             slant: slant.collect(),
-            offset_ps: self.work["offset_ps"]
-                .as_f64()
-                .ok_or_else(|| self.damaged("`offset_ps`"))?,
+            offset_ps: self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?,
         })
     }
 
@@ -113,17 +98,9 @@ impl Run {
     /// element angles, or is damaged.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
-        let shape: Vec<usize> = self
-            .store
-            .layout()
-            .shape()
-            .into_iter()
-            .map(|n| n as usize)
-            .collect();
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
         let (&[captures, shots, exposures, height, width], true) = (&shape[..], self.fov_x.is_none()) else {
-            return Err(ImageError(format!(
-                "{path}: this is a scan; use a run of a plan with [camera]"
-            )));
+            return Err(ImageError(format!("{path}: this is a scan; use a run of a plan with [camera]")));
         };
         let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());
         let still = elements.into_iter().all(|e| {
@@ -136,19 +113,13 @@ impl Run {
                  setting, such as angle_deg = [0, 0, 0, …]"
             )));
         }
-        let list = self.work["masks"]
-            .as_array()
-            .ok_or_else(|| self.damaged("`masks`"))?;
+        let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
         let first = |mask: &str| -> Result<usize, ImageError> {
             let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
-                ImageError(format!(
-                    "{path}: the run has no mask `{mask}`; use masks = [\"dark\", \"full\"]"
-                ))
+                ImageError(format!("{path}: the run has no mask `{mask}`; use masks = [\"dark\", \"full\"]"))
             })?;
             let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
-            (first < shots)
-                .then_some(first)
-                .ok_or_else(|| self.damaged("`masks`"))
+            (first < shots).then_some(first).ok_or_else(|| self.damaged("`masks`"))
         };
         let bits = self.bits();
         let times = self.store.layout().axes[2].coords.clone();
@@ -166,12 +137,8 @@ impl Run {
         };
         let (dark, full) = (first("dark")?, first("full")?);
         Ok([
-            (0..exposures)
-                .map(|e| stack(dark, e, 0.0))
-                .collect::<Result<_, _>>()?,
-            (0..exposures)
-                .map(|e| stack(full, e, 1.0))
-                .collect::<Result<_, _>>()?,
+            (0..exposures).map(|e| stack(dark, e, 0.0)).collect::<Result<_, _>>()?,
+            (0..exposures).map(|e| stack(full, e, 1.0)).collect::<Result<_, _>>()?,
         ])
     }
 }

@@ -133,11 +133,7 @@ pub struct ScanWork {
 /// # Errors
 /// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
-    let text = document::read(
-        path,
-        "plan",
-        "copy rigs/spatio_polarimetric/plan.toml and edit it",
-    )?;
+    let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and edit it")?;
     from_toml(path, &text)
 }
 
@@ -175,11 +171,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
                 "qrpr" => Scheme::qrpr(k.captures, k.array),
                 "quad" => Scheme::quad(k.captures, k.array),
                 other => {
-                    return Err(fault(
-                        file.scheme.span(),
-                        format!("unknown scheme `{other}`"),
-                        known,
-                    ));
+                    return Err(fault(file.scheme.span(), format!("unknown scheme `{other}`"), known));
                 }
             };
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
@@ -194,11 +186,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         }
         (Some(_), Some(second)) => {
             let help = "keep one of them; write two plans to use both";
-            return Err(fault(
-                second.span(),
-                "[camera] and [scan] are both present".into(),
-                help,
-            ));
+            return Err(fault(second.span(), "[camera] and [scan] are both present".into(), help));
         }
         (None, None) => {
             let help = "add [camera] with `exposures_ms` and `masks`, or [scan]";
@@ -206,11 +194,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         }
     };
     let limits = file.limits.as_deref().copied().unwrap_or_default();
-    let named = [
-        ("backoff_s", limits.backoff_s),
-        ("deadline_s", limits.deadline_s),
-        ("suspend_s", limits.suspend_s),
-    ];
+    let named =
+        [("backoff_s", limits.backoff_s), ("deadline_s", limits.deadline_s), ("suspend_s", limits.suspend_s)];
     let place = || file.limits.as_ref().map_or(0..0, Located::span);
     for (name, value) in named {
         if !(value > 0.0 && value <= 1e6) {
@@ -221,24 +206,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
             ));
         }
     }
-    for (name, value) in [
-        ("laser_power", limits.laser_power),
-        ("saturated_share", limits.saturated_share),
-    ] {
+    for (name, value) in [("laser_power", limits.laser_power), ("saturated_share", limits.saturated_share)] {
         if !(0.0..=1.0).contains(&value) {
-            return Err(fault(
-                place(),
-                format!("`{name}` is {value}"),
-                "set a fraction from 0 to 1",
-            ));
+            return Err(fault(place(), format!("`{name}` is {value}"), "set a fraction from 0 to 1"));
         }
     }
     if limits.retries > 1000 {
-        return Err(fault(
-            place(),
-            format!("`retries` is {}", limits.retries),
-            "set 0 to 1000",
-        ));
+        return Err(fault(place(), format!("`retries` is {}", limits.retries), "set 0 to 1000"));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let plan = Plan {
@@ -253,10 +227,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         let help = "split it into several plans";
         return Err(fault(
             0..0,
-            format!(
-                "the plan has {} frames, but the limit is {MOST_FRAMES}",
-                plan.frames()
-            ),
+            format!("the plan has {} frames, but the limit is {MOST_FRAMES}", plan.frames()),
             help,
         ));
     }
@@ -269,43 +240,24 @@ fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     if ms > 0.0 && ms <= 3.6e6 {
         Ok(Duration::from_secs_f64(ms / 1e3))
     } else {
-        Err((
-            format!("`{name}` has {ms}"),
-            "set milliseconds, above 0 and at most 3.6e6 (one hour)",
-        ))
+        Err((format!("`{name}` has {ms}"), "set milliseconds, above 0 and at most 3.6e6 (one hour)"))
     }
 }
 
 fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
-    let exposures: Vec<Duration> = file
-        .exposures_ms
-        .iter()
-        .map(|ms| milliseconds("exposures_ms", *ms))
-        .collect::<Result<_, _>>()?;
+    let exposures: Vec<Duration> =
+        file.exposures_ms.iter().map(|ms| milliseconds("exposures_ms", *ms)).collect::<Result<_, _>>()?;
     if exposures.is_empty() || exposures.len() > 64 {
-        return Err((
-            format!("`exposures_ms` has {} entries", exposures.len()),
-            "list 1 to 64 exposures",
-        ));
+        return Err((format!("`exposures_ms` has {} entries", exposures.len()), "list 1 to 64 exposures"));
     }
     if !file.gain_db.is_finite() {
-        return Err((
-            format!("`gain_db` is {}", file.gain_db),
-            "set a finite number of decibels, such as 0",
-        ));
+        return Err((format!("`gain_db` is {}", file.gain_db), "set a finite number of decibels, such as 0"));
     }
     let name = file.format.as_deref().unwrap_or("Mono12p");
-    let all = [
-        PixelFormat::Mono8,
-        PixelFormat::Mono10p,
-        PixelFormat::Mono12p,
-        PixelFormat::Mono16,
-    ];
+    let all = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
     let format = all.into_iter().find(|f| f.name() == name);
-    let format = format.ok_or((
-        format!("unknown pixel format `{name}`"),
-        "use Mono8, Mono10p, Mono12p or Mono16",
-    ))?;
+    let format =
+        format.ok_or((format!("unknown pixel format `{name}`"), "use Mono8, Mono10p, Mono12p or Mono16"))?;
     let mut masks: Vec<MaskPlan> = vec![];
     for mask in &file.masks {
         let mask = match mask {
@@ -318,19 +270,12 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
             MaskFile::Stripes(s) => {
                 let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
                 if s.name.is_empty() || !s.name.chars().all(plain) {
-                    return Err((
-                        format!("invalid mask name `{}`", s.name),
-                        "use letters, digits and `_`",
-                    ));
+                    return Err((format!("invalid mask name `{}`", s.name), "use letters, digits and `_`"));
                 }
                 if !(1..=8192).contains(&s.stripes) {
                     return Err((format!("`stripes` is {}", s.stripes), "set 1 to 8192"));
                 }
-                MaskPlan::Stripes {
-                    name: s.name.clone(),
-                    count: s.stripes,
-                    inside: !s.outside,
-                }
+                MaskPlan::Stripes { name: s.name.clone(), count: s.stripes, inside: !s.outside }
             }
         };
         if masks.iter().any(|m| m.name() == mask.name()) {
@@ -341,26 +286,15 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
     if masks.is_empty() {
         return Err(("`masks` is empty".into(), "add at least \"full\""));
     }
-    Ok(CameraWork {
-        exposures,
-        gain_db: file.gain_db,
-        format,
-        masks,
-    })
+    Ok(CameraWork { exposures, gain_db: file.gain_db, format, masks })
 }
 
 fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
     if file.points.iter().any(|n| !(1..=65_536).contains(n)) {
-        return Err((
-            format!("`points` is {:?}", file.points),
-            "set columns and rows, each from 1 to 65536",
-        ));
+        return Err((format!("`points` is {:?}", file.points), "set columns and rows, each from 1 to 65536"));
     }
     if !(file.fov_x_deg > 0.0 && file.fov_x_deg < 90.0) {
-        return Err((
-            format!("`fov_x_deg` is {}", file.fov_x_deg),
-            "set degrees, above 0 and below 90",
-        ));
+        return Err((format!("`fov_x_deg` is {}", file.fov_x_deg), "set degrees, above 0 and below 90"));
     }
     if !(1..=1 << 20).contains(&file.bins) {
         return Err((format!("`bins` is {}", file.bins), "set 1 to 1048576"));
@@ -374,19 +308,12 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
     }
     if file.time_tags && file.bins > RECORD.dtimes() {
         return Err((
-            format!(
-                "`time_tags` with {} bins: expected at most {}",
-                file.bins,
-                RECORD.dtimes()
-            ),
+            format!("`time_tags` with {} bins: expected at most {}", file.bins, RECORD.dtimes()),
             "use fewer or wider bins, or remove `time_tags`",
         ));
     }
     if !(1.0..=1e10).contains(&file.rate_hz) {
-        return Err((
-            format!("`rate_hz` is {}", file.rate_hz),
-            "set pulses per second, from 1 to 1e10",
-        ));
+        return Err((format!("`rate_hz` is {}", file.rate_hz), "set pulses per second, from 1 to 1e10"));
     }
     Ok(ScanWork {
         points: file.points,
@@ -418,10 +345,7 @@ impl Plan {
     #[must_use]
     pub fn time_tags(&self) -> Option<Scale> {
         match &self.work {
-            Work::Scan(work) if work.time_tags => Some(Scale {
-                bin_ps: work.bin_ps,
-                rate_hz: work.rate_hz,
-            }),
+            Work::Scan(work) if work.time_tags => Some(Scale { bin_ps: work.bin_ps, rate_hz: work.rate_hz }),
             _ => None,
         }
     }

@@ -21,12 +21,7 @@ pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, 
     let shortest = Duration::try_from_secs_f64(p.shortest_ms / 1e3).ok();
     let shortest = shortest.filter(|_| p.shortest_ms < 1e6 && pixels && (1..=8).contains(&p.bits));
     let shortest = shortest.ok_or_else(|| ("invalid setting in [projector]".to_owned(), help))?;
-    let limits = ProjectorLimits {
-        size: p.size,
-        patterns: p.patterns,
-        bits: p.bits,
-        shortest,
-    };
+    let limits = ProjectorLimits { size: p.size, patterns: p.patterns, bits: p.bits, shortest };
     if p.driver != Driver::Dlpc350 {
         if p.triggers != Triggers::default() || !p.flash.is_empty() {
             let what = "`flash` and `triggers` apply only to driver = \"dlpc350\"";
@@ -65,18 +60,9 @@ mod tests {
                 "driver = \"dlpc350\"\ntriggers = { output_1 = { rise_us = -30 } }\n",
                 "output_1.rise_us is -30",
             ),
-            (
-                "driver = \"dlpc350\"\ntriggers = { output_3 = {} }\n",
-                "r.toml:4:14: unknown field `output_3`",
-            ),
-            (
-                "triggers = { input = { edge = \"rising\" } }\n",
-                "apply only to driver",
-            ),
-            (
-                "driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n",
-                "unknown variant `up`",
-            ),
+            ("driver = \"dlpc350\"\ntriggers = { output_3 = {} }\n", "r.toml:4:14: unknown field `output_3`"),
+            ("triggers = { input = { edge = \"rising\" } }\n", "apply only to driver"),
+            ("driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n", "unknown variant `up`"),
         ] {
             let message = read(projector).expect_err("a fault");
             assert!(message.contains(words), "{projector}: {message}");

@@ -22,10 +22,7 @@ impl Tries {
     /// Creates the attempts of a new step.
     #[must_use]
     pub fn new(limits: &Limits) -> Self {
-        Self {
-            left: limits.retries,
-            wait: Duration::from_secs_f64(limits.backoff_s),
-        }
+        Self { left: limits.retries, wait: Duration::from_secs_f64(limits.backoff_s) }
     }
 
     /// Returns the wait before the next attempt, or `None` if no attempt is left or a retry cannot help.

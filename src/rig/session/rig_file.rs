@@ -212,10 +212,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
                 let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
                 return Err(fault(l.span(), "invalid setting in [laser]".into(), help));
             }
-            let limits = LaserLimits {
-                nm: l.nm,
-                rate_hz: l.rate_hz,
-            };
+            let limits = LaserLimits { nm: l.nm, rate_hz: l.rate_hz };
             Some((l.driver.clone(), limits))
         }
     };
@@ -225,11 +222,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             let help = "add table = \"laser.toml\", with its address and commands; see docs/instruments.md";
             let table = l.table.as_ref().map(beside);
             let table = table.ok_or_else(|| {
-                fault(
-                    l.span(),
-                    "a laser with driver = \"scpi\" needs a table".into(),
-                    help,
-                )
+                fault(l.span(), "a laser with driver = \"scpi\" needs a table".into(), help)
             })?;
             let text = document::read(&table, "laser's table", help)?;
             let parsed = LaserTable::parse(&text);
@@ -262,21 +255,9 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let cmos = file.detector.cmos.clone().unwrap_or_default();
     let spad = file.detector.spad.clone().unwrap_or_default();
     let detector = cmos.check().map_err(|e| e.to_string());
-    detector.map_err(|e| {
-        fault(
-            0..0,
-            format!("[detector.cmos]: {e}"),
-            "correct the value, or remove it",
-        )
-    })?;
+    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "correct the value, or remove it"))?;
     let detector = spad.check().map_err(|e| e.to_string());
-    detector.map_err(|e| {
-        fault(
-            0..0,
-            format!("[detector.spad]: {e}"),
-            "correct the value, or remove it",
-        )
-    })?;
+    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "correct the value, or remove it"))?;
     let geometry = match &file.geometry {
         None => None,
         Some(g) => Some(
@@ -310,10 +291,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     }
     // The bench keeps its true parameters. Calibration changes the assumed ones only.
     let believed = Believed { cmos, spad, geometry };
-    let sizes = [
-        camera.as_ref().map(|(_, c)| c.size),
-        projector.as_ref().map(|(_, p)| p.size),
-    ];
+    let sizes = [camera.as_ref().map(|(_, c)| c.size), projector.as_ref().map(|(_, p)| p.size)];
     let files = file.calibration.as_ref().map_or(&[][..], |f| f.list());
     let Believed { cmos, spad, geometry } = believed.calibrated(path, files, sizes)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
@@ -352,23 +330,17 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'st
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
             let help = "add driver = \"vendor\", or remove `library` and `th260`";
-            return Err((
-                "`library` and `th260` apply only to driver = \"vendor\"".into(),
-                help,
-            ));
+            return Err(("`library` and `th260` apply only to driver = \"vendor\"".into(), help));
         }
         return Ok(None);
     }
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
     // A bare name is searched in the system's library paths.
-    let library = file.library.clone().map(|l| {
-        if l.components().count() > 1 {
-            path.parent().unwrap_or(Path::new("")).join(l)
-        } else {
-            l
-        }
-    });
+    let library = file
+        .library
+        .clone()
+        .map(|l| if l.components().count() > 1 { path.parent().unwrap_or(Path::new("")).join(l) } else { l });
     Ok(Some((library, settings)))
 }
 
@@ -383,9 +355,7 @@ pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     match name {
         "air" => Some(diagonal([1.0; 4])),
         "mirror" => Some(diagonal([1.0, 1.0, -1.0, -1.0])),
-        "polarizer" => Some(std::array::from_fn(|i| {
-            if i / 4 < 2 && i % 4 < 2 { 0.5 } else { 0.0 }
-        })),
+        "polarizer" => Some(std::array::from_fn(|i| if i / 4 < 2 && i % 4 < 2 { 0.5 } else { 0.0 })),
         _ => None,
     }
 }
@@ -407,11 +377,7 @@ fn bench(
                 // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
                     let help = "set four rows of numbers; no absolute value may exceed the first number";
-                    return Err(fault(
-                        file.span(),
-                        "`sample` is not a Mueller matrix".into(),
-                        help,
-                    ));
+                    return Err(fault(file.span(), "`sample` is not a Mueller matrix".into(), help));
                 }
                 m
             }
@@ -429,10 +395,7 @@ fn bench(
             ));
         }
     };
-    for fov in [file.camera_fov_deg, file.projector_fov_deg]
-        .into_iter()
-        .flatten()
-    {
+    for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {
         if !(fov > 0.0 && fov < 170.0) {
             return Err(fault(
                 file.span(),
@@ -457,32 +420,16 @@ fn bench(
     }
     let truth = file.cmos.clone().unwrap_or_else(|| cmos.clone());
     let check = truth.check().map_err(|e| e.to_string());
-    check.map_err(|e| {
-        fault(
-            file.span(),
-            format!("[bench.cmos]: {e}"),
-            "correct the value, or remove it",
-        )
-    })?;
+    check.map_err(|e| fault(file.span(), format!("[bench.cmos]: {e}"), "correct the value, or remove it"))?;
     let diode = file.spad.clone().unwrap_or_else(|| spad.clone());
     let check = diode.check().map_err(|e| e.to_string());
-    check.map_err(|e| {
-        fault(
-            file.span(),
-            format!("[bench.spad]: {e}"),
-            "correct the value, or remove it",
-        )
-    })?;
+    check.map_err(|e| fault(file.span(), format!("[bench.spad]: {e}"), "correct the value, or remove it"))?;
     Ok(BenchPlan {
         scene,
         slice: file.slice.clone(),
         brightness: file.brightness,
         nm: file.wavelength_nm,
-        optics: file
-            .optics
-            .as_ref()
-            .map(|p| scheme_file::load(&beside(p)))
-            .transpose()?,
+        optics: file.optics.as_ref().map(|p| scheme_file::load(&beside(p))).transpose()?,
         fov_deg: [file.camera_fov_deg, file.projector_fov_deg],
         seed: file.seed,
         real_time: file.real_time,

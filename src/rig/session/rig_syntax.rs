@@ -193,13 +193,7 @@ pub(super) struct CardFile {
 
 impl Default for CardFile {
     fn default() -> Self {
-        Self {
-            channels: 2,
-            volts: [-10.0, 10.0],
-            bits: 16,
-            rate_hz: [1.0, 1e6],
-            samples: 65_536,
-        }
+        Self { channels: 2, volts: [-10.0, 10.0], bits: 16, rate_hz: [1.0, 1e6], samples: 65_536 }
     }
 }
 

@@ -153,11 +153,7 @@ impl Session<'_> {
                 };
                 self.retries += 1;
                 let run_s = self.run_s();
-                self.writer.event(Event::Retry {
-                    frame: step.frame,
-                    failure: failure.to_string(),
-                    run_s,
-                })?;
+                self.writer.event(Event::Retry { frame: step.frame, failure: failure.to_string(), run_s })?;
                 if stop.load(Ordering::Relaxed) {
                     return Err(RunError::Interrupted);
                 }
@@ -205,12 +201,7 @@ impl Session<'_> {
                 stage.device.home(homing)?;
             }
         }
-        if let Some(projector) = self
-            .rig
-            .projector
-            .as_mut()
-            .filter(|_| !self.steps.patterns.is_empty())
-        {
+        if let Some(projector) = self.rig.projector.as_mut().filter(|_| !self.steps.patterns.is_empty()) {
             projector.load(&self.steps.patterns, self.within)?;
         }
         if let (Work::Scan(work), Some(laser)) = (&self.steps.plan.work, &mut self.rig.laser) {
@@ -244,20 +235,12 @@ impl Session<'_> {
             }
             if !state.emitting {
                 // Its power was cut: start over.
-                return Ok(Err(Failure::new(
-                    Fault::Timeout,
-                    "laser",
-                    "the laser stopped emitting",
-                )));
+                return Ok(Err(Failure::new(Fault::Timeout, "laser", "the laser stopped emitting")));
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
             if !noted {
                 let run_s = self.run_s();
-                self.writer.event(Event::Suspend {
-                    frame: step.frame,
-                    why: why.clone(),
-                    run_s,
-                })?;
+                self.writer.event(Event::Suspend { frame: step.frame, why: why.clone(), run_s })?;
                 noted = true;
             }
             if self.rig.clock.now() >= until {
@@ -278,11 +261,7 @@ impl Session<'_> {
         for (name, stage) in &mut self.rig.stages {
             let reading = stage.device.read(self.within)?;
             if !reading.homed {
-                return Err(Failure::new(
-                    Fault::Disconnected,
-                    name,
-                    "the zero position was lost",
-                ));
+                return Err(Failure::new(Fault::Disconnected, name, "the zero position was lost"));
             }
             let Some(goals) = self.steps.goals.get(name) else {
                 found.insert(name.clone(), reading.angle_deg);
@@ -306,10 +285,8 @@ impl Session<'_> {
                 stage.device.finish_move(self.within + longest)?;
             }
         }
-        let moving: Vec<String> = (self.rig.stages.keys())
-            .filter(|name| !found.contains_key(*name))
-            .cloned()
-            .collect();
+        let moving: Vec<String> =
+            (self.rig.stages.keys()).filter(|name| !found.contains_key(*name)).cloned().collect();
         for name in &moving {
             if let Some(stage) = self.rig.stages.get_mut(name) {
                 stage.device.begin_move(self.steps.goals[name][capture])?;

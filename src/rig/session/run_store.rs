@@ -32,11 +32,7 @@ pub enum RunStoreError {
 }
 
 fn indices(name: &str, n: u64) -> FrameAxis {
-    FrameAxis {
-        name: name.into(),
-        units: "1".into(),
-        coords: (0..n).map(|i| i as f64).collect(),
-    }
+    FrameAxis { name: name.into(), units: "1".into(), coords: (0..n).map(|i| i as f64).collect() }
 }
 
 /// Returns the layout of a plan's frames.
@@ -45,16 +41,8 @@ pub fn layout(steps: &Steps) -> FrameLayout {
     let [captures, second, third] = steps.plan.run_shape();
     match &steps.plan.work {
         Work::Camera(work) => {
-            let exposures = work
-                .exposures
-                .iter()
-                .map(std::time::Duration::as_secs_f64)
-                .collect();
-            let exposure = FrameAxis {
-                name: "exposure".into(),
-                units: "s".into(),
-                coords: exposures,
-            };
+            let exposures = work.exposures.iter().map(std::time::Duration::as_secs_f64).collect();
+            let exposure = FrameAxis { name: "exposure".into(), units: "s".into(), coords: exposures };
             let [width, height] = steps.frame_size.map(u64::from);
             FrameLayout {
                 axes: vec![
@@ -77,12 +65,7 @@ pub fn layout(steps: &Steps) -> FrameLayout {
                 coords: (0..work.bins).map(centre).collect(),
             };
             FrameLayout {
-                axes: vec![
-                    indices("capture", captures),
-                    indices("y", second),
-                    indices("x", third),
-                    t,
-                ],
+                axes: vec![indices("capture", captures), indices("y", second), indices("x", third), t],
                 run_axes: 3,
                 gathered: true,
                 number: FrameNumber::U32,
@@ -127,10 +110,7 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
     };
     let mut all = Map::new();
     all.insert("kind".into(), json!("frames"));
-    all.insert(
-        "program".into(),
-        json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))),
-    );
+    all.insert("program".into(), json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))));
     all.insert("name".into(), json!(steps.plan.name));
     all.insert("plan".into(), json!(steps.plan.text));
     // The numbers are finite, so the conversion to TOML cannot fail.
@@ -159,13 +139,7 @@ pub fn create(
     force: bool,
 ) -> Result<FrameStore, RunStoreError> {
     let attributes = attributes(steps, rig, sample);
-    Ok(FrameStore::create(
-        path,
-        &layout(steps),
-        &maps(steps),
-        &attributes,
-        force,
-    )?)
+    Ok(FrameStore::create(path, &layout(steps), &maps(steps), &attributes, force)?)
 }
 
 /// Returns one map per mask: the shot in which each camera pixel is read, or −1.
@@ -198,22 +172,13 @@ pub fn resume(
     let wanted = Value::Object(attributes(steps, rig, sample));
     let wanted: Value = serde_json::from_str(&wanted.to_string()).unwrap_or(wanted);
     let found = store.attributes();
-    let differs = wanted
-        .as_object()
-        .into_iter()
-        .flatten()
-        .find(|(name, value)| found.get(*name) != Some(*value));
+    let differs =
+        wanted.as_object().into_iter().flatten().find(|(name, value)| found.get(*name) != Some(*value));
     if let Some((name, _)) = differs {
-        return Err(RunStoreError::Other {
-            path: shown,
-            what: name.clone(),
-        });
+        return Err(RunStoreError::Other { path: shown, what: name.clone() });
     }
     if *store.layout() != layout(steps) {
-        return Err(RunStoreError::Other {
-            path: shown,
-            what: "the frames' shape".into(),
-        });
+        return Err(RunStoreError::Other { path: shown, what: "the frames' shape".into() });
     }
     Ok(store)
 }
@@ -223,26 +188,14 @@ pub fn resume(
 /// # Errors
 /// [`DiskError`].
 pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
-    let failed = |cause: String| DiskError {
-        path: path.to_owned(),
-        cause,
-    };
+    let failed = |cause: String| DiskError { path: path.to_owned(), cause };
     let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
     // Keep only columns of numbers in memory: a run can have half a million frames.
     let scan = matches!(steps.plan.work, Work::Scan(_));
     let mut columns: Vec<(String, &str)> = vec![];
-    columns.extend(
-        steps
-            .stage_names
-            .iter()
-            .map(|name| (format!("angle_{name}"), "degree")),
-    );
+    columns.extend(steps.stage_names.iter().map(|name| (format!("angle_{name}"), "degree")));
     if scan {
-        let more = [
-            ("pointing_x", "degree"),
-            ("pointing_y", "degree"),
-            ("pulses", "1"),
-        ];
+        let more = [("pointing_x", "degree"), ("pointing_y", "degree"), ("pulses", "1")];
         columns.extend(more.map(|(name, units)| (name.to_owned(), units)));
     }
     let width = columns.len();
@@ -269,16 +222,11 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     })
     .map_err(|e| failed(e.to_string()))?;
     if u64::from(next) != steps.plan.frames() {
-        return Err(failed(format!(
-            "only {next} of {} frames are recorded; resume",
-            steps.plan.frames()
-        )));
+        return Err(failed(format!("only {next} of {} frames are recorded; resume", steps.plan.frames())));
     }
     for (i, (name, units)) in columns.iter().enumerate() {
         let column: Vec<f64> = values.iter().skip(i).step_by(width).copied().collect();
-        store
-            .write_column(name, units, &column)
-            .map_err(|e| failed(e.to_string()))?;
+        store.write_column(name, units, &column).map_err(|e| failed(e.to_string()))?;
     }
     remove_log(path).map_err(|e| failed(e.to_string()))?;
     store.finish().map_err(|e| failed(e.to_string()))

@@ -93,16 +93,8 @@ impl Steps {
                         );
                         Failure::new(Fault::Refused, projector.name(), what)
                     })?;
-                    stripes(
-                        name,
-                        *count,
-                        *inside,
-                        geometry,
-                        show.size,
-                        limits.size,
-                        limits.step,
-                    )
-                    .map_err(|what| Failure::new(Fault::Refused, projector.name(), what))?
+                    stripes(name, *count, *inside, geometry, show.size, limits.size, limits.step)
+                        .map_err(|what| Failure::new(Fault::Refused, projector.name(), what))?
                 }
             };
             for shot in &made.shots {
@@ -112,19 +104,13 @@ impl Steps {
             self.masks.push(made);
         }
         if self.patterns.len() > show.patterns {
-            let what = format!(
-                "{} patterns exceed the limit of {}",
-                self.patterns.len(),
-                show.patterns
-            );
+            let what = format!("{} patterns exceed the limit of {}", self.patterns.len(), show.patterns);
             return Err(Failure::new(Fault::Limit, projector.name(), what));
         }
         for (_, region) in &self.shots {
             for exposure in 0..work.exposures.len() {
                 let settings = settings(work, *region, exposure);
-                limits
-                    .check(&settings)
-                    .map_err(|what| Failure::new(Fault::Limit, camera.name(), what))?;
+                limits.check(&settings).map_err(|what| Failure::new(Fault::Limit, camera.name(), what))?;
             }
         }
         Ok(())
@@ -137,15 +123,8 @@ impl Steps {
         self.frame_size = [work.bins, 1];
         let corner = pointing(work, 0, 0);
         let limits = galvo.limits();
-        if corner
-            .iter()
-            .zip(limits.range_deg)
-            .any(|(a, most)| a.abs() > most)
-        {
-            let what = format!(
-                "the scan's corner at {corner:?}° is outside ±{:?}°",
-                limits.range_deg
-            );
+        if corner.iter().zip(limits.range_deg).any(|(a, most)| a.abs() > most) {
+            let what = format!("the scan's corner at {corner:?}° is outside ±{:?}°", limits.range_deg);
             return Err(Failure::new(Fault::Limit, galvo.name(), what));
         }
         let limits = counter.limits();
@@ -174,12 +153,7 @@ impl Steps {
     pub fn step(&self, frame: u32) -> Step {
         let n = u64::from(frame);
         let [_, b, c] = self.shape;
-        Step {
-            frame,
-            capture: (n / (b * c)) as usize,
-            second: (n / c % b) as usize,
-            third: (n % c) as usize,
-        }
+        Step { frame, capture: (n / (b * c)) as usize, second: (n / c % b) as usize, third: (n % c) as usize }
     }
 
     /// Returns the camera's settings for a step, or `None` for a scan.
@@ -195,12 +169,8 @@ impl Steps {
     /// which runs concurrently.
     #[must_use]
     pub fn cost(&self, rig: &Rig) -> Cost {
-        let mut cost = Cost {
-            frames: self.plan.frames(),
-            duration: Duration::ZERO,
-            moving: Duration::ZERO,
-            bytes: 0,
-        };
+        let mut cost =
+            Cost { frames: self.plan.frames(), duration: Duration::ZERO, moving: Duration::ZERO, bytes: 0 };
         let mut at: BTreeMap<&str, f64> = BTreeMap::new();
         for capture in 0..self.plan.scheme.captures() {
             // Stages move concurrently, so the longest move counts.
@@ -215,12 +185,8 @@ impl Steps {
         let (per_capture, bytes) = match &self.plan.work {
             Work::Camera(work) => {
                 let (show, row) = (
-                    rig.projector
-                        .as_ref()
-                        .map_or(Duration::ZERO, |p| p.limits().shortest),
-                    rig.camera
-                        .as_ref()
-                        .map_or(Duration::ZERO, |c| c.limits().row_time),
+                    rig.projector.as_ref().map_or(Duration::ZERO, |p| p.limits().shortest),
+                    rig.camera.as_ref().map_or(Duration::ZERO, |c| c.limits().row_time),
                 );
                 let mut sum = (Duration::ZERO, 0);
                 for (_, region) in &self.shots {
@@ -235,10 +201,7 @@ impl Steps {
             Work::Scan(work) => {
                 let points = work.points[0] * work.points[1];
                 let settle = rig.galvo.as_ref().map_or(Duration::ZERO, |g| g.limits().settle);
-                (
-                    (work.dwell + settle) * points,
-                    u64::from(points) * u64::from(work.bins) * 4,
-                )
+                ((work.dwell + settle) * points, u64::from(points) * u64::from(work.bins) * 4)
             }
         };
         cost.duration = cost.moving + per_capture * captures;
@@ -282,9 +245,8 @@ fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failu
     let mut goals = BTreeMap::new();
     let elements = scheme.generator().iter().chain(scheme.analyzer());
     for element in elements {
-        let angles: Vec<f64> = (0..scheme.captures())
-            .map(|k| element.set_at(k).angle.to_degrees().rem_euclid(360.0))
-            .collect();
+        let angles: Vec<f64> =
+            (0..scheme.captures()).map(|k| element.set_at(k).angle.to_degrees().rem_euclid(360.0)).collect();
         let turns = angles.iter().any(|a| (a - angles[0]).abs() > 1e-9);
         if let Some(stage) = rig.stages.get(&element.name) {
             let limits = stage.device.limits();

@@ -55,11 +55,7 @@ impl Tags {
                 Event::Overflow { .. } | Event::Marker { .. } | Event::Sync { .. } => {}
             }
         }
-        if photons
-            .iter()
-            .zip(photons.iter().skip(1))
-            .any(|(a, b)| a >> 21 > b >> 21)
-        {
+        if photons.iter().zip(photons.iter().skip(1)).any(|(a, b)| a >> 21 > b >> 21) {
             return Err("time tags are out of order".into());
         }
         Ok(Self { pulses, photons })
@@ -80,12 +76,7 @@ impl Tags {
         row(&mut bytes, scale, std::slice::from_ref(self)).map_err(|e| e.to_string())?;
         let length = bytes.get_ref().len() as u64;
         bytes.set_position(0);
-        let plan = Plan {
-            bin: 1,
-            bins,
-            channels: vec![0],
-            scan: None,
-        };
+        let plan = Plan { bin: 1, bins, channels: vec![0], scan: None };
         let mut reader = Reader::new(bytes, length, name).map_err(|e| e.to_string())?;
         let (found, _) = possibly_empty_histogram(&mut reader, &plan).map_err(|e| e.to_string())?;
         Ok(found.counts)
@@ -157,10 +148,7 @@ pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let read = reader.events(|event| match (event, begin) {
         (Event::Marker { time, bits: BEGIN }, None) => {
             begin = Some(time);
-            out.push(Tags {
-                pulses: 0,
-                photons: vec![],
-            });
+            out.push(Tags { pulses: 0, photons: vec![] });
         }
         (Event::Marker { time, bits: END }, Some(from)) => {
             begin = None;
@@ -196,18 +184,9 @@ impl TagLog {
         // Mark the folder as a group for Zarr readers.
         let group = "{\n  \"zarr_format\": 3,\n  \"node_type\": \"group\",\n  \"attributes\": {}\n}\n";
         base::whole_file::write(&folder.join("zarr.json"), group.as_bytes())?;
-        let log = OpenOptions::new()
-            .create(true)
-            .truncate(true)
-            .read(true)
-            .write(true)
-            .open(store.join(LOG))?;
-        Ok(Self {
-            store: store.to_owned(),
-            scale,
-            log,
-            part: vec![],
-        })
+        let log =
+            OpenOptions::new().create(true).truncate(true).read(true).write(true).open(store.join(LOG))?;
+        Ok(Self { store: store.to_owned(), scale, log, part: vec![] })
     }
 
     pub(super) fn append(&mut self, frame: u32, tags: Tags) -> io::Result<()> {
@@ -263,16 +242,8 @@ pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
         if crc32c::crc32c(body) != seal {
             break;
         }
-        let words: Vec<u64> = body[8..]
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| u64::from_le_bytes(*b))
-            .collect();
-        let tags = Tags {
-            pulses: words[0],
-            photons: words[1..].to_vec(),
-        };
+        let words: Vec<u64> = body[8..].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect();
+        let tags = Tags { pulses: words[0], photons: words[1..].to_vec() };
         out.push((frame, tags));
         rest = &rest[length + 4..];
     }
@@ -292,10 +263,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const SCALE: Scale = Scale {
-        bin_ps: 25.0,
-        rate_hz: 1e7,
-    };
+    const SCALE: Scale = Scale { bin_ps: 25.0, rate_hz: 1e7 };
 
     fn point(pulses: u64, photons: &[(u64, u16)]) -> Tags {
         let mut words: Vec<u64> = photons
@@ -303,17 +271,11 @@ mod tests {
             .map(|(sync, dtime)| (sync % pulses) << 21 | u64::from(dtime & 0x7fff) << 6)
             .collect();
         words.sort_unstable();
-        Tags {
-            pulses,
-            photons: words,
-        }
+        Tags { pulses, photons: words }
     }
 
     fn points() -> impl Strategy<Value = Vec<Tags>> {
-        let one = (
-            1_u64..200_000,
-            prop::collection::vec((any::<u64>(), any::<u16>()), 0..40),
-        );
+        let one = (1_u64..200_000, prop::collection::vec((any::<u64>(), any::<u16>()), 0..40));
         prop::collection::vec(one.prop_map(|(p, photons)| point(p, &photons)), 1..5)
     }
 
@@ -366,13 +328,6 @@ mod tests {
         assert!(message(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
         assert!(message(&[0xC000_0000], 9).contains("unknown type"));
         let good = Tags::new(&[photon(5, 1), photon(5, 2)], RECORD, 6).expect("tags");
-        assert_ne!(
-            good.checksum(),
-            Tags {
-                pulses: 7,
-                ..good.clone()
-            }
-            .checksum()
-        );
+        assert_ne!(good.checksum(), Tags { pulses: 7, ..good.clone() }.checksum());
     }
 }

@@ -78,49 +78,23 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
     let logged = read_log(store.path(), len).unwrap_or_default();
     let tagged = crcs.iter().any(|(_, tags)| tags.is_some());
-    let logged_tags = if tagged {
-        time_tags::read_log(store.path())
-    } else {
-        vec![]
-    };
+    let logged_tags = if tagged { time_tags::read_log(store.path()) } else { vec![] };
     let mut part = vec![];
     let mut tags = vec![];
     let mut sound = 0;
     while sound < crcs.len() {
         let chunk = sound / per;
         let end = (sound + per).min(crcs.len());
-        let numbers = if end - sound == per {
-            store.read_chunk(chunk).ok()
-        } else {
-            None
-        };
+        let numbers = if end - sound == per { store.read_chunk(chunk).ok() } else { None };
         let of_chunk = |n: usize| {
             let numbers = numbers.as_deref()?;
             numbers.get((n - sound) * len..(n - sound + 1) * len)
         };
-        let of_log = |n: usize| {
-            logged
-                .iter()
-                .rev()
-                .find(|(f, _)| *f == n as u32)
-                .map(|(_, d)| &d[..])
-        };
-        let row = if tagged {
-            time_tags::read_row(store.path(), chunk, per)
-        } else {
-            None
-        };
+        let of_log = |n: usize| logged.iter().rev().find(|(f, _)| *f == n as u32).map(|(_, d)| &d[..]);
+        let row = if tagged { time_tags::read_row(store.path(), chunk, per) } else { None };
         let tags_of = |n: usize, want: u32| {
-            let of_row = row
-                .as_ref()
-                .and_then(|r| r.get(n - sound))
-                .filter(|t| t.checksum() == want);
-            let logged = || {
-                logged_tags
-                    .iter()
-                    .rev()
-                    .find(|(f, t)| *f == n as u32 && t.checksum() == want)
-            };
+            let of_row = row.as_ref().and_then(|r| r.get(n - sound)).filter(|t| t.checksum() == want);
+            let logged = || logged_tags.iter().rev().find(|(f, t)| *f == n as u32 && t.checksum() == want);
             of_row.or_else(|| logged().map(|(_, t)| t)).cloned()
         };
         let mut good = sound;
@@ -154,11 +128,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
         }
         sound = good;
     }
-    Ok(Recovered {
-        frames: sound as u32,
-        part,
-        tags,
-    })
+    Ok(Recovered { frames: sound as u32, part, tags })
 }
 
 /// Returns the frames of the log, up to the first incomplete one.
@@ -170,10 +140,8 @@ fn read_log(store: &Path, len: usize) -> io::Result<Vec<(u32, Vec<u32>)>> {
         if file.read_exact(&mut record).is_err() {
             return Ok(frames);
         }
-        let words: Vec<u32> = record
-            .chunks_exact(4)
-            .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect();
+        let words: Vec<u32> =
+            record.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let (body, seal) = record.split_at(4 + 4 * len);
         if crc32c::crc32c(body).to_le_bytes() != seal[..] {
             return Ok(frames);
@@ -194,10 +162,7 @@ impl Writer {
         disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
     ) -> Result<Self, DiskError> {
         let path = store.path().to_owned();
-        let failed = |e: io::Error| DiskError {
-            path: path.clone(),
-            cause: e.to_string(),
-        };
+        let failed = |e: io::Error| DiskError { path: path.clone(), cause: e.to_string() };
         let journal = Journal::open(&path).map_err(failed)?;
         let log = OpenOptions::new()
             .create(true)
@@ -206,19 +171,8 @@ impl Writer {
             .write(true)
             .open(path.join(LOG))
             .map_err(failed)?;
-        let tags = tags
-            .map(|scale| TagLog::new(&path, scale))
-            .transpose()
-            .map_err(failed)?;
-        let mut work = Work {
-            store,
-            journal,
-            log,
-            tags,
-            part: vec![],
-            unsynced: vec![],
-            disk_full,
-        };
+        let tags = tags.map(|scale| TagLog::new(&path, scale)).transpose().map_err(failed)?;
+        let mut work = Work { store, journal, log, tags, part: vec![], unsynced: vec![], disk_full };
         // Rewrite the log with the intact frames only.
         let len = work.store.layout().frame_len().max(1);
         let first = recovered.frames as usize - recovered.part.len() / len;
@@ -239,10 +193,7 @@ impl Writer {
             // The store and its lock are dropped here.
             result.map_err(|cause| DiskError { path, cause })
         });
-        Ok(Self {
-            sender: Some(sender),
-            thread: Some(thread),
-        })
+        Ok(Self { sender: Some(sender), thread: Some(thread) })
     }
 
     fn send(&mut self, item: Item) -> Result<(), DiskError> {
@@ -278,11 +229,7 @@ impl Writer {
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
-        if receiver.recv().is_ok() {
-            Ok(())
-        } else {
-            self.close()
-        }
+        if receiver.recv().is_ok() { Ok(()) } else { self.close() }
     }
 
     /// Waits until all queued items are on disk, and closes the store.
@@ -293,10 +240,9 @@ impl Writer {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(result)) => result,
-            Some(Err(_)) => Err(DiskError {
-                path: PathBuf::new(),
-                cause: "the writer thread ended unexpectedly".into(),
-            }),
+            Some(Err(_)) => {
+                Err(DiskError { path: PathBuf::new(), cause: "the writer thread ended unexpectedly".into() })
+            }
             None => Ok(()),
         }
     }
@@ -361,9 +307,7 @@ impl Work {
             put_tags(log, frame as usize, per, tags).map_err(|e| e.to_string())?;
         }
         if per == 1 {
-            self.store
-                .write_chunk(chunk, &numbers)
-                .map_err(|e| e.to_string())?;
+            self.store.write_chunk(chunk, &numbers).map_err(|e| e.to_string())?;
             self.unsynced.push(chunk);
             return Ok(());
         }
@@ -375,9 +319,7 @@ impl Work {
         self.append_log(frame, &numbers).map_err(|e| e.to_string())?;
         self.part.extend(numbers);
         if self.part.len() == per * len {
-            self.store
-                .write_chunk(chunk, &self.part)
-                .map_err(|e| e.to_string())?;
+            self.store.write_chunk(chunk, &self.part).map_err(|e| e.to_string())?;
             // Sync the chunk before its log is emptied.
             self.store.sync_chunk(chunk).map_err(|e| e.to_string())?;
         }

@@ -72,11 +72,7 @@ impl SimulatedCard {
         let samples = self.buffer.first().map_or(0, Vec::len);
         let before = done;
         while done < samples && begun + self.time_of(done) <= now {
-            for (list, channel) in self
-                .buffer
-                .iter()
-                .zip(self.settings.iter().flat_map(|s| &s.channels))
-            {
+            for (list, channel) in self.buffer.iter().zip(self.settings.iter().flat_map(|s| &s.channels)) {
                 self.standing[*channel] = self.limits.nearest(list[done]);
             }
             if let Some(recording) = &self.recording {
@@ -97,10 +93,7 @@ impl SimulatedCard {
     fn free(&mut self) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         self.catch_up();
-        if self
-            .running
-            .is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now())
-        {
+        if self.running.is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now()) {
             return Err(self.failure(Fault::Refused, "a buffer is being output; stop it first"));
         }
         self.running = None;
@@ -140,9 +133,7 @@ impl AnalogOutput for SimulatedCard {
 
     fn configure(&mut self, settings: &AnalogSettings, _within: Duration) -> Result<(), Failure> {
         self.free()?;
-        self.limits
-            .check(settings)
-            .map_err(|what| self.failure(Fault::Limit, what))?;
+        self.limits.check(settings).map_err(|what| self.failure(Fault::Limit, what))?;
         self.settings = Some(settings.clone());
         self.buffer.clear();
         Ok(())

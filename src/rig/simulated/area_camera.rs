@@ -24,15 +24,7 @@ pub struct SimulatedCamera {
 impl SimulatedCamera {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CameraLimits) -> Self {
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-            settings: None,
-            pending: None,
-            last: None,
-            taken: 0,
-        }
+        Self { name: name.to_owned(), world, limits, settings: None, pending: None, last: None, taken: 0 }
     }
 
     fn failure(&self, fault: Fault, what: String) -> Failure {
@@ -94,9 +86,7 @@ impl AreaCamera for SimulatedCamera {
 
     fn configure(&mut self, settings: &CameraSettings, _within: Duration) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
-        self.limits
-            .check(settings)
-            .map_err(|what| self.failure(Fault::Limit, what))?;
+        self.limits.check(settings).map_err(|what| self.failure(Fault::Limit, what))?;
         self.settings = Some(*settings);
         self.pending = None;
         Ok(())

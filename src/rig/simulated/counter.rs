@@ -36,14 +36,7 @@ pub struct SimulatedCounter {
 impl SimulatedCounter {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CounterLimits) -> Self {
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-            settings: None,
-            pending: None,
-            taken: 0,
-        }
+        Self { name: name.to_owned(), world, limits, settings: None, pending: None, taken: 0 }
     }
 
     fn failure(&self, fault: Fault, what: String) -> Failure {
@@ -55,18 +48,12 @@ impl SimulatedCounter {
 fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
     let sets = w.sets();
     let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());
-    let ray = Ray {
-        nm: w.bench.nm,
-        incidence: ax.hypot(ay).atan(),
-        azimuth: ay.atan2(ax),
-    };
+    let ray = Ray { nm: w.bench.nm, incidence: ax.hypot(ay).atan(), azimuth: ay.atan2(ax) };
     let [width, height] = w.scenery.camera();
     let (mut x, mut y) = (0, 0);
     if let Directions::Pinhole { half } = w.bench.camera {
         let place = |t: f64, half: f64, n: usize| {
-            ((t / half + 1.0) / 2.0 * n as f64)
-                .floor()
-                .clamp(0.0, n as f64 - 1.0)
+            ((t / half + 1.0) / 2.0 * n as f64).floor().clamp(0.0, n as f64 - 1.0)
         };
         x = place(ax, half[0], width) as usize;
         y = place(-ay, half[1], height) as usize;
@@ -102,9 +89,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
 fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std::io::Result<Vec<u32>> {
     let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
     if seen.iter().sum::<u64>() > MOST_TAGS {
-        return Err(std::io::Error::other(
-            "the photons exceed the counter's memory; reduce the dwell time",
-        ));
+        return Err(std::io::Error::other("the photons exceed the counter's memory; reduce the dwell time"));
     }
     let mut records = Records::new(TAGS);
     for stamp in deal(seen, pulses, alone, random) {
@@ -149,10 +134,8 @@ impl PhotonCounter for SimulatedCounter {
             ));
         }
         if !fits {
-            return Err(self.failure(
-                Fault::Limit,
-                format!("{settings:?} exceed {:?}; correct the plan", self.limits),
-            ));
+            return Err(self
+                .failure(Fault::Limit, format!("{settings:?} exceed {:?}; correct the plan", self.limits)));
         }
         self.settings = Some(*settings);
         self.pending = None;
@@ -175,13 +158,9 @@ impl PhotonCounter for SimulatedCounter {
             let mut diode = w.spad.clone();
             diode.bin_ps = settings.bin_ps;
             diode.bins = settings.bins;
-            diode.period_ps = (diode.period_ps / settings.bin_ps)
-                .round()
-                .max(settings.bins as f64)
-                * settings.bin_ps;
-            diode.pulses = (settings.dwell.as_secs_f64() * 1e12 / diode.period_ps)
-                .round()
-                .max(1.0) as u64;
+            diode.period_ps =
+                (diode.period_ps / settings.bin_ps).round().max(settings.bins as f64) * settings.bin_ps;
+            diode.pulses = (settings.dwell.as_secs_f64() * 1e12 / diode.period_ps).round().max(1.0) as u64;
             let rates = diode.rates(&radiance, w.bench.nm).map_err(|e| e.to_string())?;
             let mut random = stream(w.seed, pixel, w.frame);
             let counts = diode.count(&rates, &mut random).map_err(|e| e.to_string())?;
@@ -195,11 +174,7 @@ impl PhotonCounter for SimulatedCounter {
         });
         let (counts, records, pulses) = counted.map_err(|e| self.failure(Fault::Refused, e))?;
         let count = |n: u64| {
-            if full {
-                u32::MAX
-            } else {
-                n.min(u64::from(u32::MAX)) as u32
-            }
+            if full { u32::MAX } else { n.min(u64::from(u32::MAX)) as u32 }
         };
         let histogram = Histogram {
             counts: counts.into_iter().take(settings.bins).map(count).collect(),

@@ -57,10 +57,7 @@ pub struct Faults {
 impl Faults {
     #[must_use]
     pub fn new(waiting: Vec<FaultAt>) -> Self {
-        Self {
-            waiting,
-            uses: std::collections::BTreeMap::new(),
-        }
+        Self { waiting, uses: std::collections::BTreeMap::new() }
     }
 
     /// Counts a use of an instrument and returns the fault that strikes it, if any.
@@ -68,10 +65,7 @@ impl Faults {
         let uses = self.uses.entry(instrument.to_owned()).or_default();
         *uses += 1;
         let at = *uses;
-        let found = self
-            .waiting
-            .iter()
-            .position(|f| f.instrument == instrument && f.at == at)?;
+        let found = self.waiting.iter().position(|f| f.instrument == instrument && f.at == at)?;
         Some(self.waiting.swap_remove(found).kind)
     }
 }

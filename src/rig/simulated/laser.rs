@@ -14,12 +14,7 @@ pub struct SimulatedLaser {
 impl SimulatedLaser {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: LaserLimits) -> Self {
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-            rate_hz: limits.rate_hz[0],
-        }
+        Self { name: name.to_owned(), world, limits, rate_hz: limits.rate_hz[0] }
     }
 }
 
@@ -57,10 +52,6 @@ impl PulsedLaser for SimulatedLaser {
     fn state(&mut self, _within: Duration) -> Result<LaserState, Failure> {
         self.world.alive(&self.name)?;
         let (emitting, power) = self.world.with(|w| (w.emitting, w.power()));
-        Ok(LaserState {
-            emitting,
-            rate_hz: self.rate_hz,
-            power,
-        })
+        Ok(LaserState { emitting, rate_hz: self.rate_hz, power })
     }
 }

@@ -70,11 +70,7 @@ impl Scenery {
     #[must_use]
     pub fn sample(mueller: [f32; ELEMENTS], camera: [usize; 2]) -> Self {
         let image = mueller.repeat(camera[0] * camera[1]);
-        Self::Sample {
-            mueller,
-            camera,
-            image,
-        }
+        Self::Sample { mueller, camera, image }
     }
 
     /// Opens a slice of a finished store at a wavelength. A slice with time bins is scanned; any other is
@@ -90,9 +86,7 @@ impl Scenery {
         let layout = slice.layout();
         let len = |kind| layout.find(kind).map(|i| layout.axes[i].len() as usize);
         let (Some(height), Some(width)) = (len(AxisKind::Y), len(AxisKind::X)) else {
-            return Err(format!(
-                "{place}: the slice has no rows and columns of the camera"
-            ));
+            return Err(format!("{place}: the slice has no rows and columns of the camera"));
         };
         if len(AxisKind::StokesOut) != Some(4) || len(AxisKind::StokesIn) != Some(4) {
             return Err(format!(
@@ -158,18 +152,10 @@ impl Scenery {
             let mut shape = layout.shape();
             let mut start = vec![0; shape.len()];
             (start[0], shape[0]) = (y, rows.min(height as u64 - y));
-            let block = slice
-                .read(Field::Mean, &start, &shape)
-                .map_err(|e| e.to_string())?;
+            let block = slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
             data.extend(block.into_iter().skip(lane).step_by(lanes));
         }
-        Ok(Self::Tensor(PlayedTensor {
-            camera,
-            projector,
-            data,
-            kept: vec![],
-            lit: vec![],
-        }))
+        Ok(Self::Tensor(PlayedTensor { camera, projector, data, kept: vec![], lit: vec![] }))
     }
 
     /// Returns the columns and rows of the camera or of the scan.
@@ -237,9 +223,7 @@ impl PlayedTensor {
             })
             .collect();
         let pixel = |data: &[f32]| -> [f64; 4] {
-            let all = lit
-                .iter()
-                .map(|(i, state)| times(&data[i * ELEMENTS..][..ELEMENTS], state));
+            let all = lit.iter().map(|(i, state)| times(&data[i * ELEMENTS..][..ELEMENTS], state));
             all.sum::<nalgebra::Vector4<f64>>().into()
         };
         self.lit = self.data.par_chunks_exact(boxes * ELEMENTS).map(pixel).collect();
@@ -256,14 +240,12 @@ impl PlayedTensor {
         let lit: Vec<(usize, f32)> = lit_pixels(pattern).collect();
         let mut image = vec![0.0_f32; size];
         let pixels = image.par_chunks_exact_mut(ELEMENTS);
-        pixels
-            .zip(self.data.par_chunks_exact(boxes * ELEMENTS))
-            .for_each(|(out, data)| {
-                for (i, drive) in &lit {
-                    let m = &data[i * ELEMENTS..][..ELEMENTS];
-                    out.iter_mut().zip(m).for_each(|(o, v)| *o += drive * v);
-                }
-            });
+        pixels.zip(self.data.par_chunks_exact(boxes * ELEMENTS)).for_each(|(out, data)| {
+            for (i, drive) in &lit {
+                let m = &data[i * ELEMENTS..][..ELEMENTS];
+                out.iter_mut().zip(m).for_each(|(o, v)| *o += drive * v);
+            }
+        });
         self.kept.push((pattern.to_vec(), image));
         self.kept.len() - 1
     }
@@ -282,9 +264,7 @@ impl PlayedScan {
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {
-            return Err(format!(
-                "the beam points to {x}, {y}, outside {width} x {height} points"
-            ));
+            return Err(format!("the beam points to {x}, {y}, outside {width} x {height} points"));
         }
         let first = y / self.together * self.together;
         let at = match self.rows.take() {
@@ -293,14 +273,8 @@ impl PlayedScan {
                 let mut shape = self.slice.layout().shape();
                 let mut start = vec![0; shape.len()];
                 (start[0], shape[0]) = (first as u64, self.together.min(height - first) as u64);
-                let all = self
-                    .slice
-                    .read(Field::Mean, &start, &shape)
-                    .map_err(|e| e.to_string())?;
-                (
-                    first,
-                    all.into_iter().skip(self.lane).step_by(self.lanes).collect(),
-                )
+                let all = self.slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
+                (first, all.into_iter().skip(self.lane).step_by(self.lanes).collect())
             }
         };
         let (_, data) = self.rows.insert(at);
@@ -317,11 +291,7 @@ mod tests {
 
     #[test]
     fn denoised_light_is_not_played() {
-        let axis = |kind, n: u32| Axis {
-            kind,
-            coords: (0..n).map(f64::from).collect(),
-            chunk: n.into(),
-        };
+        let axis = |kind, n: u32| Axis { kind, coords: (0..n).map(f64::from).collect(), chunk: n.into() };
         let layout = SliceLayout {
             name: "m".into(),
             axes: vec![
@@ -346,11 +316,7 @@ mod tests {
             let store = TensorStore::create(&path, &slices, &attributes, None, false).expect("a store");
             store.finish().expect("a manifest");
             let message = Scenery::open(&path, "m", 550.0).err().unwrap_or_default();
-            assert_eq!(
-                message.contains("is denoised") && message.contains("a.zarr"),
-                denoised,
-                "{message}"
-            );
+            assert_eq!(message.contains("is denoised") && message.contains("a.zarr"), denoised, "{message}");
         }
     }
 }

@@ -15,12 +15,7 @@ pub struct SimulatedProjector {
 impl SimulatedProjector {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: ProjectorLimits) -> Self {
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-            loaded: vec![],
-        }
+        Self { name: name.to_owned(), world, limits, loaded: vec![] }
     }
 
     fn limit(&self, what: String) -> Failure {
@@ -74,9 +69,8 @@ impl PatternProjector for SimulatedProjector {
                 )));
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
-                return Err(self.limit(format!(
-                    "pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported"
-                )));
+                return Err(self
+                    .limit(format!("pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported")));
             }
         }
         let drive = |p: &Pattern| Arc::new(p.pixels.iter().map(|v| f32::from(*v) / 255.0).collect());

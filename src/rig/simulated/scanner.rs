@@ -13,11 +13,7 @@ pub struct SimulatedScanner {
 impl SimulatedScanner {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: GalvoLimits) -> Self {
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-        }
+        Self { name: name.to_owned(), world, limits }
     }
 }
 
@@ -43,20 +39,13 @@ impl GalvoScanner for SimulatedScanner {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let inside = angles_deg.iter().zip(self.limits.range_deg);
         if !inside.clone().all(|(a, most)| a.is_finite() && a.abs() <= most) {
-            let what = format!(
-                "{angles_deg:?}° is outside ±{:?}°; correct the plan",
-                self.limits.range_deg
-            );
+            let what = format!("{angles_deg:?}° is outside ±{:?}°; correct the plan", self.limits.range_deg);
             return Err(Failure::new(Fault::Limit, &self.name, what));
         }
         self.world.use_of(&self.name, within)?;
         if self.limits.settle > within {
             self.world.clock().sleep(within);
-            return Err(Failure::new(
-                Fault::Timeout,
-                &self.name,
-                "the mirrors are still moving",
-            ));
+            return Err(Failure::new(Fault::Timeout, &self.name, "the mirrors are still moving"));
         }
         self.world.clock().sleep(self.limits.settle);
         let step = self.limits.resolution_deg;

@@ -26,20 +26,9 @@ impl SimulatedStage {
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
         // An arbitrary initial position.
-        let left = StageState {
-            angle_deg: 13.0,
-            encoder_deg: 0.0,
-            homed: false,
-        };
+        let left = StageState { angle_deg: 13.0, encoder_deg: 0.0, homed: false };
         world.with(|w| w.stages.insert(name.to_owned(), left));
-        Self {
-            name: name.to_owned(),
-            world,
-            limits,
-            backlash_deg,
-            goal: None,
-            stalled: false,
-        }
+        Self { name: name.to_owned(), world, limits, backlash_deg, goal: None, stalled: false }
     }
 
     fn state(&self) -> StageState {
@@ -96,10 +85,7 @@ impl RotationStage for SimulatedStage {
             self.world.clock().sleep(within);
             return Err(self.failure(
                 Fault::Timeout,
-                format!(
-                    "homing takes {:.1} s, longer than the deadline",
-                    time.as_secs_f64()
-                ),
+                format!("homing takes {:.1} s, longer than the deadline", time.as_secs_f64()),
             ));
         }
         self.world.clock().sleep(time);
@@ -107,11 +93,7 @@ impl RotationStage for SimulatedStage {
         self.world.with(|w| {
             if let Some(state) = w.stages.get_mut(&self.name) {
                 // Homing always approaches from the same side.
-                *state = StageState {
-                    angle_deg: -0.5 * self.backlash_deg,
-                    encoder_deg: 0.0,
-                    homed: true,
-                };
+                *state = StageState { angle_deg: -0.5 * self.backlash_deg, encoder_deg: 0.0, homed: true };
             }
         });
         Ok(())
@@ -128,18 +110,12 @@ impl RotationStage for SimulatedStage {
         let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
         let state = self.state();
         if !state.homed {
-            return Err(self.failure(
-                Fault::Refused,
-                "zero position unknown; home the stage first".into(),
-            ));
+            return Err(self.failure(Fault::Refused, "zero position unknown; home the stage first".into()));
         }
         self.stalled = mishap == Some(Mishap::Stall);
         let clock = self.world.clock();
-        let goal = if self.stalled {
-            state.encoder_deg + (angle_deg - state.encoder_deg) / 3.0
-        } else {
-            angle_deg
-        };
+        let goal =
+            if self.stalled { state.encoder_deg + (angle_deg - state.encoder_deg) / 3.0 } else { angle_deg };
         let time = self.limits.move_time(goal - state.encoder_deg);
         self.goal = Some((goal, clock.now() + time));
         Ok(())
@@ -153,10 +129,7 @@ impl RotationStage for SimulatedStage {
         let clock = self.world.clock();
         if then > clock.now() + within {
             clock.sleep(within);
-            return Err(self.failure(
-                Fault::Timeout,
-                "the move is still in progress; allow more time".into(),
-            ));
+            return Err(self.failure(Fault::Timeout, "the move is still in progress; allow more time".into()));
         }
         clock.sleep_until(then);
         self.put(goal);
@@ -170,11 +143,7 @@ impl RotationStage for SimulatedStage {
     fn read(&mut self, _within: Duration) -> Result<StageReading, Failure> {
         self.world.alive(&self.name)?;
         let state = self.state();
-        Ok(StageReading {
-            angle_deg: state.encoder_deg,
-            moving: self.goal.is_some(),
-            homed: state.homed,
-        })
+        Ok(StageReading { angle_deg: state.encoder_deg, moving: self.goal.is_some(), homed: state.homed })
     }
 
     fn stop(&mut self, _within: Duration) -> Result<(), Failure> {

@@ -101,13 +101,7 @@ impl Shared {
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
-        let lost = || {
-            Err(Failure::new(
-                Fault::Disconnected,
-                instrument,
-                "no reply: connection lost",
-            ))
-        };
+        let lost = || Err(Failure::new(Fault::Disconnected, instrument, "no reply: connection lost"));
         match mishap {
             Some(Mishap::CableOut) => {
                 self.with(|w| w.dead.insert(instrument.into()));
@@ -130,24 +124,17 @@ impl Shared {
                     }
                     let all: Vec<String> = w.stages.keys().cloned().collect();
                     w.dead.extend(all);
-                    w.dead
-                        .extend(["camera", "projector", "galvo", "laser", "counter"].map(String::from));
+                    w.dead.extend(["camera", "projector", "galvo", "laser", "counter"].map(String::from));
                 });
                 lost()
             }
             Some(Mishap::Timeout) => {
                 self.clock().sleep(within);
-                Err(Failure::new(
-                    Fault::Timeout,
-                    instrument,
-                    "no reply before the deadline",
-                ))
+                Err(Failure::new(Fault::Timeout, instrument, "no reply before the deadline"))
             }
-            Some(Mishap::Interlock) => Err(Failure::new(
-                Fault::Refused,
-                instrument,
-                "interlock open; close it and resume",
-            )),
+            Some(Mishap::Interlock) => {
+                Err(Failure::new(Fault::Refused, instrument, "interlock open; close it and resume"))
+            }
             Some(Mishap::ClockBack) => {
                 self.clock().jump(-3600.0);
                 Ok(None)
@@ -172,11 +159,7 @@ impl Shared {
     pub fn alive(&self, instrument: &str) -> Result<(), Failure> {
         let dead = self.with(|w| w.dead.contains(instrument) || w.gone.contains(instrument));
         if dead {
-            return Err(Failure::new(
-                Fault::Disconnected,
-                instrument,
-                "no reply: connection lost",
-            ));
+            return Err(Failure::new(Fault::Disconnected, instrument, "no reply: connection lost"));
         }
         Ok(())
     }

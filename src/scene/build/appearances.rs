@@ -40,12 +40,7 @@ struct Texels {
 impl<'a> Table<'a> {
     /// Creates the materials for an appearance, under `name` and names that begin with it.
     pub fn new(ctx: &'a mut Context, file: &'a Located<String>, name: &'a str, a: &Appearance) -> Self {
-        let mut out = Self {
-            ctx,
-            file,
-            name,
-            made: vec![],
-        };
+        let mut out = Self { ctx, file, name, made: vec![] };
         let body = out.material(a);
         out.made.push((name.to_owned(), body));
         out
@@ -70,9 +65,7 @@ impl<'a> Table<'a> {
         let mut body = match a.coat {
             _ if strongest > 0.0 => self.beside_mirror(a, strongest),
             Some(coat) => self.plastic(a, coat),
-            None => MaterialFile::Diffuse(DiffuseFile {
-                albedo: self.albedo(a, |v| v),
-            }),
+            None => MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo(a, |v| v) }),
         };
         if a.metallic > 0.0 {
             let metal = self.metal(a);
@@ -125,11 +118,7 @@ impl<'a> Table<'a> {
 
     fn plastic(&mut self, a: &Appearance, coat: Coat) -> MaterialFile {
         // For an image of roughness, use a roughness of 0.5, in the middle of its range: α is its square.
-        let alpha = if a.metallic_roughness.is_some() {
-            a.alpha / 4.0
-        } else {
-            a.alpha
-        };
+        let alpha = if a.metallic_roughness.is_some() { a.alpha / 4.0 } else { a.alpha };
         let reflected = body::coat_albedo(coat.ior, alpha, Masking::Correlated);
         let albedo = match a.model {
             Model::Gltf => {
@@ -158,21 +147,14 @@ impl<'a> Table<'a> {
     /// divided by its share.
     fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
         let rest = (1.0 - share).max(1e-9);
-        let base = MaterialFile::Diffuse(DiffuseFile {
-            albedo: self.albedo(a, |v| v / rest),
-        });
+        let base = MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo(a, |v| v / rest) });
         let reflectance = self.colour(a.mirror.map(|v| v / share)).into();
         let metal = Some(self.at("mirror".to_owned()));
         let (n, k) = (None, None);
         let reflectance = self.at(reflectance);
         // For MTL it is a smooth mirror; for glTF it has the material's roughness.
         let mirror = if a.model == Model::Mtl {
-            MaterialFile::Conductor(ConductorFile {
-                metal,
-                n,
-                k,
-                reflectance,
-            })
+            MaterialFile::Conductor(ConductorFile { metal, n, k, reflectance })
         } else {
             MaterialFile::RoughConductor(RoughConductorFile {
                 metal,
@@ -267,9 +249,9 @@ impl<'a> Table<'a> {
         let factor = a.alpha as f32;
         let value = match &a.metallic_roughness {
             None => a.alpha.into(),
-            Some(picture) => self.numbers(picture, "alpha", move |t| {
-                (t[1] * t[1] * factor).max(SMOOTH as f32)
-            }),
+            Some(picture) => {
+                self.numbers(picture, "alpha", move |t| (t[1] * t[1] * factor).max(SMOOTH as f32))
+            }
         };
         self.at(value)
     }
@@ -376,26 +358,18 @@ impl<'a> Table<'a> {
         texels: Option<Texels>,
         change: impl Fn(Texel) -> Texel,
     ) -> ImageAlbedo {
-        let made = texels.and_then(
-            |Texels {
-                 size: [width, height],
-                 values,
-             }| {
-                let whole = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u16;
-                let values = values.into_iter().flat_map(change).map(whole).collect();
-                let image = ImageBuffer::<Rgb<u16>, _>::from_raw(width, height, values)?;
-                import::picture::encoded(&image.into(), ImageFormat::Png).ok()
-            },
-        );
+        let made = texels.and_then(|Texels { size: [width, height], values }| {
+            let whole = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u16;
+            let values = values.into_iter().flat_map(change).map(whole).collect();
+            let image = ImageBuffer::<Rgb<u16>, _>::from_raw(width, height, values)?;
+            import::picture::encoded(&image.into(), ImageFormat::Png).ok()
+        });
         let Some(bytes) = made else {
             return self.reference(picture, false);
         };
         let name = format!("{}/{part}.png", self.name);
         self.ctx.keep(&name, bytes);
-        ImageAlbedo {
-            image: self.at(name),
-            ..self.reference(picture, true)
-        }
+        ImageAlbedo { image: self.at(name), ..self.reference(picture, true) }
     }
 
     /// Returns an unmodified image.

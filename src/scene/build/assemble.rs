@@ -65,11 +65,7 @@ pub fn from_variant(
     let mut scene = from_file(path, text, &variant.file)?;
     scene.variant = Some(Variant {
         number,
-        values: variant
-            .values
-            .iter()
-            .map(|(name, v)| (name.clone(), v.to_string()))
-            .collect(),
+        values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect(),
     });
     Ok(scene)
 }
@@ -139,16 +135,8 @@ pub(crate) fn with_gaps(
 fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
-    let projector = file
-        .projector
-        .as_ref()
-        .map(|p| projector(ctx, p, p.span(), &camera))
-        .transpose()?;
-    let lights::Emitters {
-        mut points,
-        environment,
-        mut lights,
-    } = lights::emitters(ctx, &file.emitters)?;
+    let projector = file.projector.as_ref().map(|p| projector(ctx, p, p.span(), &camera)).transpose()?;
+    let lights::Emitters { mut points, environment, mut lights } = lights::emitters(ctx, &file.emitters)?;
     if let (true, Integrator::Caustics | Integrator::Bidirectional) = (camera.parallel, settings.integrator) {
         return Err(ctx.error(
             file.camera.span(),
@@ -174,18 +162,9 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
             "add a [projector], [[emitters]], or an object with emission",
         ));
     }
-    let materials::Built {
-        table: mut materials,
-        names,
-        mut images,
-    } = materials::build(ctx, &file.materials)?;
-    lights::slides(
-        ctx,
-        &mut images,
-        &mut materials.textures,
-        &file.emitters,
-        &mut points,
-    )?;
+    let materials::Built { table: mut materials, names, mut images } =
+        materials::build(ctx, &file.materials)?;
+    lights::slides(ctx, &mut images, &mut materials.textures, &file.emitters, &mut points)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
     let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
     surfaces.objects(ctx, &file.objects, None)?;
@@ -234,11 +213,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         lights,
         slices,
         settings,
-        sha256: std::mem::take(&mut ctx.hash)
-            .finalize()
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect(),
+        sha256: std::mem::take(&mut ctx.hash).finalize().iter().map(|b| format!("{b:02x}")).collect(),
         text: ctx.text.to_string(),
         variant: None,
         notes: std::mem::take(&mut ctx.notes),
@@ -253,11 +228,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     let objects = gap.objects.iter().flatten();
     let mut both: Vec<_> = objects.filter_map(|i| file.objects.get(*i as usize)).collect();
     both.dedup_by_key(|o| o.span());
-    let lines: String = both
-        .iter()
-        .map(|o| ctx.line(o.span()))
-        .collect::<Vec<_>>()
-        .join(" and");
+    let lines: String = both.iter().map(|o| ctx.line(o.span())).collect::<Vec<_>>().join(" and");
     let [x, y, z] = gap.at.to_array();
     ctx.error(
         both.first().map_or(0..0, |o| o.span()),
@@ -342,9 +313,8 @@ fn without_nulls(value: &mut serde_json::Value) {
 /// Returns the folder's name for `…/NAME/scene.toml`, otherwise the file's stem.
 fn default_name(path: &Path) -> String {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene");
-    let folder = std::path::absolute(path)
-        .ok()
-        .and_then(|p| Some(p.parent()?.file_name()?.to_str()?.to_owned()));
+    let folder =
+        std::path::absolute(path).ok().and_then(|p| Some(p.parent()?.file_name()?.to_str()?.to_owned()));
     match folder {
         Some(folder) if stem == "scene" => folder,
         _ => stem.to_owned(),

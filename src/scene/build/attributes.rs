@@ -23,12 +23,7 @@ pub(super) fn begin(ctx: &mut Context) -> Uses {
 /// Ends a material. What it uses, the material that refers to it (`outer`) uses too.
 pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
     let own = std::mem::replace(&mut ctx.attributes.open, outer);
-    if let Uses {
-        asked: Some(asked),
-        images: true,
-        ..
-    } = &own
-    {
+    if let Uses { asked: Some(asked), images: true, .. } = &own {
         let message = "a material uses a mesh attribute together with an image or a checkerboard, but a mesh can have texture \
                        coordinates for only one of them";
         return Err(ctx.error(asked.name.span(), message, "keep one of the two"));
@@ -39,12 +34,7 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
 
 /// Adds the uses of a finished material to the material that refers to it.
 pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> {
-    let Some(Uses {
-        asked,
-        images,
-        heights,
-    }) = ctx.attributes.of_material.get(&material).cloned()
-    else {
+    let Some(Uses { asked, images, heights }) = ctx.attributes.of_material.get(&material).cloned() else {
         return Ok(());
     };
     ctx.attributes.open.images |= images;
@@ -54,11 +44,7 @@ pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> 
 
 /// Records that the current material uses an attribute, as a number or as an albedo.
 pub(super) fn ask(ctx: &mut Context, file: &AttributeFile, number: bool) -> Result<(), InputError> {
-    let asked = Asked {
-        name: file.attribute.clone(),
-        number,
-        albedo: if number { 0.0 } else { file.scale },
-    };
+    let asked = Asked { name: file.attribute.clone(), number, albedo: if number { 0.0 } else { file.scale } };
     join(ctx, asked)
 }
 
@@ -91,11 +77,7 @@ pub(super) fn give(
     mirrored: bool,
 ) -> Result<Mesh, InputError> {
     let fault = |ctx: &Context, what: String, fix: &str| {
-        Err(ctx.error(
-            asked.name.span(),
-            format!("attribute `{}` of {file} {what}", *asked.name),
-            fix,
-        ))
+        Err(ctx.error(asked.name.span(), format!("attribute `{}` of {file} {what}", *asked.name), fix))
     };
     if asked.number && corners.coloured {
         let fix = "use an attribute with one property";

@@ -78,20 +78,13 @@ fn projector(
     let device = pinhole_of(&found);
     sound(&within, &device, found.span(), nested)?;
     let device = overlaid(ctx, key, &device, &pinhole_of(given))?;
-    Ok(ProjectorFile {
-        irradiance: given.irradiance.clone(),
-        ..ProjectorFile::new(device)
-    })
+    Ok(ProjectorFile { irradiance: given.irradiance.clone(), ..ProjectorFile::new(device) })
 }
 
 /// Returns the tables of a calibration file and the context for errors in it.
 fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), InputError> {
     let unreadable = |e: &dyn std::fmt::Display| {
-        ctx.error(
-            key.span(),
-            format!("cannot read {}: {e}", ctx.path(key).display()),
-            FIX,
-        )
+        ctx.error(key.span(), format!("cannot read {}: {e}", ctx.path(key).display()), FIX)
     };
     let bytes = ctx.peek(key, u64::MAX).map_err(|e| unreadable(&e))?;
     let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
@@ -175,15 +168,8 @@ fn overlaid(
         distortion: found.distortion.as_ref().map(|v| here(key, v)),
         opencv: found.opencv.as_ref().map(|v| here(key, v)),
         fisheye: found.fisheye.as_ref().map(|v| here(key, v)),
-        aperture: given
-            .aperture
-            .clone()
-            .or_else(|| found.aperture.as_ref().map(|v| here(key, v))),
-        pose: if placed {
-            given.pose.clone()
-        } else {
-            here(key, &found.pose)
-        },
+        aperture: given.aperture.clone().or_else(|| found.aperture.as_ref().map(|v| here(key, v))),
+        pose: if placed { given.pose.clone() } else { here(key, &found.pose) },
     })
 }
 
@@ -228,10 +214,8 @@ mod tests {
         let other = document().replace("9.25", "9.26");
         assert_ne!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
         // A pose in the scene overrides that of the calibration.
-        let placed = BY_KEY.replace(
-            "[projector]",
-            "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]",
-        );
+        let placed = BY_KEY
+            .replace("[projector]", "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]");
         assert_eq!(scene(&placed, &document()).expect("a scene").camera.origin.z, 5.0);
     }
 
@@ -240,21 +224,13 @@ mod tests {
         let whole = document();
         let in_camera = |line: &str| BY_KEY.replace("[projector]", &format!("{line}\n[projector]"));
         let cases = [
-            (
-                BY_KEY.to_owned(),
-                whole.replace("[camera]", "[photo]"),
-                "c.toml:1:2: unknown field `photo`",
-            ),
+            (BY_KEY.to_owned(), whole.replace("[camera]", "[photo]"), "c.toml:1:2: unknown field `photo`"),
             (
                 BY_KEY.to_owned(),
                 format!("[projector]\n{PROJECTOR}"),
                 "s.toml:2:15: sub/c.toml has no [camera]",
             ),
-            (
-                BY_KEY.to_owned(),
-                format!("[camera]\n{CAMERA}"),
-                "s.toml:5:15: sub/c.toml has no [projector]",
-            ),
+            (BY_KEY.to_owned(), format!("[camera]\n{CAMERA}"), "s.toml:5:15: sub/c.toml has no [projector]"),
             (
                 BY_KEY.to_owned(),
                 whole.replace("[0, 9.25, 2.5]", "[1, 9.25, 2.5]"),
@@ -265,38 +241,23 @@ mod tests {
                 whole.replace("resolution = [8, 6]", "calibration = \"d.toml\""),
                 "c.toml:2:15: a calibration file cannot refer",
             ),
-            (
-                BY_KEY.replace("c.toml", "d.toml"),
-                whole.clone(),
-                "s.toml:2:15: cannot read",
-            ),
+            (BY_KEY.replace("c.toml", "d.toml"), whole.clone(), "s.toml:2:15: cannot read"),
             (
                 in_camera("fov_x_deg = 40"),
                 whole.clone(),
                 "s.toml:2:15: the lens is given both by calibration",
             ),
-            (
-                in_camera("resolution = [8, 7]"),
-                whole.clone(),
-                "s.toml:2:15: resolution is 8 × 7 pixels",
-            ),
+            (in_camera("resolution = [8, 7]"), whole.clone(), "s.toml:2:15: resolution is 8 × 7 pixels"),
             (
                 BY_KEY.replace("irradiance", "coaxial = true\nirradiance"),
                 whole.clone(),
                 "s.toml:6:15: a coaxial projector",
             ),
-            (
-                "[camera]\nfov_x_deg = 4\n".to_owned(),
-                whole.clone(),
-                "s.toml:1:1: missing field `resolution`",
-            ),
+            ("[camera]\nfov_x_deg = 4\n".to_owned(), whole.clone(), "s.toml:1:1: missing field `resolution`"),
         ];
         for (text, calibration, words) in cases {
             let message = scene(&text, &calibration).err().expect("a fault");
-            assert!(
-                message.contains(words) && message.contains("fix:"),
-                "{words}: {message}"
-            );
+            assert!(message.contains(words) && message.contains("fix:"), "{words}: {message}");
         }
     }
 

@@ -65,10 +65,7 @@ impl Context {
 
     /// Sets the folder of relative paths.
     pub fn in_folder(self, folder: &Path) -> Self {
-        Self {
-            folder: folder.to_owned(),
-            ..self
-        }
+        Self { folder: folder.to_owned(), ..self }
     }
 
     /// Adds files that exist in memory only.
@@ -137,9 +134,7 @@ impl Context {
             Some(all) => bytes.clone_from(all),
             None if most == u64::MAX => bytes = base::input::read(&self.path(name))?,
             None => {
-                base::input::open(&self.path(name))?
-                    .take(most)
-                    .read_to_end(&mut bytes)?;
+                base::input::open(&self.path(name))?.take(most).read_to_end(&mut bytes)?;
             }
         }
         self.uses(name);

@@ -36,16 +36,12 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     let (focal, principal) = intrinsics(ctx, p, span.clone())?;
     let lens = distortion(ctx, p)?;
     let (origin, axes) = pose(ctx, &p.pose)?;
-    if let (Some(width), Some(at)) = (
-        &p.orthographic_width,
-        lens.span.clone().or(p.aperture.as_ref().map(Located::span)),
-    ) {
+    if let (Some(width), Some(at)) =
+        (&p.orthographic_width, lens.span.clone().or(p.aperture.as_ref().map(Located::span)))
+    {
         return Err(ctx.error(
             at,
-            format!(
-                "an orthographic camera (orthographic_width = {} m) cannot have a lens",
-                **width
-            ),
+            format!("an orthographic camera (orthographic_width = {} m) cannot have a lens", **width),
             "remove distortion and aperture, or remove orthographic_width",
         ));
     }
@@ -102,11 +98,7 @@ pub(crate) fn projector(
                 "remove coaxial = true, or remove all keys except irradiance",
             ));
         }
-        return Ok(Projector {
-            pinhole: *camera,
-            irradiance,
-            coaxial: true,
-        });
+        return Ok(Projector { pinhole: *camera, irradiance, coaxial: true });
     }
     if p.resolution.is_none() || p.pose.is_none() {
         return Err(ctx.error(
@@ -116,11 +108,7 @@ pub(crate) fn projector(
         ));
     }
     let file = pinhole_of(p);
-    Ok(Projector {
-        pinhole: pinhole(ctx, &file, span)?,
-        irradiance,
-        coaxial: false,
-    })
+    Ok(Projector { pinhole: pinhole(ctx, &file, span)?, irradiance, coaxial: false })
 }
 
 /// Returns a projector's keys as a camera's.

@@ -48,19 +48,15 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             }
             let name = format!("{}:{}", *mesh.file, appearance.name);
             if !appearance.unused.is_empty() {
-                ctx.notes
-                    .push(format!("{name}: unused keys: {}", appearance.unused.join(", ")));
+                ctx.notes.push(format!("{name}: unused keys: {}", appearance.unused.join(", ")));
             }
             for note in &appearance.notes {
                 ctx.note(format!("{name}: {note}"));
             }
             for (name, material) in Table::new(ctx, &mesh.file, &name, &appearance).made {
-                out.materials
-                    .insert(name, Located::at(mesh.file.span(), material));
+                out.materials.insert(name, Located::at(mesh.file.span(), material));
             }
-            object
-                .part_materials
-                .insert(appearance.name, Located::at(mesh.file.span(), name));
+            object.part_materials.insert(appearance.name, Located::at(mesh.file.span(), name));
         }
         *place = Located::at(place.span(), object);
     }
@@ -78,11 +74,7 @@ struct Found {
 
 fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option<Found>, InputError> {
     // Errors in a mesh are reported when its triangles are read.
-    let most = if mesh.materials || matches!(shape, ShapeFile::Gltf(_)) {
-        u64::MAX
-    } else {
-        HEAD
-    };
+    let most = if mesh.materials || matches!(shape, ShapeFile::Gltf(_)) { u64::MAX } else { HEAD };
     let Ok(bytes) = ctx.peek(&mesh.file, most) else {
         return Ok(None);
     };
@@ -142,11 +134,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
     } else {
         vec![]
     };
-    let telling: Vec<&str> = list
-        .iter()
-        .filter(|a| !a.is_plain())
-        .map(|a| a.name.as_str())
-        .collect();
+    let telling: Vec<&str> = list.iter().filter(|a| !a.is_plain()).map(|a| a.name.as_str()).collect();
     let more = if telling.len() > 4 { ", ..." } else { "" };
     let names = telling[..telling.len().min(4)].join(", ");
     Ok(Some(Found {

@@ -19,11 +19,7 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
     let vol = match parse_vol(&bytes) {
         Ok(vol) => vol,
         Err(e) => {
-            return fault(
-                ctx,
-                e.problem.to_string(),
-                "give a grid in the format of Mitsuba's VolumeGrid",
-            );
+            return fault(ctx, e.problem.to_string(), "give a grid in the format of Mitsuba's VolumeGrid");
         }
     };
     if ![1, 3].contains(&vol.channels) {

@@ -43,10 +43,9 @@ pub(super) fn complex_index(
 ) -> Result<(Spectral, Spectral), InputError> {
     let unused = Spectral::ONE - ctx.wavelengths.ones();
     match (metal, n, k) {
-        (None, Some(n), Some(k)) => Ok((
-            ctx.located(n, "n", 1e-6..=100.0)? + unused,
-            ctx.located(k, "k", 0.0..=100.0)?,
-        )),
+        (None, Some(n), Some(k)) => {
+            Ok((ctx.located(n, "n", 1e-6..=100.0)? + unused, ctx.located(k, "k", 0.0..=100.0)?))
+        }
         (Some(name), None, None) if name.as_str() == MIRROR => Ok((unused, Spectral::splat(MIRROR_K))),
         (Some(name), None, None) => {
             let (n, k) = constants(ctx, name, name.span())?;

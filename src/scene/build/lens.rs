@@ -77,11 +77,7 @@ pub(crate) fn intrinsics(
         Some(m) => opencv_principal(ctx, m)?,
     };
     if !(principal.x.abs() < 1e9 && principal.y.abs() < 1e9) {
-        return Err(ctx.error(
-            span,
-            "cx or cy is not finite",
-            "give the principal point in pixels",
-        ));
+        return Err(ctx.error(span, "cx or cy is not finite", "give the principal point in pixels"));
     }
     Ok((focal, principal))
 }
@@ -136,11 +132,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
                     "give 4, 5, 8, 12 or 14 coefficients in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
                 )
             })?;
-            (
-                opencv(&file),
-                list.to_vec(),
-                "check the signs and the order of k1, k2, p1, p2, k3, ...",
-            )
+            (opencv(&file), list.to_vec(), "check the signs and the order of k1, k2, p1, p2, k3, ...")
         }
         (None, Some(k)) => (
             Distortion::Fisheye(Fisheye { k: **k }),
@@ -150,11 +142,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
         (None, None) => {
             let file = p.distortion.as_deref().cloned().unwrap_or_default();
             let all = names(&file).map(|v| *v).to_vec();
-            (
-                opencv(&file),
-                all,
-                "check the signs and the order of k1, k2, k3, p1, p2",
-            )
+            (opencv(&file), all, "check the signs and the order of k1, k2, k3, p1, p2")
         }
     };
     let finite = coefficients.iter().all(|c| c.abs() < 1e6);
@@ -165,19 +153,12 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
             "copy the coefficients from the calibration",
         ));
     }
-    Ok(Lens {
-        distortion,
-        span,
-        fix,
-    })
+    Ok(Lens { distortion, span, fix })
 }
 
 /// Returns all coefficients in OpenCV's order.
 fn names(f: &DistortionFile) -> [&f64; 14] {
-    [
-        &f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x,
-        &f.tau_y,
-    ]
+    [&f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x, &f.tau_y]
 }
 
 /// Parses OpenCV's list; returns `None` for lengths that OpenCV does not have.
@@ -206,9 +187,5 @@ fn by_order(list: &[f64]) -> Option<DistortionFile> {
 
 fn opencv(f: &DistortionFile) -> Distortion {
     let list = names(f).map(|value| *value);
-    Opencv {
-        tilt: Tilt::new(f.tau_x, f.tau_y),
-        ..Opencv::from_list(&list)
-    }
-    .into()
+    Opencv { tilt: Tilt::new(f.tau_x, f.tau_y), ..Opencv::from_list(&list) }.into()
 }

@@ -115,10 +115,7 @@ fn spot_slide(
     };
     let half = Vec2::splat(cutoff.to_radians().tan() as f32);
     Ok(Some(Slide {
-        frustum: Frustum {
-            to_local: Mat3A::from_cols(x, z.cross(x), z).transpose(),
-            half,
-        },
+        frustum: Frustum { to_local: Mat3A::from_cols(x, z.cross(x), z).transpose(), half },
         texture: projected(ctx, images, textures, image)?,
     }))
 }
@@ -158,13 +155,9 @@ fn projected(
 }
 
 fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result<Vec3A, InputError> {
-    vector(ctx, v, at.clone(), what)?.try_normalize().ok_or_else(|| {
-        ctx.error(
-            at,
-            format!("{what} has zero length"),
-            "give a direction such as [1, 0, 0]",
-        )
-    })
+    vector(ctx, v, at.clone(), what)?
+        .try_normalize()
+        .ok_or_else(|| ctx.error(at, format!("{what} has zero length"), "give a direction such as [1, 0, 0]"))
 }
 
 /// Returns the Stokes frame and the polarization filter of an emitter.
@@ -253,10 +246,7 @@ fn directional(ctx: &Context, d: &DirectionalFile, at: Range<usize>) -> Result<D
     let irradiance = ctx.located(&d.irradiance, "irradiance", 0.0..=HUGE)?;
     Ok(Distant {
         dir: direction(ctx, d.direction, at.clone(), "direction")?,
-        origin: d
-            .origin
-            .map(|o| vector(ctx, o, at.clone(), "origin"))
-            .transpose()?,
+        origin: d.origin.map(|o| vector(ctx, o, at.clone(), "origin")).transpose()?,
         spread: 0.0,
         across: Across::Even(irradiance),
         polarized: polarized(ctx, d.stokes.as_ref(), d.polarizer_deg.as_ref(), d.horizontal, at)?,
@@ -274,11 +264,7 @@ fn beam(ctx: &Context, b: &BeamFile, at: Range<usize>) -> Result<Distant, InputE
         dir: direction(ctx, b.direction, at.clone(), "direction")?,
         origin: Some(vector(ctx, b.origin, at.clone(), "origin")?),
         spread: half.tan() as f32 / radius,
-        across: if b.gaussian {
-            Across::Gaussian { power, radius }
-        } else {
-            Across::Disk { power, radius }
-        },
+        across: if b.gaussian { Across::Gaussian { power, radius } } else { Across::Disk { power, radius } },
         polarized: polarized(ctx, b.stokes.as_ref(), b.polarizer_deg.as_ref(), b.horizontal, at)?,
     })
 }
@@ -330,21 +316,11 @@ fn sky(
     if !picture::scale(&mut texels, scale) {
         return Err(ctx.error(
             image.span(),
-            format!(
-                "{} has texels that are negative, above 1e30 or not finite",
-                ctx.path(image).display()
-            ),
+            format!("{} has texels that are negative, above 1e30 or not finite", ctx.path(image).display()),
             "correct the image: radiance values must be finite and not negative",
         ));
     }
-    Sky::new(
-        [width as usize, height as usize],
-        texels,
-        v.rows,
-        to_world,
-        polarized,
-    )
-    .ok_or_else(|| {
+    Sky::new([width as usize, height as usize], texels, v.rows, to_world, polarized).ok_or_else(|| {
         ctx.error(
             image.span(),
             format!("the environment map {} is black", ctx.path(image).display()),
@@ -366,13 +342,8 @@ pub(crate) fn area(
         Some(image) => Some(projected(ctx, images, textures, image)?),
         None => None,
     };
-    let polarized = polarized(
-        ctx,
-        file.stokes.as_ref(),
-        file.polarizer_deg.as_ref(),
-        file.horizontal,
-        file.span(),
-    )?;
+    let polarized =
+        polarized(ctx, file.stokes.as_ref(), file.polarizer_deg.as_ref(), file.horizontal, file.span())?;
     let radiance = Spectrum { value, texture };
     Ok(match solid {
         Solid::Mesh(mesh) => AreaLight::mesh(mesh, radiance, file.two_sided, polarized),

@@ -63,10 +63,7 @@ impl MaterialSet {
     /// As [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
-        let ctx = Context {
-            wavelengths,
-            ..Context::new(path, text, &file.wavelengths_nm)?
-        };
+        let ctx = Context { wavelengths, ..Context::new(path, text, &file.wavelengths_nm)? };
         Self::build(ctx, &file)
     }
 
@@ -126,11 +123,7 @@ pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>
         attributes::begin(builder.ctx);
         builder.named(name)?;
     }
-    Ok(Built {
-        table: builder.table,
-        names: builder.done,
-        images: builder.images,
-    })
+    Ok(Built { table: builder.table, names: builder.done, images: builder.images })
 }
 
 impl<'a> Builder<'_, 'a> {
@@ -175,9 +168,9 @@ impl<'a> Builder<'_, 'a> {
 
     fn material(&mut self, m: &'a Located<MaterialFile>) -> Result<Material, InputError> {
         Ok(match &**m {
-            MaterialFile::Diffuse(d) => Material::Diffuse(diffuse::Diffuse {
-                albedo: self.albedo(&d.albedo)?,
-            }),
+            MaterialFile::Diffuse(d) => {
+                Material::Diffuse(diffuse::Diffuse { albedo: self.albedo(&d.albedo)? })
+            }
             MaterialFile::Conductor(c) => {
                 let (n, k) = complex_index(self.ctx, m, &c.metal, &c.n, &c.k)?;
                 let reflectance = self.factor(&c.reflectance)?;
@@ -295,9 +288,7 @@ impl<'a> Builder<'_, 'a> {
                     }),
                 }
             }
-            MaterialFile::Measured(m) => Material::Measured(measured::Measured {
-                table: self.measured(m)?,
-            }),
+            MaterialFile::Measured(m) => Material::Measured(measured::Measured { table: self.measured(m)? }),
         })
     }
 
@@ -305,10 +296,7 @@ impl<'a> Builder<'_, 'a> {
     /// takes seconds.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
-        let options = Options {
-            even_axes: m.even_axes,
-            wavelengths: Some(self.ctx.wavelengths.clone()),
-        };
+        let options = Options { even_axes: m.even_axes, wavelengths: Some(self.ctx.wavelengths.clone()) };
         let refused = |e: PbsdfError| {
             let text = e.to_string();
             let (fault, fix) = text.split_once("; ").unwrap_or((&text, "choose another file"));
@@ -331,10 +319,7 @@ impl<'a> Builder<'_, 'a> {
     /// Returns a factor of reflected light, 1 in unused lanes.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
-        Ok(Spectrum {
-            value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()),
-            ..spectrum
-        })
+        Ok(Spectrum { value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()), ..spectrum })
     }
 
     /// Returns a number within `range`, or an image scaled to it.
@@ -344,14 +329,7 @@ impl<'a> Builder<'_, 'a> {
         what: &str,
         range: RangeInclusive<f64>,
     ) -> Result<Scalar, InputError> {
-        textures::scalar(
-            self.ctx,
-            &mut self.images,
-            &mut self.table.textures,
-            s,
-            what,
-            range,
-        )
+        textures::scalar(self.ctx, &mut self.images, &mut self.table.textures, s, what, range)
     }
 
     fn roughness(
@@ -360,28 +338,18 @@ impl<'a> Builder<'_, 'a> {
         distribution: Distribution,
         masking: Masking,
     ) -> Result<Roughness, InputError> {
-        Ok(Roughness {
-            distribution,
-            masking,
-            alpha: self.alpha(alpha)?,
-        })
+        Ok(Roughness { distribution, masking, alpha: self.alpha(alpha)? })
     }
 
     /// Returns the roughness of a crystal's faces.
     fn facets(&mut self, roughness: &Located<ScalarFile>) -> Result<Roughness, InputError> {
-        let alpha = self
-            .scalar(roughness, "roughness", 0.001..=1.0)
-            .map_err(|mut e| {
-                if e.message.starts_with("roughness") {
-                    e.help = Some("give a value in 0.001..1, or remove roughness for smooth faces".into());
-                }
-                e
-            })?;
-        Ok(Roughness {
-            distribution: Distribution::Ggx,
-            masking: Masking::Correlated,
-            alpha,
-        })
+        let alpha = self.scalar(roughness, "roughness", 0.001..=1.0).map_err(|mut e| {
+            if e.message.starts_with("roughness") {
+                e.help = Some("give a value in 0.001..1, or remove roughness for smooth faces".into());
+            }
+            e
+        })?;
+        Ok(Roughness { distribution: Distribution::Ggx, masking: Masking::Correlated, alpha })
     }
 
     fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, InputError> {
@@ -405,10 +373,6 @@ impl<'a> Builder<'_, 'a> {
         let interior = index(self.ctx, interior, "ior")? + unused;
         let exterior = index(self.ctx, exterior, "exterior_ior")? + unused;
         let count = self.ctx.wavelengths.count();
-        Ok(Dielectric {
-            interior,
-            exterior,
-            dispersive: varies(interior, count) || varies(exterior, count),
-        })
+        Ok(Dielectric { interior, exterior, dispersive: varies(interior, count) || varies(exterior, count) })
     }
 }

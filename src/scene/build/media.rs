@@ -193,13 +193,10 @@ fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64
     }
     let is_water =
         matches!(&**host, IndexFile::Named(name) if constants::find(name).is_ok_and(|c| c.name == "water"));
-    let absorption = rows.iter().zip(ctx.wavelengths.nm()).map(|([_, k], nm)| {
-        if is_water {
-            water::absorption(*nm)
-        } else {
-            water::of_extinction(*k, *nm)
-        }
-    });
+    let absorption = rows
+        .iter()
+        .zip(ctx.wavelengths.nm())
+        .map(|([_, k], nm)| if is_water { water::absorption(*nm) } else { water::of_extinction(*k, *nm) });
     Ok([rows.iter().map(|[n, _]| *n).collect(), absorption.collect()])
 }
 
@@ -239,12 +236,7 @@ fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, InputError>
         PhaseFile::Mie(f) => {
             let particles = mixture(ctx, &f.kinds, &index, &vec![0.0; index.len()])?;
             for (b, p) in bulk.iter_mut().zip(&particles.bulk) {
-                *b = Bulk {
-                    index: b.index,
-                    scattering: b.scattering,
-                    absorption: b.absorption,
-                    ..*p
-                };
+                *b = Bulk { index: b.index, scattering: b.scattering, absorption: b.absorption, ..*p };
             }
             particles.phase
         }
@@ -283,14 +275,8 @@ fn mixture(
                 row[1] = k;
             }
         }
-        let kind = Kind {
-            sizes: sizes(ctx, &file.sizes)?,
-            index: rows,
-            amount: amount(&file.amount),
-        };
-        kind.amount
-            .number_density(&kind.sizes)
-            .map_err(|e| refused(ctx, file.amount.span(), &e))?;
+        let kind = Kind { sizes: sizes(ctx, &file.sizes)?, index: rows, amount: amount(&file.amount) };
+        kind.amount.number_density(&kind.sizes).map_err(|e| refused(ctx, file.amount.span(), &e))?;
         list.push(kind);
     }
     Optics::particles(ctx.wavelengths.nm(), host, absorption, &list)
@@ -300,13 +286,8 @@ fn mixture(
 fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, InputError> {
     const NM: f64 = 1e-9;
     let sizes = match &**file {
-        SizesFile::Single(s) => SizeDistribution::Single {
-            radius: s.radius_nm * NM,
-        },
-        SizesFile::LogNormal(s) => SizeDistribution::LogNormal {
-            median: s.median_nm * NM,
-            sigma: s.sigma,
-        },
+        SizesFile::Single(s) => SizeDistribution::Single { radius: s.radius_nm * NM },
+        SizesFile::LogNormal(s) => SizeDistribution::LogNormal { median: s.median_nm * NM, sigma: s.sigma },
         SizesFile::Gamma(s) => SizeDistribution::Gamma {
             effective_radius: s.effective_radius_nm * NM,
             effective_variance: s.effective_variance,
@@ -342,10 +323,7 @@ fn amount(file: &AmountFile) -> Amount {
     match file {
         AmountFile::VolumeFraction(f) => Amount::VolumeFraction(*f),
         AmountFile::PerM3(n) => Amount::NumberDensity(*n),
-        AmountFile::Mass(m) => Amount::Mass {
-            concentration: m.grams_per_litre,
-            density: m.density,
-        },
+        AmountFile::Mass(m) => Amount::Mass { concentration: m.grams_per_litre, density: m.density },
     }
 }
 
@@ -367,14 +345,9 @@ fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result
     } else {
         // Log-normal distribution with this mean and standard deviation.
         let variance = (spread * spread).ln_1p();
-        SizeDistribution::LogNormal {
-            median: mean * (-0.5 * variance).exp(),
-            sigma: variance.sqrt(),
-        }
+        SizeDistribution::LogNormal { median: mean * (-0.5 * variance).exp(), sigma: variance.sqrt() }
     };
     let amount = amount(&p.amount);
-    amount
-        .number_density(&sizes)
-        .map_err(|e| refused(ctx, p.amount.span(), &e))?;
+    amount.number_density(&sizes).map_err(|e| refused(ctx, p.amount.span(), &e))?;
     presets::polystyrene(sizes, amount, &ctx.wavelengths).map_err(|e| refused(ctx, span, &e))
 }

@@ -39,12 +39,7 @@ pub(super) fn coated(
     for (slot, file) in films.iter_mut().zip(file.films.iter()) {
         *slot = film(ctx, file)?;
     }
-    Ok(CoatedConductor {
-        n,
-        k,
-        films,
-        count: file.films.len(),
-    })
+    Ok(CoatedConductor { n, k, films, count: file.films.len() })
 }
 
 fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
@@ -60,30 +55,17 @@ fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
         }
         (IndexFile::Values(n), k) => (
             ctx.spectrum(n, film.ior.span(), "ior", 1e-3..=100.0)?,
-            k.as_ref()
-                .map_or(Ok(Spectral::ZERO), |k| ctx.located(k, "k", 0.0..=100.0))?,
+            k.as_ref().map_or(Ok(Spectral::ZERO), |k| ctx.located(k, "k", 0.0..=100.0))?,
         ),
     };
     let thickness = ctx.number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
-    Ok(Film {
-        n: n + unused,
-        k,
-        waves: ctx.wavelengths.map(|nm| (thickness / nm) as f32),
-    })
+    Ok(Film { n: n + unused, k, waves: ctx.wavelengths.map(|nm| (thickness / nm) as f32) })
 }
 
 pub(super) fn polarizer(ctx: &Context, file: &PolarizerFile) -> Result<Polarizer, InputError> {
-    let axial = file
-        .angle_deg
-        .as_ref()
-        .map(Located::span)
-        .or(file.axis.as_ref().map(Located::span));
+    let axial = file.angle_deg.as_ref().map(Located::span).or(file.axis.as_ref().map(Located::span));
     if let (true, Some(at)) = (file.passes != Passes::Linear, axial) {
-        return Err(ctx.error(
-            at,
-            "a circular polarizer has no axis",
-            "remove angle_deg and axis",
-        ));
+        return Err(ctx.error(at, "a circular polarizer has no axis", "remove angle_deg and axis"));
     }
     Ok(Polarizer {
         passes: file.passes,
@@ -116,9 +98,7 @@ pub(super) fn retarder(
     };
     let tilt = match (file.tilt, &file.ior) {
         (TiltFile::Plate, ior) => {
-            let ior = ior
-                .as_ref()
-                .map_or(Ok(1.55), |ior| ctx.number(ior, "ior", 1.0..=10.0))?;
+            let ior = ior.as_ref().map_or(Ok(1.55), |ior| ctx.number(ior, "ior", 1.0..=10.0))?;
             Tilt::Plate(ior as f32)
         }
         (_, Some(ior)) => {
@@ -249,14 +229,11 @@ fn sheet_axis(
 }
 
 fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
-    DVec3::from_array(**axis)
-        .try_normalize()
-        .map(glam::DVec3::as_vec3a)
-        .ok_or_else(|| {
-            ctx.error(
-                axis.span(),
-                format!("axis is {:?}, which has no direction", **axis),
-                "give three numbers that are not all zero",
-            )
-        })
+    DVec3::from_array(**axis).try_normalize().map(glam::DVec3::as_vec3a).ok_or_else(|| {
+        ctx.error(
+            axis.span(),
+            format!("axis is {:?}, which has no direction", **axis),
+            "give three numbers that are not all zero",
+        )
+    })
 }

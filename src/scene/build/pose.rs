@@ -17,11 +17,7 @@ pub(crate) fn vector(
     if v.iter().all(|x| x.abs() <= HUGE) {
         return Ok(DVec3::from_array(v).as_vec3a());
     }
-    Err(ctx.error(
-        span,
-        format!("{what} is not a finite point"),
-        "give three numbers in metres",
-    ))
+    Err(ctx.error(span, format!("{what} is not a finite point"), "give three numbers in metres"))
 }
 
 /// Returns an affine map as rows of a 4×4 matrix, with -0 replaced by 0 for readability.
@@ -33,10 +29,7 @@ pub(crate) fn rows(map: &DAffine3) -> [[f64; 4]; 4] {
 
 /// Returns an affine map as the transform of an object.
 pub(crate) fn matrix(map: &DAffine3) -> TransformFile {
-    TransformFile {
-        matrix: Some(rows(map)),
-        ..TransformFile::default()
-    }
+    TransformFile { matrix: Some(rows(map)), ..TransformFile::default() }
 }
 
 /// Returns position and axes (columns: right, down, forward) of a device.
@@ -76,10 +69,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
             // Orthonormalize, so that calibration rounding does not scale directions.
             let x = x.normalize();
             let y = (y - x * x.dot(y)).normalize();
-            Ok((
-                origin,
-                Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a()),
-            ))
+            Ok((origin, Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a())))
         }
         PoseFile::Extrinsics(e) => extrinsics(ctx, e, span),
     }
@@ -90,10 +80,7 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
     let rotation = match (e.rotation, e.rvec) {
         (Some(rows), None) => rotation(rows).map_err(|why| {
-            error(
-                why,
-                "copy the rows of the rotation from world to device from the calibration",
-            )
+            error(why, "copy the rows of the rotation from world to device from the calibration")
         })?,
         (None, Some(v)) if v.iter().all(|x| x.abs() < 1e3) => {
             let v = DVec3::from_array(v);
@@ -120,12 +107,7 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     };
     let axes = rotation.transpose();
     let origin = -(axes * DVec3::from_array(t));
-    let origin = vector(
-        ctx,
-        origin.to_array(),
-        span.clone(),
-        "the position computed from R and t",
-    )?;
+    let origin = vector(ctx, origin.to_array(), span.clone(), "the position computed from R and t")?;
     let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::as_vec3a);
     Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
 }

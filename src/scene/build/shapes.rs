@@ -47,11 +47,7 @@ impl Placed {
         let mut mesh = match self.form {
             Form::Quadric(kind, map) => {
                 let quadric = Quadric::new(kind, affine(map), self.material);
-                return Ok(Solid::Quadric(if self.flipped {
-                    quadric.flipped()
-                } else {
-                    quadric
-                }));
+                return Ok(Solid::Quadric(if self.flipped { quadric.flipped() } else { quadric }));
             }
             Form::Rectangle(map) => moved(ctx, Mesh::rectangle(), map, object)?,
             Form::Cube(map) => moved(ctx, Mesh::cube(), map, object)?,
@@ -132,24 +128,11 @@ pub(crate) fn place(
                 "give a radius and extents above 0",
             ));
         }
-        let columns = [
-            world.matrix3.x_axis,
-            world.matrix3.y_axis,
-            world.matrix3.z_axis,
-            world.translation,
-        ];
+        let columns = [world.matrix3.x_axis, world.matrix3.y_axis, world.matrix3.z_axis, world.translation];
         if columns.iter().any(|c| c.abs().max_element() > HUGE) {
-            return Err(ctx.error(
-                span.clone(),
-                "the shape is too large",
-                "keep coordinates below 1e12 m",
-            ));
+            return Err(ctx.error(span.clone(), "the shape is too large", "keep coordinates below 1e12 m"));
         }
-        Ok(Placed {
-            form: Form::Quadric(kind, world),
-            material,
-            flipped: object.flip_normals,
-        })
+        Ok(Placed { form: Form::Quadric(kind, world), material, flipped: object.flip_normals })
     };
     let form = match &*object.shape {
         ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) | ShapeFile::Serialized(m) => {
@@ -163,10 +146,7 @@ pub(crate) fn place(
             }
             let (mut used, mut meshes, mut numbers, mut corners) = (vec![], vec![], vec![], vec![]);
             for mut part in parts {
-                let own = part
-                    .material
-                    .as_deref()
-                    .and_then(|n| object.part_materials.get_key_value(n));
+                let own = part.material.as_deref().and_then(|n| object.part_materials.get_key_value(n));
                 let material = if let Some((key, name)) = own {
                     used.push(key.clone());
                     find(ctx, name)?
@@ -206,11 +186,8 @@ pub(crate) fn place(
                     "correct the part's name, or remove the line",
                 ));
             }
-            let placed = |(mesh, material)| Placed {
-                form: Form::Mesh(mesh),
-                material,
-                flipped: object.flip_normals,
-            };
+            let placed =
+                |(mesh, material)| Placed { form: Form::Mesh(mesh), material, flipped: object.flip_normals };
             return Ok(meshes.into_iter().zip(numbers).map(placed).collect());
         }
         ShapeFile::Sphere(s) => {
@@ -271,11 +248,7 @@ pub(crate) fn place(
             Form::Cube(place * shape)
         }
     };
-    Ok(vec![Placed {
-        form,
-        material,
-        flipped: object.flip_normals,
-    }])
+    Ok(vec![Placed { form, material, flipped: object.flip_normals }])
 }
 
 /// Reads a mesh file of the shape's format.
@@ -288,10 +261,7 @@ fn load(
     if m.index > 0 && !matches!(shape, ShapeFile::Serialized(_)) {
         return Err(ctx.error(
             m.file.span(),
-            format!(
-                "index is {}, but only `serialized` files have several meshes",
-                m.index
-            ),
+            format!("index is {}, but only `serialized` files have several meshes", m.index),
             "remove index",
         ));
     }

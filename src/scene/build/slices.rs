@@ -69,11 +69,7 @@ pub(crate) fn build(
     let tile = &file.render.tile;
     let multiple = bin_multiple(&slices);
     if !u64::from(**tile).is_multiple_of(multiple) {
-        let span = if tile.span() == (0..0) {
-            file.slices[0].span()
-        } else {
-            tile.span()
-        };
+        let span = if tile.span() == (0..0) { file.slices[0].span() } else { tile.span() };
         return Err(ctx.error(
             span,
             format!("tiles of {} pixels do not contain whole camera bins", **tile),
@@ -123,10 +119,7 @@ fn listed(
         return Err(ctx.error(
             span,
             format!("{what} are not an increasing list of indices below {limit}"),
-            format!(
-                "list each index once, in increasing order, from 0 to {}",
-                limit - 1
-            ),
+            format!("list each index once, in increasing order, from 0 to {}", limit - 1),
         ));
     }
     Ok(list.to_vec())
@@ -235,10 +228,7 @@ fn projector_select(
         {
             return Err(ctx.error(
                 span,
-                format!(
-                    "epipolar slices do not support a projector of {} × {} pixels",
-                    size[0], size[1]
-                ),
+                format!("epipolar slices do not support a projector of {} × {} pixels", size[0], size[1]),
                 "use a projector with at most 2^24 (4096 × 4096) pixels",
             ));
         }
@@ -255,9 +245,9 @@ fn projector_select(
                 },
             }
         }
-        ProjectorSelectFile::Nonepipolar(h) => ProjectorSelect::NonEpipolar {
-            half_width_px: half_width(ctx, h.half_width_px)?,
-        },
+        ProjectorSelectFile::Nonepipolar(h) => {
+            ProjectorSelect::NonEpipolar { half_width_px: half_width(ctx, h.half_width_px)? }
+        }
         ProjectorSelectFile::Coaxial if size != camera.resolution => {
             return Err(ctx.error(
                 span,
@@ -276,10 +266,7 @@ fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
         CoordinateFile::U => ("moment u", pixels.map(|(u, _)| u as f32).collect()),
         CoordinateFile::V => ("moment v", pixels.map(|(_, v)| v as f32).collect()),
     };
-    ProjectorSelect::Mask {
-        name: name.to_owned(),
-        weights,
-    }
+    ProjectorSelect::Mask { name: name.to_owned(), weights }
 }
 
 /// Reads a drive image, whose linear brightness is the weight of each projector pixel.
@@ -293,10 +280,7 @@ fn mask(
     if (image.width, image.height) != (w as usize, h as usize) {
         return Err(ctx.error(
             span,
-            format!(
-                "{name} has {} × {} pixels, but the projector has {w} × {h}",
-                image.width, image.height
-            ),
+            format!("{name} has {} × {} pixels, but the projector has {w} × {h}", image.width, image.height),
             "scale the image to the projector's resolution",
         ));
     }
@@ -309,10 +293,7 @@ fn mask(
             "give a drive image with values from 0 (black) to 1",
         ));
     }
-    Ok(ProjectorSelect::Mask {
-        name: name.to_owned(),
-        weights,
-    })
+    Ok(ProjectorSelect::Mask { name: name.to_owned(), weights })
 }
 
 fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
@@ -327,11 +308,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
         ));
     }
     if !(1..=1 << 20).contains(&*b.bins) {
-        return Err(ctx.error(
-            b.bins.span(),
-            format!("bins is {}", *b.bins),
-            "give 1 to 1048576 bins",
-        ));
+        return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
     }
     // The bin width must be representable next to the time. Then edges are finite and increasing, and centres
     // differ.
@@ -347,11 +324,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
             "use wider bins or earlier times",
         ));
     }
-    Ok(TimeSelect::Bins {
-        start_ps: b.start_ps,
-        bin_ps: *b.bin_ps,
-        bins: *b.bins,
-    })
+    Ok(TimeSelect::Bins { start_ps: b.start_ps, bin_ps: *b.bin_ps, bins: *b.bins })
 }
 
 /// Returns the least common multiple of the camera bin sizes; tile sizes must be a multiple of it.

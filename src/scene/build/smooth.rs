@@ -17,10 +17,7 @@ pub(crate) fn smooth(parts: &mut [Mesh]) {
     for (part, sums) in parts.iter_mut().zip(sums) {
         if part.normals.is_empty() {
             // If adjacent faces cancel, use the x axis as in Mitsuba.
-            part.normals = sums
-                .into_iter()
-                .map(|n| n.normalize_or(DVec3::X).as_vec3())
-                .collect();
+            part.normals = sums.into_iter().map(|n| n.normalize_or(DVec3::X).as_vec3()).collect();
         }
     }
 }
@@ -77,11 +74,7 @@ mod tests {
         let mut parts = [mesh];
         smooth(&mut parts);
         let expected = Vec3::new(0.5, 0.0, 1.0).normalize();
-        assert!(
-            (parts[0].normals[0] - expected).length() < 1e-6,
-            "{}",
-            parts[0].normals[0]
-        );
+        assert!((parts[0].normals[0] - expected).length() < 1e-6, "{}", parts[0].normals[0]);
         assert_eq!(parts[0].normals[1], Vec3::Z);
     }
 

@@ -74,9 +74,7 @@ impl<'a> Surfaces<'a> {
         for (i, object) in objects.iter().enumerate() {
             self.geometry.object(self.called.objects.len() as u32);
             let own = object.name.clone().unwrap_or_else(|| format!("objects[{i}]"));
-            self.called
-                .objects
-                .push(group.map_or(own.clone(), |group| format!("{group}/{own}")));
+            self.called.objects.push(group.map_or(own.clone(), |group| format!("{group}/{own}")));
             self.geometry.facets(object.emission.is_some());
             let filling = filling(ctx, object, self.media, self.boundaries.len())?;
             let (mut solids, mut numbers) = (vec![], vec![]);
@@ -244,9 +242,5 @@ fn filling(
             },
         ));
     };
-    Ok(Some(Boundary {
-        medium: *medium,
-        priority: object.priority,
-        object: first as u32,
-    }))
+    Ok(Some(Boundary { medium: *medium, priority: object.priority, object: first as u32 }))
 }

@@ -37,15 +37,9 @@ fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: 
         *texel = most.to_array();
     }
     if limited > 0 {
-        ctx.note(format!(
-            "{name}: {limited} of {} texels are clamped to an albedo of 1",
-            texels.len()
-        ));
+        ctx.note(format!("{name}: {limited} of {} texels are clamped to an albedo of 1", texels.len()));
     }
-    textures.images.push(Image {
-        first: textures.texels.len() as u32,
-        ..image
-    });
+    textures.images.push(Image { first: textures.texels.len() as u32, ..image });
     textures.texels.append(&mut texels);
     textures.images.len() as u32 - 1
 }
@@ -62,26 +56,16 @@ pub(super) fn spectrum(
         AlbedoFile::Spectrum(s) => Spectrum::uniform(ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
         AlbedoFile::Image(i) => {
             let scale = SpectrumFile::Scalar(i.scale);
-            let channels = if i.raw {
-                Channels::LinearColours
-            } else {
-                Channels::Colours
-            };
+            let channels = if i.raw { Channels::LinearColours } else { Channels::Colours };
             let value = ctx.spectrum(&scale, span, "scale", 0.0..=BRIGHTEST)?;
             let texture = image(ctx, images, textures, i, channels)?;
             let (value, texture) = if i.scale > 1.0 {
-                (
-                    ctx.wavelengths.ones(),
-                    brightened(ctx, textures, texture, value, &i.image),
-                )
+                (ctx.wavelengths.ones(), brightened(ctx, textures, texture, value, &i.image))
             } else {
                 note_reflectance_above_one(ctx, textures, texture, value, &i.image);
                 (value, texture)
             };
-            Spectrum {
-                value,
-                texture: Some(texture),
-            }
+            Spectrum { value, texture: Some(texture) }
         }
         AlbedoFile::Attribute(file) => {
             attributes::ask(ctx, file, false)?;
@@ -117,10 +101,8 @@ fn note_reflectance_above_one(
     let above = |t: &&[f32; 4]| t.iter().zip(scale).any(|(v, s)| v * s > 1.0);
     let bright = textures.texels[first..first + count].iter().filter(above).count();
     if bright > 0 {
-        let note = format!(
-            "{}: {bright} texels are above 1 and reflect more light than they receive",
-            **name
-        );
+        let note =
+            format!("{}: {bright} texels are above 1 and reflect more light than they receive", **name);
         ctx.note(note);
     }
 }
@@ -160,10 +142,7 @@ pub(super) fn scalar(
             (1.0, Some(checkerboard(ctx, textures, board, values, span)?))
         }
     };
-    Ok(Scalar {
-        value: value as f32,
-        texture,
-    })
+    Ok(Scalar { value: value as f32, texture })
 }
 
 /// Reads an image of radiances over a surface; decodes it unless the file's values are linear.
@@ -173,11 +152,7 @@ pub(super) fn radiances(
     textures: &mut Textures,
     file: &ImageAlbedo,
 ) -> Result<u32, InputError> {
-    let channels = if file.raw {
-        Channels::LinearColours
-    } else {
-        Channels::Colours
-    };
+    let channels = if file.raw { Channels::LinearColours } else { Channels::Colours };
     image(ctx, images, textures, file, channels)
 }
 
@@ -231,10 +206,7 @@ pub(super) fn normals(
         layer: n.layer.clone(),
         ..ImageAlbedo::new("")
     };
-    let file = ImageAlbedo {
-        image: n.image.clone(),
-        ..file
-    };
+    let file = ImageAlbedo { image: n.image.clone(), ..file };
     image(ctx, images, textures, &file, Channels::Numbers)
 }
 
@@ -300,12 +272,7 @@ fn image(
         images.0.insert(key, known);
         known
     };
-    textures.images.push(Image {
-        filter: file.filter,
-        wrap: file.wrap,
-        uv,
-        ..Image::new(size, first)
-    });
+    textures.images.push(Image { filter: file.filter, wrap: file.wrap, uv, ..Image::new(size, first) });
     Ok(textures.images.len() as u32 - 1)
 }
 
@@ -333,10 +300,7 @@ fn read(
     if wrong > 0 {
         return Err(ctx.error(
             name.span(),
-            format!(
-                "{}: {wrong} values are negative, above 1e30 or not finite",
-                ctx.path(name).display()
-            ),
+            format!("{}: {wrong} values are negative, above 1e30 or not finite", ctx.path(name).display()),
             "correct the values in the image",
         ));
     }
@@ -351,11 +315,7 @@ pub(super) fn decoded(
 ) -> Result<Pixels, InputError> {
     let bytes = ctx.read(name, name.span())?;
     let image = picture::decode(name, &bytes, layer).map_err(|e| {
-        ctx.error(
-            name.span(),
-            format!("cannot decode {}: {}", ctx.path(name).display(), e.message),
-            e.help,
-        )
+        ctx.error(name.span(), format!("cannot decode {}: {}", ctx.path(name).display(), e.message), e.help)
     })?;
     let notes = image.notes.iter().map(|note| format!("{}: {note}", **name));
     ctx.notes.extend(notes);

@@ -57,11 +57,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
         format!("`{name}`{}", ctx.line(o.span()))
     };
     let [x, y, z] = gap.at.to_array();
-    let way = if off < 0.0 {
-        "into it to remove the air between them"
-    } else {
-        "away from it"
-    };
+    let way = if off < 0.0 { "into it to remove the air between them" } else { "away from it" };
     let note = format!(
         "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): the surface is moved by {:.1e} m {way}",
         named(object),
@@ -74,10 +70,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     };
     let (number, span) = (object.0, object.1.span());
     let mut moved = (**object.1).clone();
-    let at = moved
-        .transform
-        .as_ref()
-        .map_or_else(|| span.clone(), Located::span);
+    let at = moved.transform.as_ref().map_or_else(|| span.clone(), Located::span);
     moved.transform = Some(Located::at(at, matrix(&(map * place))));
     file.objects[number] = Located::at(span, moved);
     Some(note)

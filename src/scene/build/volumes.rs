@@ -50,9 +50,7 @@ impl<'a> Volume<'a> {
             ))
         };
         if let [Solid::Quadric(q), rest @ ..] = &*solids {
-            let caps = rest
-                .iter()
-                .filter(|s| matches!(s, Solid::Quadric(q) if q.kind == QuadricKind::Disk));
+            let caps = rest.iter().filter(|s| matches!(s, Solid::Quadric(q) if q.kind == QuadricKind::Disk));
             let closed = match q.kind {
                 QuadricKind::Sphere => rest.is_empty(),
                 QuadricKind::Cylinder => caps.count() == 2 && rest.len() == 2,
@@ -92,14 +90,7 @@ impl<'a> Volume<'a> {
         }
         let inside = closed::Inside::new(&meshes);
         let (low, high) = inside.bounds();
-        Ok(Self {
-            object,
-            filling,
-            low,
-            high,
-            points: inside.points(POINTS),
-            inside: Inside::Mesh(inside),
-        })
+        Ok(Self { object, filling, low, high, points: inside.points(POINTS), inside: Inside::Mesh(inside) })
     }
 
     /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.

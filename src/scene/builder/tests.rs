@@ -28,9 +28,7 @@ fn tent() -> Mesh {
 fn checks() -> Vec<u8> {
     let image = image::RgbImage::from_fn(4, 4, |x, y| image::Rgb([(60 * x) as u8, 200, (50 * y) as u8]));
     let mut bytes = std::io::Cursor::new(vec![]);
-    image
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .expect("a picture");
+    image.write_to(&mut bytes, image::ImageFormat::Png).expect("a picture");
     bytes.into_inner()
 }
 
@@ -82,18 +80,10 @@ fn in_code() -> SceneBuilder {
         .spp(3)
         .seed(7)
         .tile(8)
-        .camera(
-            Camera::look_at([0.0, 0.2, 4.0], [0.0; 3])
-                .fov_x_deg(40.0)
-                .resolution(16, 12),
-        )
+        .camera(Camera::look_at([0.0, 0.2, 4.0], [0.0; 3]).fov_x_deg(40.0).resolution(16, 12))
         .projector(
-            Projector::new(
-                Camera::look_at([1.0, 1.0, 4.0], [0.0; 3])
-                    .fov_x_deg(45.0)
-                    .resolution(8, 8),
-            )
-            .irradiance([2.0, 3.0]),
+            Projector::new(Camera::look_at([1.0, 1.0, 4.0], [0.0; 3]).fov_x_deg(45.0).resolution(8, 8))
+                .irradiance([2.0, 3.0]),
         )
         .emitter(Emitter::environment(0.1))
         .mesh("tent", &tent())
@@ -103,16 +93,8 @@ fn in_code() -> SceneBuilder {
         .material("edge", Material::Null(syntax::material::NullFile::default()))
         .medium("fog", Medium::homogeneous(0.1, [0.5, 0.7], PhaseFile::Isotropic))
         .object(Object::sphere([0.0; 3], 0.5).material("gold"))
-        .object(
-            Object::mesh("tent")
-                .material("cloth")
-                .translate([-0.5, -0.6, 0.5]),
-        )
-        .object(
-            Object::sphere([0.6, 0.5, 0.6], 0.3)
-                .material("edge")
-                .interior("fog", 0),
-        )
+        .object(Object::mesh("tent").material("cloth").translate([-0.5, -0.6, 0.5]))
+        .object(Object::sphere([0.6, 0.5, 0.6], 0.3).material("edge").interior("fog", 0))
         .slice(
             Slice::new("flight")
                 .mueller()
@@ -125,9 +107,7 @@ fn rendered(scene: &Scene) -> Vec<Vec<u32>> {
     let mut arrays = Arrays::default();
     render(scene, &[], Share::default(), &mut arrays, &Unwatched).expect("a render");
     let fields = Field::ALL.iter().filter_map(|f| arrays.get("flight", *f));
-    fields
-        .map(|t| t.data.iter().map(|v| v.to_bits()).collect())
-        .collect()
+    fields.map(|t| t.data.iter().map(|v| v.to_bits()).collect()).collect()
 }
 
 #[test]
@@ -152,16 +132,9 @@ fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) ->
 
 /// Returns the first texel of an image in a built scene.
 fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
-    let image = ImageAlbedo {
-        raw,
-        ..ImageAlbedo::new("picture")
-    };
+    let image = ImageAlbedo { raw, ..ImageAlbedo::new("picture") };
     let scene = SceneBuilder::new()
-        .camera(
-            Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])
-                .fov_x_deg(40.0)
-                .resolution(4, 4),
-        )
+        .camera(Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_x_deg(40.0).resolution(4, 4))
         .emitter(Emitter::environment(1.0))
         .file_in_memory("picture", bytes)
         .material("cloth", Material::diffuse(image))
@@ -183,10 +156,7 @@ fn real_numbers_of_images_are_linear() {
     assert!((texel(bytes, true) - 128.0 / 255.0).abs() < 1e-6);
     for format in [OpenExr, Hdr] {
         for raw in [false, true] {
-            assert!(
-                (texel(picture(real.clone(), format), raw) - 0.5).abs() < 0.003,
-                "{format:?}"
-            );
+            assert!((texel(picture(real.clone(), format), raw) - 0.5).abs() < 0.003, "{format:?}");
         }
     }
 }
@@ -195,27 +165,17 @@ fn real_numbers_of_images_are_linear() {
 /// unless raw.
 #[test]
 fn numbers_of_images_are_channels_or_luminances() {
-    let bytes = picture(
-        image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 0])),
-        image::ImageFormat::Png,
-    );
+    let bytes =
+        picture(image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 0])), image::ImageFormat::Png);
     let weight = |raw, luminance| {
-        let image = ImageAlbedo {
-            raw,
-            luminance,
-            ..ImageAlbedo::new("picture")
-        };
+        let image = ImageAlbedo { raw, luminance, ..ImageAlbedo::new("picture") };
         let both = Material::Blend(syntax::material::BlendFile {
             a: "dark".to_owned().into(),
             b: "light".to_owned().into(),
             weight: syntax::texture::ScalarFile::from(image).into(),
         });
         let scene = SceneBuilder::new()
-            .camera(
-                Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])
-                    .fov_x_deg(40.0)
-                    .resolution(4, 4),
-            )
+            .camera(Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_x_deg(40.0).resolution(4, 4))
             .emitter(Emitter::environment(1.0))
             .file_in_memory("picture", bytes.clone())
             .material("dark", Material::diffuse(0.2))
@@ -247,10 +207,8 @@ fn a_scene_knows_its_files() {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("writes");
     std::fs::create_dir(folder.path().join("meshes")).expect("a folder");
     // A glTF document with an external buffer, and an OBJ whose material library names an image.
-    let positions: Vec<u8> = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
-        .iter()
-        .flat_map(|v| v.to_le_bytes())
-        .collect();
+    let positions: Vec<u8> =
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     write("meshes/a b.bin", &positions);
     write(
         "meshes/t.gltf",
@@ -259,10 +217,7 @@ fn a_scene_knows_its_files() {
         "bufferViews": [{"buffer": 0, "byteLength": 36}],
         "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]}"#,
     );
-    write(
-        "meshes/o.obj",
-        b"mtllib o.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\n",
-    );
+    write("meshes/o.obj", b"mtllib o.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\n");
     write("meshes/o.mtl", b"newmtl red\nKd 1 0 0\nmap_Kd checks.png\n");
     write("meshes/checks.png", &checks());
     let text = r#"
@@ -277,22 +232,13 @@ fn a_scene_knows_its_files() {
     let scene = crate::from_text(&folder.path().join("s.toml"), text).expect("a scene");
     assert_eq!(
         scene.files,
-        [
-            "meshes/a b.bin",
-            "meshes/checks.png",
-            "meshes/o.mtl",
-            "meshes/o.obj",
-            "meshes/t.gltf"
-        ]
+        ["meshes/a b.bin", "meshes/checks.png", "meshes/o.mtl", "meshes/o.obj", "meshes/t.gltf"]
     );
 }
 
 /// Returns the location and the message of a scene's error.
 fn refusal(scene: SceneBuilder, words: &str) -> String {
-    let error = scene
-        .build()
-        .err()
-        .unwrap_or_else(|| panic!("not refused: {words}"));
+    let error = scene.build().err().unwrap_or_else(|| panic!("not refused: {words}"));
     assert!(error.help.is_some() && error.span.is_none(), "{error}");
     error.to_string().lines().next().unwrap_or_default().to_owned()
 }
@@ -303,10 +249,7 @@ fn faults_name_what_was_given() {
         let message = refusal(scene, words);
         assert!(message.contains(words), "{message}");
     };
-    said(
-        SceneBuilder::new(),
-        "scene in code: camera: the scene has no camera",
-    );
+    said(SceneBuilder::new(), "scene in code: camera: the scene has no camera");
     said(
         in_code().material("red", Material::diffuse(1.5)),
         "scene in code: materials.red.diffuse.albedo: albedo is 1.5",
@@ -324,10 +267,7 @@ fn faults_name_what_was_given() {
         "scene in code: slices[1].name: duplicate slice name `flight`",
     );
     said(in_code().spp(0), "scene in code: render.spp: spp is 0");
-    said(
-        in_code().material("gold", Material::diffuse(0.5)),
-        "scene in code: materials.gold: duplicate name",
-    );
+    said(in_code().material("gold", Material::diffuse(0.5)), "scene in code: materials.gold: duplicate name");
     let mut mesh = tent();
     mesh.normals.pop();
     said(

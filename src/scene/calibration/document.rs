@@ -40,11 +40,7 @@ impl Document {
     }
 
     pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
         let error = |text: &str, at: Option<usize>, message: String| InputError {
             file: path.to_owned(),
             text: text.into(),
@@ -71,20 +67,12 @@ impl Document {
             };
             (text, root)
         };
-        Ok(Self {
-            file: path.to_owned(),
-            text: text.into(),
-            root,
-        })
+        Ok(Self { file: path.to_owned(), text: text.into(), root })
     }
 
     /// Returns an error located at the value of a key path.
     pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
-        let named = if keys.is_empty() {
-            String::new()
-        } else {
-            format!("`{}`: ", keys.join("."))
-        };
+        let named = if keys.is_empty() { String::new() } else { format!("`{}`: ", keys.join(".")) };
         InputError {
             file: self.file.clone(),
             text: self.text.clone(),
@@ -104,10 +92,7 @@ impl Document {
                 let after = self.text[*at + key.len()..].trim_start_matches(['"', '\'', ' ']);
                 before.is_none_or(|c| !c.is_alphanumeric() && c != '_') && after.starts_with(':')
             };
-            let at = self.text[from..]
-                .match_indices(key.as_str())
-                .map(|(i, _)| from + i)
-                .find(is_key)?;
+            let at = self.text[from..].match_indices(key.as_str()).map(|(i, _)| from + i).find(is_key)?;
             from = at + key.len();
             span = Some(at..from);
         }

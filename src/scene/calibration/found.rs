@@ -21,14 +21,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            camera: None,
-            view: None,
-            resolution: None,
-            metres_per_unit: None,
-            fisheye: false,
-            imu: false,
-        }
+        Self { camera: None, view: None, resolution: None, metres_per_unit: None, fisheye: false, imu: false }
     }
 }
 

@@ -71,10 +71,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let size = camera.get("resolution").map(|n| n.size()).transpose()?;
     let pose = if options.imu {
         let Some(node) = camera.get("T_cam_imu") else {
-            return Err(camera.error(
-                "T_cam_imu is missing",
-                "omit --imu to use the first camera's frame as the world",
-            ));
+            return Err(camera
+                .error("T_cam_imu is missing", "omit --imu to use the first camera's frame as the world"));
         };
         notes.push("The world is the IMU's frame (T_cam_imu).".into());
         transform(&node)?
@@ -83,10 +81,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         let mut whole = DMat4::IDENTITY;
         for (_, next) in &cameras[1..=at] {
             let Some(node) = next.get("T_cn_cnm1") else {
-                return Err(next.error(
-                    "T_cn_cnm1 is missing",
-                    "use the calibration of a camera chain, or pass --imu",
-                ));
+                return Err(next
+                    .error("T_cn_cnm1 is missing", "use the calibration of a camera chain, or pass --imu"));
             };
             whole = transform(&node)? * whole;
         }
@@ -111,10 +107,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
 fn transform(node: &Node) -> Result<DMat4, InputError> {
     let rows = node.matrix::<4>()?;
     if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(node.error(
-            "not a rigid transform",
-            "give a matrix with the last row 0, 0, 0, 1",
-        ));
+        return Err(node.error("not a rigid transform", "give a matrix with the last row 0, 0, 0, 1"));
     }
     Ok(DMat4::from_cols_array_2d(&rows).transpose())
 }

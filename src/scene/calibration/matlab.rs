@@ -12,12 +12,7 @@ use super::opencv;
 use base::locate::InputError;
 use syntax::device::ExtrinsicsFile;
 
-const NAMES: [&str; 4] = [
-    "FocalLength",
-    "PrincipalPoint",
-    "IntrinsicMatrix",
-    "RadialDistortion",
-];
+const NAMES: [&str; 4] = ["FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion"];
 
 /// Returns the table with MATLAB's names: the root, or the only table of the root that has them.
 pub(super) fn find(document: &Document) -> Option<Node<'_>> {
@@ -39,10 +34,7 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
     if let Some(skew) = get("Skew")
         && skew.number()? != 0.0
     {
-        return Err(skew.error(
-            "a skew is not supported",
-            "calibrate without skew (EstimateSkew = false)",
-        ));
+        return Err(skew.error("a skew is not supported", "calibrate without skew (EstimateSkew = false)"));
     }
     let matrix = if let (Some(f), Some(c)) = (get("FocalLength"), get("PrincipalPoint")) {
         let [cx, cy] = c.vector::<2>()?;
@@ -74,10 +66,7 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
         Some([k1, k2, k3]) => Lens::Opencv(vec![*k1, *k2, p1, p2, *k3]),
         Some(other) => {
             return Err(camera.error(
-                &format!(
-                    "RadialDistortion: expected 2 or 3 coefficients, got {}",
-                    other.len()
-                ),
+                &format!("RadialDistortion: expected 2 or 3 coefficients, got {}", other.len()),
                 "copy the coefficients from MATLAB",
             ));
         }
@@ -114,17 +103,12 @@ fn pose(
 ) -> Result<Option<ExtrinsicsFile>, InputError> {
     let either = |a: &str, b: &str| camera.get(a).or_else(|| camera.get(b));
     let found = |rotation: [[f64; 3]; 3], t: [f64; 3]| {
-        Some(ExtrinsicsFile {
-            rotation: Some(rotation),
-            t: Some(t),
-            ..ExtrinsicsFile::default()
-        })
+        Some(ExtrinsicsFile { rotation: Some(rotation), t: Some(t), ..ExtrinsicsFile::default() })
     };
     let transposed = |m: [[f64; 3]; 3]| std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]));
-    if let (Some(r), Some(t)) = (
-        either("RotationMatrix", "rotationMatrix"),
-        either("TranslationVector", "translationVector"),
-    ) {
+    if let (Some(r), Some(t)) =
+        (either("RotationMatrix", "rotationMatrix"), either("TranslationVector", "translationVector"))
+    {
         notes.push("The rotation matrix was transposed (MATLAB uses row vectors).".into());
         return Ok(found(transposed(r.matrix::<3>()?), t.vector::<3>()?));
     }
@@ -156,18 +140,14 @@ fn pose(
     if let Some(views) = views {
         let one = views.item(view).unwrap_or_else(|| views.clone());
         let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
-            return Err(one.error(
-                "a view lacks R or Translation",
-                "write the rigidtform3d objects with jsonencode",
-            ));
+            return Err(
+                one.error("a view lacks R or Translation", "write the rigidtform3d objects with jsonencode")
+            );
         };
         return Ok(found(r.matrix::<3>()?, t.vector::<3>()?));
     }
     let (Some(r), Some(t)) = (camera.get("RotationMatrices"), camera.get("TranslationVectors")) else {
-        return Err(camera.error(
-            "TranslationVectors is given without RotationMatrices",
-            "give both",
-        ));
+        return Err(camera.error("TranslationVectors is given without RotationMatrices", "give both"));
     };
     let (rotations, translations) = (r.array()?, t.array()?.values);
     // The shape is 3 × 3 × views; MATLAB omits a last axis of length 1.

@@ -94,9 +94,7 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
         let stated = options.metres_per_unit.or(found.unit);
         let translations = [&pose.t, &pose.tvec];
         let lengths = translations.iter().filter_map(|t| **t);
-        let length = lengths
-            .map(|t| t.iter().map(|x| x * x).sum::<f64>().sqrt())
-            .fold(0.0, f64::max);
+        let length = lengths.map(|t| t.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max);
         if stated.is_none() && length > LONGEST {
             return Err(document.error(
                 &[],
@@ -120,16 +118,10 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
     } else {
         notes.push("The file has no pose: the device is at the origin, faces +z, and +y is down.".to_owned());
         let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        ExtrinsicsFile {
-            rotation: Some(rows),
-            t: Some([0.0; 3]),
-            ..ExtrinsicsFile::default()
-        }
+        ExtrinsicsFile { rotation: Some(rows), t: Some([0.0; 3]), ..ExtrinsicsFile::default() }
     };
     let [w, h] = resolution;
-    let device = PinholeFile::new(PoseFile::Extrinsics(pose))
-        .resolution(w, h)
-        .opencv_matrix(found.matrix);
+    let device = PinholeFile::new(PoseFile::Extrinsics(pose)).resolution(w, h).opencv_matrix(found.matrix);
     let device = match found.lens {
         Lens::None => device,
         Lens::Opencv(k) => device.opencv(k),
@@ -142,9 +134,7 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
 fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
     let wavelengths = Located::nowhere(vec![550.0]);
     let ctx = Context::new(&document.file, "", &wavelengths)?;
-    pinhole(&ctx, device, 0..0)
-        .map(|_| ())
-        .map_err(|e| InputError { span: None, ..e })
+    pinhole(&ctx, device, 0..0).map(|_| ()).map_err(|e| InputError { span: None, ..e })
 }
 
 #[derive(Serialize)]

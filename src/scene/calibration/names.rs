@@ -26,11 +26,7 @@ fn plain(name: &str) -> String {
 
 impl<'a> Node<'a> {
     pub(super) fn root(document: &'a Document) -> Self {
-        Self {
-            document,
-            value: &document.root,
-            keys: vec![],
-        }
+        Self { document, value: &document.root, keys: vec![] }
     }
 
     pub(super) fn error(&self, message: &str, help: &str) -> InputError {
@@ -59,19 +55,13 @@ impl<'a> Node<'a> {
     /// Returns the value of the first name that exists, regardless of capitals and underscores.
     pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
         names.iter().find_map(|name| {
-            let mut of = self
-                .table()
-                .filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
+            let mut of = self.table().filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
             of.next().map(|(k, v)| self.child(k, v))
         })
     }
 
     pub(super) fn item(&self, i: usize) -> Option<Self> {
-        Some(Self {
-            document: self.document,
-            value: self.value.as_array()?.get(i)?,
-            keys: self.keys.clone(),
-        })
+        Some(Self { document: self.document, value: self.value.as_array()?.get(i)?, keys: self.keys.clone() })
     }
 
     pub(super) fn text(&self) -> Option<&'a str> {
@@ -87,12 +77,7 @@ impl<'a> Node<'a> {
 
     /// Returns numbers: a list, nested lists of equal shape, or a matrix in OpenCV's or ROS's notation.
     pub(super) fn array(&self) -> Result<Array, InputError> {
-        let bad = || {
-            self.error(
-                "expected an array of finite numbers",
-                "write numbers as lists of rows",
-            )
-        };
+        let bad = || self.error("expected an array of finite numbers", "write numbers as lists of rows");
         if let Some(table) = self.value.as_object() {
             let size = |key: &str| table.get(key).and_then(Value::as_u64).map(|n| n as usize);
             let (Some(rows), Some(columns), Some(data)) = (size("rows"), size("cols"), self.get("data"))
@@ -100,27 +85,15 @@ impl<'a> Node<'a> {
                 return Err(bad());
             };
             let values = data.array()?.values;
-            if rows
-                .checked_mul(columns)
-                .is_none_or(|n| n == 0 || !values.len().is_multiple_of(n))
-            {
+            if rows.checked_mul(columns).is_none_or(|n| n == 0 || !values.len().is_multiple_of(n)) {
                 return Err(self.error(
-                    &format!(
-                        "{rows} rows and {columns} columns do not match {} numbers",
-                        values.len()
-                    ),
+                    &format!("{rows} rows and {columns} columns do not match {} numbers", values.len()),
                     "write rows × cols numbers",
                 ));
             }
-            return Ok(Array {
-                shape: vec![rows, columns],
-                values,
-            });
+            return Ok(Array { shape: vec![rows, columns], values });
         }
-        let mut array = Array {
-            shape: vec![],
-            values: vec![],
-        };
+        let mut array = Array { shape: vec![], values: vec![] };
         let mut at = self.value;
         while let Value::Array(list) = at {
             array.shape.push(list.len());
@@ -154,9 +127,7 @@ impl<'a> Node<'a> {
                 "write the matrix as a list of rows",
             ));
         }
-        Ok(std::array::from_fn(|i| {
-            std::array::from_fn(|j| array.values[i * N + j])
-        }))
+        Ok(std::array::from_fn(|i| std::array::from_fn(|j| array.values[i * N + j])))
     }
 
     /// Returns width and height from two integers in that order.

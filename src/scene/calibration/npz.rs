@@ -16,22 +16,14 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("invalid .npz file: {e}"))?;
     let mut out = Map::new();
     for i in 0..archive.len().min(1024) {
-        let entry = archive
-            .by_index(i)
-            .map_err(|e| format!("invalid .npz file: {e}"))?;
-        let name = entry
-            .name()
-            .map_err(|e| format!("invalid .npz file: {e}"))?
-            .into_owned();
+        let entry = archive.by_index(i).map_err(|e| format!("invalid .npz file: {e}"))?;
+        let name = entry.name().map_err(|e| format!("invalid .npz file: {e}"))?.into_owned();
         let Some(key) = name.strip_suffix(".npy") else {
             continue;
         };
         // More than the largest array that is accepted.
         let mut bytes = vec![];
-        entry
-            .take(16 * MOST)
-            .read_to_end(&mut bytes)
-            .map_err(|e| format!("cannot read {name}: {e}"))?;
+        entry.take(16 * MOST).read_to_end(&mut bytes).map_err(|e| format!("cannot read {name}: {e}"))?;
         if let Some(value) = array(&bytes) {
             out.insert(key.to_owned(), value);
         }
@@ -54,19 +46,9 @@ fn array(bytes: &[u8]) -> Option<Value> {
     let values: Vec<f64> = match (plain.type_char(), plain.size_field()) {
         (TypeChar::Float, 8) => file.into_vec::<f64>().ok()?,
         (TypeChar::Float, 4) => file.into_vec::<f32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Int, 8) => file
-            .into_vec::<i64>()
-            .ok()?
-            .into_iter()
-            .map(|v| v as f64)
-            .collect(),
+        (TypeChar::Int, 8) => file.into_vec::<i64>().ok()?.into_iter().map(|v| v as f64).collect(),
         (TypeChar::Int, 4) => file.into_vec::<i32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Uint, 8) => file
-            .into_vec::<u64>()
-            .ok()?
-            .into_iter()
-            .map(|v| v as f64)
-            .collect(),
+        (TypeChar::Uint, 8) => file.into_vec::<u64>().ok()?.into_iter().map(|v| v as f64).collect(),
         (TypeChar::Uint, 4) => file.into_vec::<u32>().ok()?.into_iter().map(f64::from).collect(),
         _ => return None,
     };
@@ -94,9 +76,9 @@ fn array(bytes: &[u8]) -> Option<Value> {
 
 fn nested(values: &[f64], start: usize, shape: &[usize], strides: &[usize]) -> Value {
     match (shape, strides) {
-        ([n, shape @ ..], [step, strides @ ..]) => (0..*n)
-            .map(|i| nested(values, start + i * step, shape, strides))
-            .collect(),
+        ([n, shape @ ..], [step, strides @ ..]) => {
+            (0..*n).map(|i| nested(values, start + i * step, shape, strides)).collect()
+        }
         _ => values.get(start).copied().into(),
     }
 }

@@ -31,14 +31,8 @@ const LENS: [&str; 9] = [
 ];
 const ROTATION: [&str; 3] = ["R", "rotation_matrix", "rot"];
 const ROTATION_VECTOR: [&str; 4] = ["rvec", "rvecs", "rotation_vector", "rotation_vectors"];
-const TRANSLATION: [&str; 6] = [
-    "T",
-    "tvec",
-    "tvecs",
-    "translation",
-    "translation_vector",
-    "translation_vectors",
-];
+const TRANSLATION: [&str; 6] =
+    ["T", "tvec", "tvecs", "translation", "translation_vector", "translation_vectors"];
 
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let root = Node::root(document);
@@ -55,17 +49,15 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     if matches!(lens, Lens::None) {
         notes.push("The file has no lens distortion.".into());
     }
-    let size = match (
-        named(&["image_size", "img_size", "resolution", "size"]),
-        named(&["image_width", "width"]),
-    ) {
-        (Some(both), _) => Some(both.size()?),
-        (None, Some(w)) => match named(&["image_height", "height"]) {
-            Some(h) => Some(w.pixels(w.number()?, h.number()?)?),
-            None => None,
-        },
-        _ => None,
-    };
+    let size =
+        match (named(&["image_size", "img_size", "resolution", "size"]), named(&["image_width", "width"])) {
+            (Some(both), _) => Some(both.size()?),
+            (None, Some(w)) => match named(&["image_height", "height"]) {
+                Some(h) => Some(w.pixels(w.number()?, h.number()?)?),
+                None => None,
+            },
+            _ => None,
+        };
     let pose = if ros {
         if named(&ROTATION).is_some() || named(&["rectification_matrix"]).is_some() {
             notes.push("R of a ROS camera_info rectifies images and is not a pose; it was ignored.".into());
@@ -74,14 +66,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     } else {
         pose(&camera, options, &mut notes)?
     };
-    Ok(Found {
-        matrix,
-        lens,
-        size,
-        pose,
-        unit: None,
-        notes,
-    })
+    Ok(Found { matrix, lens, size, pose, unit: None, notes })
 }
 
 /// The part of a document that describes a camera: the root, its only camera table or the selected table.
@@ -96,10 +81,8 @@ impl<'a> Camera<'a> {
         let Some(affix) = &self.affix else {
             return self.node.any(names);
         };
-        let with: Vec<String> = names
-            .iter()
-            .flat_map(|n| [format!("{affix}{n}"), format!("{n}{affix}")])
-            .collect();
+        let with: Vec<String> =
+            names.iter().flat_map(|n| [format!("{affix}{n}"), format!("{n}{affix}")]).collect();
         let with: Vec<&str> = with.iter().map(String::as_str).collect();
         self.node.any(&with)
     }
@@ -116,10 +99,7 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
         if let Some(node) = root.get(name).filter(is_camera) {
             return Ok(whole(node));
         }
-        let camera = Camera {
-            node: root.clone(),
-            affix: Some(name.clone()),
-        };
+        let camera = Camera { node: root.clone(), affix: Some(name.clone()) };
         // Names without letters and digits would match any key.
         let says = name.chars().any(|c| c.is_ascii_alphanumeric());
         if says && camera.any(&MATRIX).is_some() {
@@ -156,9 +136,7 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
     }
     let number = |names: &[&str]| match camera.any(names) {
         Some(node) => node.number(),
-        None => Err(camera
-            .node
-            .error(&format!("{} is missing", names[0]), "give fx, fy, cx and cy")),
+        None => Err(camera.node.error(&format!("{} is missing", names[0]), "give fx, fy, cx and cy")),
     };
     let (fx, cx) = (number(&["fx"])?, number(&["cx", "ppx"])?);
     let (fy, cy) = (number(&["fy"])?, number(&["cy", "ppy"])?);
@@ -181,11 +159,7 @@ pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], In
 
 fn fisheye(camera: &Camera, options: &Options) -> bool {
     let flag = camera.node.any(&["fisheye_model", "fisheye"]);
-    let set = flag.is_some_and(|f| {
-        f.value
-            .as_bool()
-            .unwrap_or_else(|| f.number().is_ok_and(|n| n != 0.0))
-    });
+    let set = flag.is_some_and(|f| f.value.as_bool().unwrap_or_else(|| f.number().is_ok_and(|n| n != 0.0)));
     options.fisheye || set
 }
 
@@ -238,16 +212,9 @@ fn pose(
     options: &Options,
     notes: &mut Vec<String>,
 ) -> Result<Option<ExtrinsicsFile>, InputError> {
-    let first = matches!(
-        camera.affix.as_deref(),
-        Some("1" | "cam" | "cam_" | "left" | "l" | "0")
-    );
+    let first = matches!(camera.affix.as_deref(), Some("1" | "cam" | "cam_" | "left" | "l" | "0"));
     let own = |names: &[&str]| {
-        let shared = || {
-            (camera.affix.is_some() && !first)
-                .then(|| camera.node.any(names))
-                .flatten()
-        };
+        let shared = || (camera.affix.is_some() && !first).then(|| camera.node.any(names)).flatten();
         camera.any(names).or_else(shared)
     };
     let rotation = own(&ROTATION).or_else(|| own(&ROTATION_VECTOR));

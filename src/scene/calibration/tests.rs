@@ -35,23 +35,13 @@ fn same(name: &str, text: &str, options: &Options) -> Calibration {
     let c = read(name, text, options).unwrap_or_else(|e| panic!("{e}\n{text}"));
     let p = built(&c);
     assert_eq!(p.resolution, [640, 480], "{text}");
-    assert!(
-        (p.focal - glam::DVec2::new(600.0, 610.0)).length() < 1e-12,
-        "{text}"
-    );
-    assert!(
-        (p.principal - glam::DVec2::new(320.0, 239.75)).length() < 1e-12,
-        "{text}"
-    );
+    assert!((p.focal - glam::DVec2::new(600.0, 610.0)).length() < 1e-12, "{text}");
+    assert!((p.principal - glam::DVec2::new(320.0, 239.75)).length() < 1e-12, "{text}");
     let k = c.device.opencv.as_ref().map(|k| k.to_vec());
     assert_eq!(k.as_deref(), Some(&LENS[..]), "{text}");
     let r = DMat3::from_cols_array_2d(&rotation()).transpose();
     let origin = -(r.transpose() * DVec3::from_array(T));
-    assert!(
-        (p.origin.as_dvec3() - origin).length() < 1e-6,
-        "{text} {}",
-        p.origin
-    );
+    assert!((p.origin.as_dvec3() - origin).length() < 1e-6, "{text} {}", p.origin);
     assert!((p.axes.z_axis.as_dvec3() - r.row(2)).length() < 1e-6, "{text}");
     assert!((p.axes.x_axis.as_dvec3() - r.row(0)).length() < 1e-6, "{text}");
     c
@@ -102,17 +92,11 @@ fn two_devices_of_one_file() {
     let stereo = serde_json::json!({"K1": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D1": [0, 0, 0, 0], "K2": MATRIX, "D2": LENS,
                                     "R": rotation(), "T": T});
     same("a.json", &stereo.to_string(), &options("2"));
-    let unit = Options {
-        metres_per_unit: Some(0.001),
-        ..options("2")
-    };
+    let unit = Options { metres_per_unit: Some(0.001), ..options("2") };
     let small = read("a.json", stereo.to_string(), &unit).unwrap();
     assert!(
         (built(&small).origin.length()
-            - 0.001
-                * built(&same("a.json", &stereo.to_string(), &options("2")))
-                    .origin
-                    .length())
+            - 0.001 * built(&same("a.json", &stereo.to_string(), &options("2"))).origin.length())
         .abs()
             < 1e-9
     );
@@ -132,59 +116,28 @@ fn archives_of_numpy() {
             archive.write_all(b"\x93NUMPY\x01\x00").unwrap();
             archive.write_all(&(header.len() as u16).to_le_bytes()).unwrap();
             archive.write_all(header.as_bytes()).unwrap();
-            archive
-                .write_all(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
-                .unwrap();
+            archive.write_all(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>()).unwrap();
         };
         use zip::CompressionMethod as M;
         put("mtx.npy", "(3, 3)", order, values, M::Stored);
         put("dist.npy", "(1, 5)", "False", &LENS, M::Deflated);
         let [other, tvec] = [[9.0; 3], T];
-        put(
-            "rvecs.npy",
-            "(2, 3, 1)",
-            "False",
-            &[other, RVEC].concat(),
-            M::Stored,
-        );
-        put(
-            "tvecs.npy",
-            "(2, 3, 1)",
-            "False",
-            &[other, tvec].concat(),
-            M::Deflated,
-        );
+        put("rvecs.npy", "(2, 3, 1)", "False", &[other, RVEC].concat(), M::Stored);
+        put("tvecs.npy", "(2, 3, 1)", "False", &[other, tvec].concat(), M::Deflated);
         let bytes = archive.finish().unwrap().into_inner();
-        let options = Options {
-            view: Some(1),
-            resolution: Some([640, 480]),
-            ..Options::default()
-        };
+        let options = Options { view: Some(1), resolution: Some([640, 480]), ..Options::default() };
         let c = read("a.npz", bytes.clone(), &options).unwrap();
         let again = serde_json::json!({"K": MATRIX, "D": LENS, "rvec": RVEC, "tvec": T});
-        assert_eq!(
-            c.device,
-            same("a.json", &again.to_string(), &options_of(&options)).device
-        );
-        let all = Options {
-            view: None,
-            ..options
-        };
+        assert_eq!(c.device, same("a.json", &again.to_string(), &options_of(&options)).device);
+        let all = Options { view: None, ..options };
         let c = read("a.npz", bytes, &all).unwrap();
-        assert!(
-            c.notes.iter().any(|n| n.contains("--view 0 to 1")),
-            "{:?}",
-            c.notes
-        );
+        assert!(c.notes.iter().any(|n| n.contains("--view 0 to 1")), "{:?}", c.notes);
     }
 }
 
 /// Returns options that select the first view.
 fn options_of(options: &Options) -> Options {
-    Options {
-        view: Some(0),
-        ..options.clone()
-    }
+    Options { view: Some(0), ..options.clone() }
 }
 
 #[test]
@@ -212,15 +165,8 @@ fn matlab_counts_from_one_and_has_row_vectors() {
         serde_json::json!({"IntrinsicMatrix": transposed(one), "WorldUnits": "mm", "RotationMatrices": stacked,
                                       "TranslationVectors": [[1, 2, 3], millimetres]}),
     );
-    let second = Options {
-        view: Some(1),
-        ..Options::default()
-    };
-    same(
-        "a.json",
-        &serde_json::json!({ "cameraParams": old }).to_string(),
-        &second,
-    );
+    let second = Options { view: Some(1), ..Options::default() };
+    same("a.json", &serde_json::json!({ "cameraParams": old }).to_string(), &second);
     let extrinsics = with(serde_json::json!({"K": one, "RotationMatrix": r, "TranslationVector": T}));
     same("a.json", &extrinsics.to_string(), &Options::default());
 }
@@ -228,9 +174,8 @@ fn matlab_counts_from_one_and_has_row_vectors() {
 #[test]
 fn kalibrs_chains() {
     let four = |r: [[f64; 3]; 3], t: [f64; 3]| {
-        let rows: Vec<String> = (0..3)
-            .map(|i| format!("  - [{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i]))
-            .collect();
+        let rows: Vec<String> =
+            (0..3).map(|i| format!("  - [{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i])).collect();
         format!("{}\n  - [0.0, 0.0, 0.0, 1.0]\n", rows.join("\n"))
     };
     let camera = |transform: &str| {
@@ -240,10 +185,7 @@ fn kalibrs_chains() {
         )
     };
     let turn = DMat3::from_rotation_y(0.4);
-    let (r, t) = (
-        DMat3::from_cols_array_2d(&rotation()).transpose(),
-        DVec3::from_array(T),
-    );
+    let (r, t) = (DMat3::from_cols_array_2d(&rotation()).transpose(), DVec3::from_array(T));
     // The last link of the chain is the total transform without the first link.
     let step = DVec3::new(0.1, 0.0, 0.0);
     let last = r * turn.transpose();
@@ -252,15 +194,9 @@ fn kalibrs_chains() {
         "cam0:\n  cam_overlaps: [1]\n{}cam1:\n{}cam2:\n{}",
         camera(""),
         camera(&format!("  T_cn_cnm1:\n{}", four(rows(turn), step.to_array()))),
-        camera(&format!(
-            "  T_cn_cnm1:\n{}",
-            four(rows(last), (t - last * step).to_array())
-        ))
+        camera(&format!("  T_cn_cnm1:\n{}", four(rows(last), (t - last * step).to_array())))
     );
-    let options = Options {
-        camera: Some("cam2".into()),
-        ..Options::default()
-    };
+    let options = Options { camera: Some("cam2".into()), ..Options::default() };
     let c = read("a.yaml", text.clone(), &options).unwrap();
     let want = serde_json::json!({"K": MATRIX, "dist": &LENS[..4], "R": rotation(), "T": T, "resolution": [640, 480]});
     let want = built(&read("a.json", want.to_string(), &Options::default()).unwrap());
@@ -271,9 +207,7 @@ fn kalibrs_chains() {
     assert_eq!((got.principal, got.distortion), (want.principal, want.distortion));
     let e = read("a.yaml", text.clone(), &Options::default()).unwrap_err();
     assert!(e.help.unwrap().contains("cam0, cam1, cam2"));
-    let equi = text
-        .replace("radtan", "equidistant")
-        .replace("0.001, -0.002]", "0.0, 0.0]");
+    let equi = text.replace("radtan", "equidistant").replace("0.001, -0.002]", "0.0, 0.0]");
     let c = read("a.yaml", equi, &options).unwrap();
     assert_eq!(c.device.fisheye.as_deref(), Some(&[-0.1, 0.02, 0.0, 0.0]));
     let e = read("a.yaml", text.replace("pinhole", "omni"), &options).unwrap_err();
@@ -309,20 +243,10 @@ fn what_is_wrong_is_said_with_its_place() {
         ),
         ("[600, 0, 320]", "[600, 2, 320]", "1:1", "skew"),
         ("[0.1, 0, 0, 0, 0]", "[0.1, 0, 0]", "2:1", "coefficients: 3"),
-        (
-            "[0.1, 0, 0, 0, 0]",
-            "[0.1, .nan, 0, 0]",
-            "2:1",
-            "expected an array",
-        ),
+        ("[0.1, 0, 0, 0, 0]", "[0.1, .nan, 0, 0]", "2:1", "expected an array"),
         ("[640, 480]", "[640.5, 480]", "3:1", "640.5"),
         ("size: [640, 480]", "", "", "--resolution"),
-        (
-            "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-            "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]",
-            "",
-            "reflection",
-        ),
+        ("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "", "reflection"),
         ("[0.1, 0, 0, 0, 0]", "[-9.1, 0, 0, 0, 0]", "", "folds"),
         ("D: [0.1", "D: [&a 0.1, *a", "2:13", "alias"),
         ("D:", "K:", "", "duplicate key"),
@@ -331,18 +255,12 @@ fn what_is_wrong_is_said_with_its_place() {
     ];
     for (from, to, place, says) in cases {
         assert!(good.contains(from));
-        let options = Options {
-            view: says.contains("poses").then_some(0),
-            ..Options::default()
-        };
+        let options = Options { view: says.contains("poses").then_some(0), ..Options::default() };
         let e = read("a.yaml", good.replacen(from, to, 1), &options).expect_err(says);
         let e = e.to_string();
         assert!(
             e.contains(says)
-                && e.starts_with(&format!(
-                    "a.yaml{}{place}",
-                    if place.is_empty() { "" } else { ":" }
-                )),
+                && e.starts_with(&format!("a.yaml{}{place}", if place.is_empty() { "" } else { ":" })),
             "{e}"
         );
     }

@@ -47,10 +47,7 @@ pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
             _ => None,
         };
         if open.len() > DEEPEST {
-            return Err((
-                at(),
-                format!("lists and tables are nested more than {DEEPEST} levels deep"),
-            ));
+            return Err((at(), format!("lists and tables are nested more than {DEEPEST} levels deep")));
         }
         let Some(value) = value else { continue };
         match open.last_mut() {

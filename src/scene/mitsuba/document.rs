@@ -55,10 +55,7 @@ impl Document {
         if root.tag_name().name() != "scene" {
             return Err(source.error(
                 &reader.start_tag(&root),
-                format!(
-                    "expected the root element <scene>, got <{}>",
-                    root.tag_name().name()
-                ),
+                format!("expected the root element <scene>, got <{}>", root.tag_name().name()),
                 "give the file of a complete scene",
             ));
         }
@@ -68,21 +65,8 @@ impl Document {
         if let Some(name) = given.keys().find(|name| !known(name)) {
             return Err(unused(&source, &scene, name));
         }
-        let Reader {
-            parameters,
-            aliases,
-            folders,
-            notes,
-            ..
-        } = reader;
-        Ok(Self {
-            source,
-            scene,
-            parameters,
-            aliases,
-            folders,
-            notes,
-        })
+        let Reader { parameters, aliases, folders, notes, .. } = reader;
+        Ok(Self { source, scene, parameters, aliases, folders, notes })
     }
 }
 

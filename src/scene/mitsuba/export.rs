@@ -93,18 +93,12 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     let file = &calibrated::expand(ctx, file)?;
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
-    let projector = file
-        .projector
-        .as_ref()
-        .map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span())))
-        .transpose()?;
+    let projector =
+        file.projector.as_ref().map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span()))).transpose()?;
     slices::build(ctx, file, &camera, projector.as_ref().map(|(p, _)| p))?;
     let mut emitters = lights::emitters(ctx, &file.emitters)?;
-    let materials::Built {
-        table: mut materials,
-        names,
-        mut images,
-    } = materials::build(ctx, &file.materials)?;
+    let materials::Built { table: mut materials, names, mut images } =
+        materials::build(ctx, &file.materials)?;
     if let Some(asked) = ctx.attributes.first() {
         return Err(ctx.error(
             asked.name.span(),
@@ -142,12 +136,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     bsdfs.into_iter().for_each(|b| scene.push(b));
     let mut count = 0;
     let mut add = |shapes: &[Shape], parent: &mut Element| {
-        for Shape {
-            object,
-            placed,
-            light,
-        } in shapes
-        {
+        for Shape { object, placed, light } in shapes {
             let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
             let mut needs = needs[&placed.material];
             needs.uv |= light.as_ref().is_some_and(|l| l.radiance.texture.is_some());
@@ -199,10 +188,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     Ok(Export {
         xml: scene.document(),
         files: out.files,
-        notes: std::mem::take(&mut ctx.notes)
-            .into_iter()
-            .chain(out.notes)
-            .collect(),
+        notes: std::mem::take(&mut ctx.notes).into_iter().chain(out.notes).collect(),
     })
 }
 
@@ -237,11 +223,7 @@ fn all_placed<'a>(
                     Some(lights::area(ctx, images, textures, emission, &solid)?)
                 }
             };
-            shapes.push(Shape {
-                object,
-                placed,
-                light,
-            });
+            shapes.push(Shape { object, placed, light });
         }
     }
     Ok(shapes)
@@ -312,9 +294,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
         place *= DAffine3::from_scale(DVec3::new(half, half, 1.0));
     }
     if [x, y] != [0.0; 2] {
-        sensor = sensor
-            .float("principal_point_offset_x", x)
-            .float("principal_point_offset_y", y);
+        sensor = sensor.float("principal_point_offset_x", x).float("principal_point_offset_y", y);
     }
     let film = Element::plugin("film", "hdrfilm")
         .integer("width", camera.resolution[0])
@@ -364,11 +344,13 @@ fn projector_element(
         ));
     }
     let white = image::GrayImage::from_pixel(w, h, image::Luma([255]));
-    out.files
-        .push(("white.png".into(), png(ctx, span, &white.into())?));
-    Ok(element
-        .float("scale", f64::from(p.irradiance.to_array()[0]) / PI)
-        .child(bitmap("irradiance", "white.png", true, &Image::new([w, h], 0))))
+    out.files.push(("white.png".into(), png(ctx, span, &white.into())?));
+    Ok(element.float("scale", f64::from(p.irradiance.to_array()[0]) / PI).child(bitmap(
+        "irradiance",
+        "white.png",
+        true,
+        &Image::new([w, h], 0),
+    )))
 }
 
 fn shape(
@@ -404,11 +386,7 @@ fn shape(
             // Mitsuba samples the light of a mirrored cylinder on its other side. The cylinder is symmetric,
             // so remove the reflection.
             let mirrored = map.matrix3.determinant() < 0.0 && needs == Needs::default();
-            let map = if mirrored {
-                *map * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0))
-            } else {
-                *map
-            };
+            let map = if mirrored { *map * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)) } else { *map };
             Element::plugin("shape", "cylinder").transform("to_world", &map)
         }
         Form::Quadric(QuadricKind::Disk, map) => {
@@ -434,17 +412,12 @@ fn shape(
         }
         Form::Mesh(m) => mesh(index, m, out),
     };
-    Ok(if flipped {
-        element.boolean("flip_normals", true)
-    } else {
-        element
-    })
+    Ok(if flipped { element.boolean("flip_normals", true) } else { element })
 }
 
 fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     let name = format!("mesh_{index:03}.ply");
-    out.files
-        .push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
+    out.files.push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
     let shape = Element::plugin("shape", "ply").string("filename", &name);
     if mesh.normals.is_empty() {
         // Otherwise Mitsuba would compute normals.

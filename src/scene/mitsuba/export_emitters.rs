@@ -43,12 +43,8 @@ impl EmitterWriter<'_> {
             let these = file.emitters.iter().filter(move |e| is(e));
             these.map(base::locate::Located::span)
         };
-        let is_point = |e: &EmitterFile| {
-            matches!(
-                e,
-                EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_)
-            )
-        };
+        let is_point =
+            |e: &EmitterFile| matches!(e, EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_));
         let slides = places(|e| matches!(e, EmitterFile::Slide(_)));
         for (point, at) in all.points.iter().zip(places(is_point).chain(slides)) {
             done.push(self.point(point, textures, at)?);
@@ -133,8 +129,7 @@ impl EmitterWriter<'_> {
             return self.cannot(at, "a beam", "use a directional emitter, or a spot");
         };
         if distant.origin.is_some() {
-            self.out
-                .note("Mitsuba's directional emitter is infinitely distant; the origin is not exported");
+            self.out.note("Mitsuba's directional emitter is infinitely distant; the origin is not exported");
         }
         Ok(Element::plugin("emitter", "directional")
             .child(vector("vector", "direction", distant.dir))
@@ -159,16 +154,10 @@ impl EmitterWriter<'_> {
         };
         let values = (0..rows * w).map(|n| value(n / w, n % w));
         let file = self.exr("sky.exr", [w as u32, rows as u32], values, at)?;
-        let columns = [
-            sky.to_world().x_axis,
-            sky.to_world().y_axis,
-            sky.to_world().z_axis,
-        ];
+        let columns = [sky.to_world().x_axis, sky.to_world().y_axis, sky.to_world().z_axis];
         let columns = columns.map(glam::Vec3A::as_dvec3);
         let place = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));
-        Ok(Element::plugin("emitter", "envmap")
-            .string("filename", &file)
-            .transform("to_world", &place))
+        Ok(Element::plugin("emitter", "envmap").string("filename", &file).transform("to_world", &place))
     }
 
     pub fn area(
@@ -227,11 +216,7 @@ impl EmitterWriter<'_> {
         if self.ctx.wavelengths.count() == 1 {
             return Ok(());
         }
-        self.cannot(
-            at,
-            &format!("{what} at several wavelengths"),
-            "export one wavelength (--wavelength)",
-        )
+        self.cannot(at, &format!("{what} at several wavelengths"), "export one wavelength (--wavelength)")
     }
 
     fn exr(
@@ -244,19 +229,13 @@ impl EmitterWriter<'_> {
         let pixels = values.flat_map(|v| [v; 3]).collect();
         let image: Option<ImageBuffer<Rgb<f32>, Vec<f32>>> = ImageBuffer::from_raw(w, h, pixels);
         let image = DynamicImage::ImageRgb32F(image.unwrap_or_default());
-        let bytes = picture::encoded(&image, image::ImageFormat::OpenExr).map_err(|e| {
-            self.ctx
-                .error(at, format!("cannot encode an image: {e}"), "use a smaller image")
-        })?;
+        let bytes = picture::encoded(&image, image::ImageFormat::OpenExr)
+            .map_err(|e| self.ctx.error(at, format!("cannot encode an image: {e}"), "use a smaller image"))?;
         Ok(self.out.file(name, Contents::Bytes(bytes)))
     }
 }
 
 fn vector(tag: &'static str, name: &str, v: Vec3A) -> Element {
     let [x, y, z] = v.to_array().map(single);
-    Element::new(tag)
-        .with("name", name)
-        .with("x", x)
-        .with("y", y)
-        .with("z", z)
+    Element::new(tag).with("name", name).with("x", x).with("y", y).with("z", z)
 }

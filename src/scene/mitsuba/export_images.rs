@@ -53,10 +53,7 @@ impl Images<'_> {
 
     pub fn normals(self, texture: u32) -> Result<Element, InputError> {
         let ((w, h), texels) = texels(self.textures, texture);
-        let pixels = texels
-            .iter()
-            .flat_map(|t| [t[0], t[1], t[2]].map(sixteen_bits))
-            .collect();
+        let pixels = texels.iter().flat_map(|t| [t[0], t[1], t[2]].map(sixteen_bits)).collect();
         let image: Option<ImageBuffer<Rgb<u16>, Vec<u16>>> = ImageBuffer::from_raw(w, h, pixels);
         let image = DynamicImage::ImageRgb16(image.unwrap_or_default());
         self.write("normals", "normalmap", texture, true, &image)
@@ -79,19 +76,12 @@ impl Images<'_> {
 pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
     let image = &textures.images[texture as usize];
     let (first, count) = (image.first as usize, (image.width * image.height) as usize);
-    (
-        (image.width, image.height),
-        &textures.texels[first..first + count],
-    )
+    ((image.width, image.height), &textures.texels[first..first + count])
 }
 
 /// Converts a linear value to sRGB.
 pub(super) fn encode(c: f32) -> f32 {
-    if c <= 0.003_130_8 {
-        c * 12.92
-    } else {
-        1.055 * c.powf(1.0 / 2.4) - 0.055
-    }
+    if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
 fn sixteen_bits(v: f32) -> u16 {

@@ -98,19 +98,10 @@ impl<'a> MaterialWriter<'a> {
     }
 
     fn needs_of(&self, id: u32) -> Needs {
-        let uv = |used: bool| Needs {
-            uv: used,
-            tangent: false,
-        };
+        let uv = |used: bool| Needs { uv: used, tangent: false };
         let rough = |r: &Roughness| r.alpha.texture.is_some();
-        let both = |a: Needs, b: Needs| Needs {
-            uv: a.uv || b.uv,
-            tangent: a.tangent || b.tangent,
-        };
-        let directed = Needs {
-            uv: true,
-            tangent: true,
-        };
+        let both = |a: Needs, b: Needs| Needs { uv: a.uv || b.uv, tangent: a.tangent || b.tangent };
+        let directed = Needs { uv: true, tangent: true };
         match &self.table.list[id as usize] {
             Material::Diffuse(d) => uv(d.albedo.texture.is_some()),
             Material::Conductor(c) => uv(c.reflectance.texture.is_some()),
@@ -118,10 +109,9 @@ impl<'a> MaterialWriter<'a> {
             Material::RoughDielectric(d) => uv(rough(&d.roughness)),
             Material::Plastic(p) => uv(rough(&p.roughness) || p.albedo.texture.is_some()),
             Material::Polarizer(_) | Material::Retarder(_) | Material::NormalMap(_) => directed,
-            Material::Blend(b) => both(
-                uv(b.weight.texture.is_some()),
-                both(self.needs_of(b.a), self.needs_of(b.b)),
-            ),
+            Material::Blend(b) => {
+                both(uv(b.weight.texture.is_some()), both(self.needs_of(b.a), self.needs_of(b.b)))
+            }
             Material::TwoSided(t) => t.sides().map(|m| self.needs_of(m)).fold(uv(false), both),
             _ => uv(false),
         }
@@ -196,11 +186,8 @@ impl<'a> MaterialWriter<'a> {
                 let front = self.one_sided(t.front, None)?;
                 let back = match t.back {
                     Some(back) => self.one_sided(back, None)?,
-                    None => Element::plugin("bsdf", "diffuse").child(
-                        Element::new("spectrum")
-                            .with("name", "reflectance")
-                            .with("value", "0"),
-                    ),
+                    None => Element::plugin("bsdf", "diffuse")
+                        .child(Element::new("spectrum").with("name", "reflectance").with("value", "0")),
                 };
                 open("twosided").child(front).child(back)
             }
@@ -308,10 +295,7 @@ impl<'a> MaterialWriter<'a> {
             }
             Material::Blend(b) => {
                 let (first, second) = (self.one_sided(b.a, None)?, self.one_sided(b.b, None)?);
-                open("blendbsdf")
-                    .child(self.scalar(id, "weight", b.weight)?)
-                    .child(first)
-                    .child(second)
+                open("blendbsdf").child(self.scalar(id, "weight", b.weight)?).child(first).child(second)
             }
             _ => {
                 return self.cannot(
@@ -336,9 +320,7 @@ impl<'a> MaterialWriter<'a> {
             );
         }
         let first = |s: Spectral| shortest(s.to_array()[0]);
-        Ok(element
-            .float("int_ior", first(d.interior))
-            .float("ext_ior", first(d.exterior)))
+        Ok(element.float("int_ior", first(d.interior)).float("ext_ior", first(d.exterior)))
     }
 
     fn metal(
@@ -348,9 +330,7 @@ impl<'a> MaterialWriter<'a> {
         [n, k]: [Spectral; 2],
         reflectance: Spectrum,
     ) -> Result<Element, InputError> {
-        let element = element
-            .child(self.spectrum("eta", n))
-            .child(self.spectrum("k", k));
+        let element = element.child(self.spectrum("eta", n)).child(self.spectrum("k", k));
         let whole = reflectance.texture.is_none() && is_even(&self.ctx.wavelengths, reflectance.value);
         if whole && reflectance.value.to_array()[0] == 1.0 {
             return Ok(element);
@@ -363,17 +343,11 @@ impl<'a> MaterialWriter<'a> {
             return self.unpolarized_plastic(id, element, p);
         }
         if p.single_scatter.is_some() {
-            return self.cannot(
-                id,
-                "single scattering inside a polarized plastic",
-                "remove single_scatter",
-            );
+            return self.cannot(id, "single scattering inside a polarized plastic", "remove single_scatter");
         }
         let element = element.child(self.albedo(id, "diffuse_reflectance", p.albedo)?);
         let element = if is_even(&self.ctx.wavelengths, p.eta) {
-            element
-                .float("int_ior", shortest(p.eta.to_array()[0]))
-                .float("ext_ior", 1.0)
+            element.float("int_ior", shortest(p.eta.to_array()[0])).float("ext_ior", 1.0)
         } else {
             element.child(self.spectrum("eta", p.eta))
         };
@@ -420,10 +394,7 @@ impl<'a> MaterialWriter<'a> {
             .child(self.spectrum("specular_reflectance", p.specular))
             .float("int_ior", shortest(p.eta.to_array()[0]))
             .float("ext_ior", 1.0)
-            .boolean(
-                "nonlinear",
-                matches!(p.interreflection, Interreflection::Coloured(_)),
-            );
+            .boolean("nonlinear", matches!(p.interreflection, Interreflection::Coloured(_)));
         match kind {
             "plastic" => Ok(element),
             _ => self.roughness(id, element, &p.roughness),
@@ -432,11 +403,7 @@ impl<'a> MaterialWriter<'a> {
 
     fn measured(&mut self, id: u32, element: Element) -> Result<Element, InputError> {
         let MaterialFile::Measured(m) = &*self.files[self.names[&id]] else {
-            return self.cannot(
-                id,
-                "a measured table without a file",
-                "give the file of the table",
-            );
+            return self.cannot(id, "a measured table without a file", "give the file of the table");
         };
         if m.even_axes {
             return self.cannot(
@@ -466,20 +433,15 @@ impl<'a> MaterialWriter<'a> {
             Distribution::Ggx => "ggx",
             Distribution::Beckmann => "beckmann",
         };
-        Ok(element
-            .string("distribution", kind)
-            .child(self.scalar(id, "alpha", r.alpha)?))
+        Ok(element.string("distribution", kind).child(self.scalar(id, "alpha", r.alpha)?))
     }
 
     /// Writes a number, or a grey image of linear values.
     fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
-            return Ok(Element::new("float")
-                .with("name", name)
-                .with("value", single(s.value)));
+            return Ok(Element::new("float").with("name", name).with("value", single(s.value)));
         };
-        self.images(id)
-            .grey(name, texture, true, |texel| texel[0] * s.value)
+        self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
     /// Writes a spectrum, or a grey image in sRGB encoding, which both programs decode.
@@ -497,8 +459,7 @@ impl<'a> MaterialWriter<'a> {
             );
         }
         let scale = s.value.to_array()[0];
-        self.images(id)
-            .grey(name, texture, false, |texel| encode(texel[0] * scale))
+        self.images(id).grey(name, texture, false, |texel| encode(texel[0] * scale))
     }
 
     fn images(&mut self, id: u32) -> Images<'_> {

@@ -62,10 +62,7 @@ pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -
     if RANGE_NM[1] > nm[last] {
         pairs.push((RANGE_NM[1], lanes[last]));
     }
-    let pairs: Vec<String> = pairs
-        .iter()
-        .map(|(nm, v)| format!("{}:{}", number(*nm), single(*v)))
-        .collect();
+    let pairs: Vec<String> = pairs.iter().map(|(nm, v)| format!("{}:{}", number(*nm), single(*v))).collect();
     out.with("value", pairs.join(", "))
 }
 
@@ -82,21 +79,14 @@ pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
 
 /// Writes an image as a texture. Mitsuba's v starts at the top.
 pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
-    let upward = Element::new("transform")
-        .with("name", "to_uv")
-        .child(if image.uv == SAME {
-            Element::new("scale").with("x", "1").with("y", "-1")
-        } else {
-            let [[a, b, c], [d, e, f]] = image.uv.map(|row| row.map(f64::from));
-            let rows = [
-                [a, b, 0.0, c],
-                [-d, -e, 0.0, 1.0 - f],
-                [0.0, 0.0, 1.0, 0.0],
-                [0.0, 0.0, 0.0, 1.0],
-            ];
-            let value = rows.map(|row| row.map(number).join(" ")).join(" ");
-            Element::new("matrix").with("value", value)
-        });
+    let upward = Element::new("transform").with("name", "to_uv").child(if image.uv == SAME {
+        Element::new("scale").with("x", "1").with("y", "-1")
+    } else {
+        let [[a, b, c], [d, e, f]] = image.uv.map(|row| row.map(f64::from));
+        let rows = [[a, b, 0.0, c], [-d, -e, 0.0, 1.0 - f], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let value = rows.map(|row| row.map(number).join(" ")).join(" ");
+        Element::new("matrix").with("value", value)
+    });
     let mut out = Element::plugin("texture", "bitmap")
         .with("name", name)
         .string("filename", file)
@@ -119,13 +109,8 @@ pub(super) fn png(
     span: Range<usize>,
     image: &image::DynamicImage,
 ) -> Result<Contents, InputError> {
-    let bytes = picture::encoded(image, image::ImageFormat::Png).map_err(|e| {
-        ctx.error(
-            span,
-            format!("cannot encode an image: {e}"),
-            "use a smaller image",
-        )
-    })?;
+    let bytes = picture::encoded(image, image::ImageFormat::Png)
+        .map_err(|e| ctx.error(span, format!("cannot encode an image: {e}"), "use a smaller image"))?;
     Ok(Contents::Bytes(bytes))
 }
 

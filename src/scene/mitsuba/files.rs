@@ -53,10 +53,7 @@ pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) ->
         }
         return Ok(());
     }
-    let fresh = temporary(
-        parent,
-        &absolute.file_name().unwrap_or_default().to_string_lossy(),
-    );
+    let fresh = temporary(parent, &absolute.file_name().unwrap_or_default().to_string_lossy());
     let fill_all = || {
         fs::create_dir(&fresh)?;
         for (name, contents) in files {

@@ -112,10 +112,7 @@ impl Import {
     /// [`WriteError`] if a file exists and `force` is not set, or if the file system reports an error.
     pub fn write(&self, toml: &Path, force: bool) -> Result<(), WriteError> {
         let paths = self.files.keys().map(|name| toml.with_file_name(name));
-        if let Some(there) = paths
-            .chain([toml.to_owned()])
-            .find(|path| !force && path.exists())
-        {
+        if let Some(there) = paths.chain([toml.to_owned()]).find(|path| !force && path.exists()) {
             return Err(WriteError::Exists(there));
         }
         for (name, bytes) in &self.files {
@@ -155,11 +152,7 @@ fn run(
     scene.finish(source, &ignored);
     unused(&mut importer);
     let sensor = parts.sensor.ok_or_else(|| {
-        source.error(
-            &scene.span,
-            "the scene has no sensor",
-            "add <sensor type=\"perspective\">",
-        )
+        source.error(&scene.span, "the scene has no sensor", "add <sensor type=\"perspective\">")
     });
     let camera = sensor.and_then(|sensor| import_devices::sensor(&mut importer, sensor).map(|s| (sensor, s)));
     let depth = import_devices::integrator(&mut importer, parts.integrator);
@@ -197,12 +190,7 @@ fn run(
             return Ok(None);
         }
     };
-    let Sensor {
-        camera,
-        spp,
-        time,
-        clip,
-    } = device;
+    let Sensor { camera, spp, time, clip } = device;
     let mut file = SceneFile {
         wavelengths_nm: Located::at(scene.span.clone(), importer.wavelengths.clone()),
         render: RenderFile {
@@ -253,11 +241,7 @@ fn run(
         importer.note(gap);
     }
     let text = file.to_toml().map_err(|e| {
-        source.error(
-            &scene.span,
-            format!("cannot serialize the scene: {e}"),
-            "use smaller integers",
-        )
+        source.error(&scene.span, format!("cannot serialize the scene: {e}"), "use smaller integers")
     })?;
     Ok(Some(Import {
         toml: heading(&source.main().0) + &text,
@@ -272,11 +256,8 @@ fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     let image = SliceFile::new("mueller").mueller();
     let mut slices = vec![image.clone().into()];
     if let Some(bins) = time {
-        let transient = SliceFile {
-            name: "transient".to_owned().into(),
-            time: TimeFile::Bins(bins),
-            ..image
-        };
+        let transient =
+            SliceFile { name: "transient".to_owned().into(), time: TimeFile::Bins(bins), ..image };
         slices.push(transient.into());
     }
     slices
@@ -302,14 +283,9 @@ fn unused(importer: &mut Importer) {
             _ => true,
         };
         if alone && !node.id.as_deref().is_some_and(|id| named.contains(&id)) {
-            let id = node
-                .id
-                .as_deref()
-                .map_or(String::new(), |id| format!(" (id `{id}`)"));
-            importer.note(format!(
-                "the {} `{}`{id} is not used: no element refers to it",
-                node.tag, node.kind
-            ));
+            let id = node.id.as_deref().map_or(String::new(), |id| format!(" (id `{id}`)"));
+            importer
+                .note(format!("the {} `{}`{id} is not used: no element refers to it", node.tag, node.kind));
         }
     }
 }
@@ -336,9 +312,7 @@ fn check(
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
     let (name, text) = source.main();
-    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?
-        .in_folder(folder)
-        .with_files(files);
+    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?.in_folder(folder).with_files(files);
     let built = assemble::with_gaps(&mut ctx, file);
     if let Ok((scene, _)) = &built
         && let Some(cut) = cut_off(scene, clip)
@@ -369,13 +343,7 @@ fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
         let at = DVec2::new(width * part(k % RAYS), height * part(k / RAYS));
         let camera = scene.camera.at(at);
         let dir = camera.direction(at);
-        let Some(hit) = scene.geometry.intersect(
-            &Ray {
-                origin: camera.origin,
-                dir,
-            },
-            f32::INFINITY,
-        ) else {
+        let Some(hit) = scene.geometry.intersect(&Ray { origin: camera.origin, dir }, f32::INFINITY) else {
             continue;
         };
         let depth = f64::from(hit.t * dir.dot(camera.forward()));
@@ -453,14 +421,8 @@ mod tests {
     #[test]
     fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [
-            (
-                "light.exr".to_owned(),
-                encoded(Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr),
-            ),
-            (
-                "colours.png".to_owned(),
-                encoded(RgbImage::new(2, 2).into(), ImageFormat::Png),
-            ),
+            ("light.exr".to_owned(), encoded(Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr)),
+            ("colours.png".to_owned(), encoded(RgbImage::new(2, 2).into(), ImageFormat::Png)),
         ]
         .into();
         let text = |name: &str| {
@@ -477,9 +439,7 @@ mod tests {
             let toml = made(name, &files).expect("a scene").toml;
             assert!(toml.contains(name) && !toml.contains("raw"), "{toml}");
         }
-        let missing = made("light.exr", &BTreeMap::new())
-            .expect_err("no file")
-            .to_string();
+        let missing = made("light.exr", &BTreeMap::new()).expect_err("no file").to_string();
         assert!(missing.contains("light.exr"), "{missing}");
     }
 }

@@ -37,11 +37,7 @@ struct Film {
 
 impl Film {
     fn whole(size: [u32; 2]) -> Self {
-        Self {
-            size,
-            window: [0, 0, size[0], size[1]],
-            time: None,
-        }
+        Self { size, window: [0, 0, size[0], size[1]], time: None }
     }
 }
 
@@ -85,11 +81,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     }
     let Film { size, window, time } = given.unwrap_or(Film::whole([768, 576]));
     let [w, h] = size.map(f64::from);
-    let fov = if orthographic {
-        0.0
-    } else {
-        field_of_view(importer, node, w / h)?
-    };
+    let fov = if orthographic { 0.0 } else { field_of_view(importer, node, w / h)? };
     let mut offset = [0.0; 2];
     let names = ["principal_point_offset_x", "principal_point_offset_y"];
     for (slot, name) in offset.iter_mut().zip(names).filter(|_| !orthographic) {
@@ -111,21 +103,15 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
             bins: Located::at(node.span.clone(), bins),
         }
     });
-    let (pose, width) = if orthographic {
-        parallel(importer, node, near)?
-    } else {
-        (camera_pose(importer, node)?, 0.0)
-    };
+    let (pose, width) =
+        if orthographic { parallel(importer, node, near)? } else { (camera_pose(importer, node)?, 0.0) };
     let mut camera = device(node, pose, [window[2], window[3]], fov);
     if orthographic {
         camera.fov_x_deg = None;
         camera.orthographic_width = Some(Located::at(node.span.clone(), width * f64::from(window[2]) / w));
     }
     if node.kind == "thinlens" {
-        let (radius, focus) = (
-            node.float(source, "aperture_radius")?,
-            node.float(source, "focus_distance")?,
-        );
+        let (radius, focus) = (node.float(source, "aperture_radius")?, node.float(source, "focus_distance")?);
         let Some(radius) = radius else {
             return importer.error(
                 &node.span,
@@ -133,19 +119,12 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
                 "add aperture_radius, in metres",
             );
         };
-        let aperture = ApertureFile {
-            radius,
-            focus: focus.unwrap_or(FAR),
-        };
+        let aperture = ApertureFile { radius, focus: focus.unwrap_or(FAR) };
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
     let far = node.float(source, "far_clip")?.unwrap_or(FAR);
     // The rays of an orthographic camera start at the near plane in both programs.
-    let clip = if orthographic {
-        [0.0, far - near]
-    } else {
-        [near, far]
-    };
+    let clip = if orthographic { [0.0, far - near] } else { [near, far] };
     node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     let cropped = window != [0, 0, size[0], size[1]];
     if cropped && !orthographic {
@@ -158,12 +137,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         let [x, y] = [window[0], window[1]].map(f64::from);
         camera = camera.principal((0.5 - offset[0]) * w - x, (0.5 - offset[1]) * h - y);
     }
-    Ok(Sensor {
-        camera,
-        spp,
-        time,
-        clip,
-    })
+    Ok(Sensor { camera, spp, time, clip })
 }
 
 /// Returns pose and width of an orthographic camera. Its rays start at the near plane, and Mitsuba's image
@@ -179,11 +153,7 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
             "scale x and y by half of the image width",
         );
     }
-    let unscaled = DMat3::from_cols(
-        m.x_axis / lengths[0],
-        m.y_axis / lengths[1],
-        m.z_axis / lengths[2],
-    );
+    let unscaled = DMat3::from_cols(m.x_axis / lengths[0], m.y_axis / lengths[1], m.z_axis / lengths[2]);
     let at = place.translation + unscaled.z_axis * near;
     let pose = unmirrored(importer, node, DAffine3::from_mat3_translation(unscaled, at))?;
     Ok((pose, 2.0 * lengths[0]))
@@ -200,11 +170,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
         importer.note(
             "the camera's to_world contains a reflection: left and right of the image are exchanged relative to Mitsuba",
         );
-        return posed(
-            importer,
-            node,
-            place * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
-        );
+        return posed(importer, node, place * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
     }
     posed(importer, node, place)
 }
@@ -267,11 +233,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         let width = node.float(source, "bin_width_opl")?.unwrap_or(0.003);
         let start = node.float(source, "start_opl")?.unwrap_or(0.0);
         if node.boolean(source, "exhaustive_scan")?.unwrap_or(false) {
-            return importer.error(
-                &node.span,
-                "exhaustive_scan is not supported",
-                "remove exhaustive_scan",
-            );
+            return importer.error(&node.span, "exhaustive_scan is not supported", "remove exhaustive_scan");
         }
         let bins = *importer.whole(&node.span, bins, "temporal_bins")?;
         time = Some((start, width, bins));
@@ -297,28 +259,14 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     }
     let own: &[&str] = match node.kind.as_str() {
         // Encoding of the image file.
-        "ldrfilm" => &[
-            "gamma",
-            "exposure",
-            "tonemap_method",
-            "key",
-            "burn",
-            "label",
-            "fixed_radiance",
-        ],
+        "ldrfilm" => &["gamma", "exposure", "tonemap_method", "key", "burn", "label", "fixed_radiance"],
         "transient_hdr_film" => &["laser_scan_width", "laser_scan_height"],
         _ => &[],
     };
     node.finish(
         source,
         &[
-            &[
-                "file_format",
-                "pixel_format",
-                "component_format",
-                "sample_border",
-                "compensate",
-            ],
+            &["file_format", "pixel_format", "component_format", "sample_border", "compensate"],
             // From Mitsuba 0.x.
             &["banner", "attach_log", "high_quality_edges"][..],
             own,
@@ -348,11 +296,7 @@ pub(super) fn integrator<'a>(
     while let Some(node) = next.take() {
         at = node.span.clone();
         if seen.iter().any(|n| std::ptr::eq(*n, node)) {
-            return importer.error(
-                &node.span,
-                "the integrator contains itself",
-                "nest a path integrator",
-            );
+            return importer.error(&node.span, "the integrator contains itself", "nest a path integrator");
         }
         seen.push(node);
         // The integrators of Mitsuba's Python package have a different default.
@@ -391,9 +335,7 @@ pub(super) fn integrator<'a>(
             | "ptracer"
             | "transient_path"
             | "transient_prbvolpath" => {
-                max_depth = node
-                    .integer(source, "max_depth")?
-                    .unwrap_or(if differentiable { 6 } else { -1 });
+                max_depth = node.integer(source, "max_depth")?.unwrap_or(if differentiable { 6 } else { -1 });
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
             }
             "direct" => {
@@ -438,15 +380,8 @@ pub(super) fn integrator<'a>(
         }
         // Affect only scheduling and sampling.
         let work = ["samples_per_pass", "block_size", "timeout", "use_spectral_mis"];
-        let derivatives = [
-            "sppc",
-            "sppp",
-            "sppi",
-            "guiding",
-            "guiding_proj",
-            "guiding_rounds",
-            "project_seed",
-        ];
+        let derivatives =
+            ["sppc", "sppp", "sppi", "guiding", "guiding_proj", "guiding_rounds", "project_seed"];
         node.finish(source, &[&work[..], &derivatives].concat());
     }
     if max_depth < 0 {
@@ -476,9 +411,7 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     }
     let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
     if !["", "box"].contains(&filter) {
-        importer.note(format!(
-            "temporal_filter `{filter}` is not used: time bins are boxes"
-        ));
+        importer.note(format!("temporal_filter `{filter}` is not used: time bins are boxes"));
     }
     node.get("gaussian_stddev");
     Ok(())
@@ -502,17 +435,10 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
                 );
             };
             let diagonal = f64::hypot(36.0, 24.0);
-            (
-                2.0 * (diagonal / (2.0 * mm)).atan().to_degrees(),
-                "diagonal".into(),
-            )
+            (2.0 * (diagonal / (2.0 * mm)).atan().to_degrees(), "diagonal".into())
         }
         (Some(_), Some(_)) => {
-            return importer.error(
-                &node.span,
-                "both fov and focal_length are given",
-                "keep one of the two",
-            );
+            return importer.error(&node.span, "both fov and focal_length are given", "keep one of the two");
         }
     };
     let half = (fov.to_radians() / 2.0).tan();
@@ -545,16 +471,11 @@ fn posed(importer: &Importer, node: &Node, place: DAffine3) -> Result<PoseFile, 
     if lengths.iter().any(|l| *l > 1e-4) || m.determinant() < 0.0 {
         return importer.error(
             &node.span,
-            format!(
-                "to_world of {} `{}` contains a scale or a reflection",
-                node.tag, node.kind
-            ),
+            format!("to_world of {} `{}` contains a scale or a reflection", node.tag, node.kind),
             "use only lookat, rotate and translate",
         );
     }
-    let device = DAffine3::from_mat3_translation(
-        DMat3::from_cols(-m.x_axis, -m.y_axis, m.z_axis),
-        place.translation,
-    );
+    let device =
+        DAffine3::from_mat3_translation(DMat3::from_cols(-m.x_axis, -m.y_axis, m.z_axis), place.translation);
     Ok(PoseFile::Matrix(rows(&device)))
 }

@@ -148,11 +148,7 @@ fn directional<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Emitte
 fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     let Some(name) = node.text(source, "filename")? else {
-        return importer.error(
-            &node.span,
-            "the envmap has no filename",
-            "add <string name=\"filename\">",
-        );
+        return importer.error(&node.span, "the envmap has no filename", "add <string name=\"filename\">");
     };
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
@@ -204,10 +200,7 @@ pub(super) fn area<'a>(
         );
     }
     let mut emission = EmissionFile::new(1.0);
-    let mut uv = Coordinates {
-        turned,
-        images: false,
-    };
+    let mut uv = Coordinates { turned, images: false };
     match image_of(importer, node, "radiance", &mut uv)? {
         Some(image) => emission.image = Some(Located::at(node.span.clone(), image)),
         None => emission.radiance = importer.spectrum_or(node, "radiance", 1.0)?,
@@ -220,10 +213,7 @@ pub(super) fn area<'a>(
 /// Adds a note if Mitsuba never samples the emitter. Other weights affect noise only.
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
-        importer.note(format!(
-            "the emitter `{}` has sampling_weight 0, which is not used",
-            node.kind
-        ));
+        importer.note(format!("the emitter `{}` has sampling_weight 0, which is not used", node.kind));
     }
     Ok(())
 }
@@ -246,10 +236,7 @@ fn projected<'a>(
     node: &'a Node,
     name: &str,
 ) -> Result<Option<Located<ImageAlbedo>>, InputError> {
-    let mut uv = Coordinates {
-        turned: true,
-        images: false,
-    };
+    let mut uv = Coordinates { turned: true, images: false };
     let image = image_of(importer, node, name, &mut uv)?;
     Ok(image.map(|image| Located::at(node.span.clone(), image)))
 }
@@ -325,13 +312,8 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
 
 /// Returns the size of a projector's image, and whether it is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
-    let file = node
-        .named(name)
-        .map(|child| importer.resolve(child))
-        .transpose()?;
-    let file = file
-        .map(|texture| texture.text(importer.source, "filename"))
-        .transpose()?;
+    let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
+    let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;
     let name = file.flatten().unwrap_or_default();
     let refused = |what: String| {
         let fix = "give a readable image file";

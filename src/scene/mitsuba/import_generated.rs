@@ -58,11 +58,7 @@ fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
 /// points but not radii.
 pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
-    let kind = if node.kind == "linearcurve" {
-        Kind::Linear
-    } else {
-        Kind::BSpline
-    };
+    let kind = if node.kind == "linearcurve" { Kind::Linear } else { Kind::BSpline };
     let tubes = parse_curves(&bytes, kind, place).map_err(|mut e| {
         e.file = Some(importer.path(name));
         let help = "correct the file";
@@ -95,9 +91,7 @@ pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile,
     let found = parse_vol(&bytes).and_then(|vol| surface(&vol, normals));
     let found = found.map_err(|mut e| {
         e.file = Some(importer.path(name));
-        importer
-            .source
-            .error(&node.span, e.to_string(), "correct the file")
+        importer.source.error(&node.span, e.to_string(), "correct the file")
     })?;
     importer.note(format!(
         "sdfgrid: {name} is converted to a mesh of {} triangles, with a deviation of at most {:.3} cell sizes from Mitsuba's surface",

@@ -26,31 +26,26 @@ impl<'a> Groups<'a> {
         }
         let wanted = plain(node.id.as_deref().unwrap_or("group"));
         let others = (2..).map(|i| format!("{wanted}_{i}"));
-        let free = std::iter::once(wanted.clone())
-            .chain(others)
-            .find(|n| !self.groups.contains_key(n));
+        let free = std::iter::once(wanted.clone()).chain(others).find(|n| !self.groups.contains_key(n));
         let name = free.unwrap_or(wanted);
         self.read.push((node, name.clone()));
         // Reserve the name even if the group has errors.
         let mut group = GroupFile::default();
-        self.groups
-            .insert(name.clone(), Located::at(node.span.clone(), group.clone()));
+        self.groups.insert(name.clone(), Located::at(node.span.clone(), group.clone()));
         for child in node.children() {
-            let objects = importer
-                .resolve(child)
-                .and_then(|inner| match inner.kind.as_str() {
-                    "shapegroup" | "instance" => importer.error(
-                        &inner.span,
-                        format!("a shapegroup cannot contain `{}`", inner.kind),
-                        "move the shapes into the group or out of it: groups cannot be nested",
-                    ),
-                    _ if inner.tag != "shape" => importer.error(
-                        child.span(),
-                        format!("a {} in a shapegroup has no effect", inner.tag),
-                        "move it into a shape of the group, or remove it",
-                    ),
-                    _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
-                });
+            let objects = importer.resolve(child).and_then(|inner| match inner.kind.as_str() {
+                "shapegroup" | "instance" => importer.error(
+                    &inner.span,
+                    format!("a shapegroup cannot contain `{}`", inner.kind),
+                    "move the shapes into the group or out of it: groups cannot be nested",
+                ),
+                _ if inner.tag != "shape" => importer.error(
+                    child.span(),
+                    format!("a {} in a shapegroup has no effect", inner.tag),
+                    "move it into a shape of the group, or remove it",
+                ),
+                _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
+            });
             match objects {
                 Ok((inner, new)) => {
                     let at = |o| Located::at(inner.span.clone(), o);
@@ -62,13 +57,10 @@ impl<'a> Groups<'a> {
         if node.children().is_empty() {
             let message = "the shapegroup is empty";
             let fix = "add shapes, or remove the shapegroup and its instances";
-            importer
-                .source
-                .report(importer.source.error(&node.span, message, fix));
+            importer.source.report(importer.source.error(&node.span, message, fix));
         }
         node.finish(importer.source, &[]);
-        self.groups
-            .insert(name.clone(), Located::at(node.span.clone(), group));
+        self.groups.insert(name.clone(), Located::at(node.span.clone(), group));
         name
     }
 

@@ -39,9 +39,7 @@ pub(super) fn plastic<'a>(
         InterreflectionFile::Linear
     };
     let (alpha, distribution) = if node.kind == "plastic" {
-        importer.note(format!(
-            "the smooth coat of plastic has a roughness of {SMOOTH} in Sunstone"
-        ));
+        importer.note(format!("the smooth coat of plastic has a roughness of {SMOOTH} in Sunstone"));
         (at(node, SMOOTH.into()), Distribution::Beckmann)
     } else {
         let facets = facets(importer, node, uv)?;
@@ -54,11 +52,7 @@ pub(super) fn plastic<'a>(
         specular,
         single_scatter: None,
         interreflection,
-        passage: if node.kind == "plastic" {
-            PassageFile::Smooth
-        } else {
-            PassageFile::SingleFacet
-        },
+        passage: if node.kind == "plastic" { PassageFile::Smooth } else { PassageFile::SingleFacet },
         alpha,
         distribution,
         masking: Masking::Separable,
@@ -94,23 +88,13 @@ pub(super) fn principled<'a>(
         (Some(eta), None) => eta,
         (None, specular) => 2.0 / (1.0 - (0.08 * specular.unwrap_or(0.5)).sqrt()) - 1.0,
         (Some(_), Some(_)) => {
-            return importer.error(
-                &node.span,
-                "both eta and specular are given",
-                "keep one of the two",
-            );
+            return importer.error(&node.span, "both eta and specular are given", "keep one of the two");
         }
     };
     let mut lost = vec![];
-    for name in [
-        "anisotropic",
-        "spec_tint",
-        "sheen",
-        "sheen_tint",
-        "flatness",
-        "clearcoat",
-        "clearcoat_gloss",
-    ] {
+    for name in
+        ["anisotropic", "spec_tint", "sheen", "sheen_tint", "flatness", "clearcoat", "clearcoat_gloss"]
+    {
         if node.named(name).is_some() || node.float(source, name)?.is_some_and(|v| v != 0.0) {
             lost.push(name);
         }
@@ -164,10 +148,7 @@ pub(super) fn principled<'a>(
             weight: spec_trans,
         });
     }
-    node.finish(
-        source,
-        &["main_specular_sampling_rate", "diffuse_reflectance_sampling_rate"],
-    );
+    node.finish(source, &["main_specular_sampling_rate", "diffuse_reflectance_sampling_rate"]);
     Ok((body, opaque))
 }
 
@@ -190,20 +171,14 @@ fn body_of(
         }
         AlbedoFile::Spectrum(SpectrumFile::Table(table)) => {
             let values = table.values.iter().map(times).collect();
-            SpectrumFile::Table(SpectrumTable {
-                values,
-                ..table.clone()
-            })
-            .into()
+            SpectrumFile::Table(SpectrumTable { values, ..table.clone() }).into()
         }
-        AlbedoFile::Image(image) => AlbedoFile::Image(ImageAlbedo {
-            scale: image.scale * factor,
-            ..image.clone()
-        }),
-        AlbedoFile::Attribute(attribute) => AlbedoFile::Attribute(AttributeFile {
-            scale: attribute.scale * factor,
-            ..attribute.clone()
-        }),
+        AlbedoFile::Image(image) => {
+            AlbedoFile::Image(ImageAlbedo { scale: image.scale * factor, ..image.clone() })
+        }
+        AlbedoFile::Attribute(attribute) => {
+            AlbedoFile::Attribute(AttributeFile { scale: attribute.scale * factor, ..attribute.clone() })
+        }
         AlbedoFile::Checkerboard(board) => {
             importer.note(format!(
                 "principled: the checkerboard of the base colour deviates by up to {:.1} %",
@@ -250,11 +225,7 @@ fn metal(
         metal: indices.is_none().then(|| at(node, "mirror".to_owned())),
         n: indices.as_deref().map(|nk| at(node, column(nk, 0))),
         k: indices.as_deref().map(|nk| at(node, column(nk, 1))),
-        reflectance: if indices.is_some() {
-            at(node, 1.0.into())
-        } else {
-            base.clone()
-        },
+        reflectance: if indices.is_some() { at(node, 1.0.into()) } else { base.clone() },
         alpha: alpha.clone(),
         distribution: Distribution::Ggx,
         masking: Masking::Separable,

@@ -46,15 +46,8 @@ pub(super) const KNOWN: [&str; 19] = [
 ];
 
 /// BSDFs that are black from behind.
-const OPAQUE: [&str; 7] = [
-    "diffuse",
-    "conductor",
-    "roughconductor",
-    "plastic",
-    "roughplastic",
-    "pplastic",
-    "measured_polarized",
-];
+const OPAQUE: [&str; 7] =
+    ["diffuse", "conductor", "roughconductor", "plastic", "roughplastic", "pplastic", "measured_polarized"];
 
 /// Converts BSDFs, each of them once.
 #[derive(Default)]
@@ -102,10 +95,7 @@ impl MaterialReader {
 
     /// Returns a substitute for an invalid BSDF, so that the rest can be read.
     fn missing(&mut self) -> Made {
-        Made {
-            name: self.table.of_bare_shapes(),
-            images: false,
-        }
+        Made { name: self.table.of_bare_shapes(), images: false }
     }
 
     /// Returns the material of a BSDF. `both` is set inside of `twosided`, where opaque BSDFs are visible
@@ -128,10 +118,7 @@ impl MaterialReader {
         let start = node.span.start;
         let key = Key { start, both, turned };
         if let Some(name) = self.done.get(&key) {
-            let other = Key {
-                turned: !turned,
-                ..key
-            };
+            let other = Key { turned: !turned, ..key };
             let images = self.done.get(&other) != Some(name);
             let name = name.clone();
             return Ok(Made { name, images });
@@ -151,10 +138,7 @@ impl MaterialReader {
         self.open.pop();
         self.done.insert(key, made.name.clone());
         if !made.images {
-            let other = Key {
-                turned: !turned,
-                ..key
-            };
+            let other = Key { turned: !turned, ..key };
             self.done.insert(other, made.name.clone());
         }
         Ok(made)
@@ -170,10 +154,7 @@ impl MaterialReader {
     ) -> Result<Made, InputError> {
         let named = outer.filter(|o| o.id.is_some()).unwrap_or(node);
         let wanted = named.id.clone().unwrap_or_else(|| node.kind.clone());
-        let mut uv = Coordinates {
-            turned,
-            images: false,
-        };
+        let mut uv = Coordinates { turned, images: false };
         let (body, opaque) = self.body(importer, node, both, &wanted, &mut uv)?;
         let name = if opaque && !both {
             self.table.add_front(node, &wanted, body)
@@ -181,10 +162,7 @@ impl MaterialReader {
             self.table.add(node, &wanted, body)
         };
         let images = uv.images;
-        Ok(Made {
-            name: (*name).clone(),
-            images,
-        })
+        Ok(Made { name: (*name).clone(), images })
     }
 
     /// Converts a BSDF and returns whether it is black from behind.
@@ -198,30 +176,15 @@ impl MaterialReader {
     ) -> Result<(MaterialFile, bool), InputError> {
         let source = importer.source;
         let body = match node.kind.as_str() {
-            "diffuse" => MaterialFile::Diffuse(DiffuseFile {
-                albedo: albedo(importer, node, "reflectance", 0.5, uv)?,
-            }),
+            "diffuse" => {
+                MaterialFile::Diffuse(DiffuseFile { albedo: albedo(importer, node, "reflectance", 0.5, uv)? })
+            }
             "conductor" => {
-                let Metal {
-                    metal,
-                    n,
-                    k,
-                    reflectance,
-                } = metal(importer, node, uv)?;
-                MaterialFile::Conductor(ConductorFile {
-                    metal,
-                    n,
-                    k,
-                    reflectance,
-                })
+                let Metal { metal, n, k, reflectance } = metal(importer, node, uv)?;
+                MaterialFile::Conductor(ConductorFile { metal, n, k, reflectance })
             }
             "roughconductor" => {
-                let Metal {
-                    metal,
-                    n,
-                    k,
-                    reflectance,
-                } = metal(importer, node, uv)?;
+                let Metal { metal, n, k, reflectance } = metal(importer, node, uv)?;
                 let facets = facets(importer, node, uv)?;
                 MaterialFile::RoughConductor(RoughConductorFile {
                     metal,
@@ -303,10 +266,7 @@ impl MaterialReader {
             "twosided" => {
                 one_way(importer, node)?;
                 let [front, back] = self.nested(importer, node, true, uv)?;
-                MaterialFile::TwoSided(TwoSidedFile {
-                    front,
-                    back: Some(back),
-                })
+                MaterialFile::TwoSided(TwoSidedFile { front, back: Some(back) })
             }
             "blendbsdf" => {
                 let weight = scalar(importer, node, "weight", None, uv)?;
@@ -362,14 +322,8 @@ impl MaterialReader {
             "mask" => {
                 let opacity = scalar(importer, node, "opacity", Some(0.5), uv)?;
                 let [inner] = self.nested(importer, node, both, uv)?;
-                let hole = self
-                    .table
-                    .add(node, &format!("{wanted}_hole"), MaterialFile::Null(NullFile {}));
-                MaterialFile::Blend(BlendFile {
-                    a: hole,
-                    b: inner,
-                    weight: opacity,
-                })
+                let hole = self.table.add(node, &format!("{wanted}_hole"), MaterialFile::Null(NullFile {}));
+                MaterialFile::Blend(BlendFile { a: hole, b: inner, weight: opacity })
             }
             "plastic" | "roughplastic" => {
                 MaterialFile::Plastic(Box::new(import_layered::plastic(importer, node, uv)?))
@@ -399,10 +353,9 @@ impl MaterialReader {
         uv: &mut Coordinates,
     ) -> Result<Located<String>, InputError> {
         // Differences measured with Mitsuba's scene of a tiled ball, `test_bumpmap_path.xml`.
-        for (name, difference) in [
-            ("flip_invalid_normals", "1.3 % brighter"),
-            ("use_shadowing_function", "0.8 % darker"),
-        ] {
+        for (name, difference) in
+            [("flip_invalid_normals", "1.3 % brighter"), ("use_shadowing_function", "0.8 % darker")]
+        {
             if node.boolean(importer.source, name)?.unwrap_or(true) {
                 importer.note(format!(
                     "{name} of normal maps is not used; in Mitsuba it makes a test scene {difference}"
@@ -458,11 +411,7 @@ fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Nod
 /// Writes an image of one texel to a file next to the scene file.
 fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputError> {
     let Some(value) = node.vector(importer.source, "value")? else {
-        return importer.error(
-            &node.span,
-            "the rawconstant has no vector",
-            "add <vector name=\"value\">",
-        );
+        return importer.error(&node.span, "the rawconstant has no vector", "add <vector name=\"value\">");
     };
     node.finish(importer.source, &[]);
     let pixel = image::Rgb(value.as_vec3().to_array());
@@ -511,10 +460,7 @@ fn plastic<'a>(
     let albedo: Located<AlbedoFile> = albedo(importer, node, "diffuse_reflectance", 0.5, uv)?;
     let specular = importer.spectrum_or(node, "specular_reflectance", 1.0)?;
     let [ior, exterior_ior] = match importer.spectrum(node, "eta")? {
-        Some(eta) => [
-            Located::at(eta.span(), IndexFile::Values((*eta).clone())),
-            at(node, 1.0.into()),
-        ],
+        Some(eta) => [Located::at(eta.span(), IndexFile::Values((*eta).clone())), at(node, 1.0.into())],
         None => indices(importer, node, 1.49)?,
     };
     let facets = facets(importer, node, uv)?;
@@ -534,11 +480,7 @@ fn plastic<'a>(
 
 fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError> {
     let Some(name) = node.text(importer.source, "filename")? else {
-        return importer.error(
-            &node.span,
-            "the table has no filename",
-            "add <string name=\"filename\">",
-        );
+        return importer.error(&node.span, "the table has no filename", "add <string name=\"filename\">");
     };
     if let Some(nm) = node.float(importer.source, "wavelength")?
         && nm >= 0.0
@@ -550,8 +492,5 @@ fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError
             "remove `wavelength`, or set the scene's wavelength: -D wavelengths_nm=…",
         );
     }
-    Ok(MeasuredFile {
-        file: at(node, importer.file(name)),
-        even_axes: false,
-    })
+    Ok(MeasuredFile { file: at(node, importer.file(name)), even_axes: false })
 }

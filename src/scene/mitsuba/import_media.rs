@@ -40,8 +40,7 @@ impl MediumReader {
             name = format!("{base}_{n}");
             n += 1;
         }
-        self.media
-            .insert(name.clone(), Located::at(node.span.clone(), medium));
+        self.media.insert(name.clone(), Located::at(node.span.clone(), medium));
         self.done.insert(node.span.start, name.clone());
         Ok(at(&name))
     }
@@ -69,9 +68,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         },
     };
     let each = |f: &dyn Fn(f64, f64) -> f64| {
-        let values: Vec<f64> = (0..nm.len())
-            .map(|i| scale * f(at(&extinction, i), at(&albedo, i)))
-            .collect();
+        let values: Vec<f64> = (0..nm.len()).map(|i| scale * f(at(&extinction, i), at(&albedo, i))).collect();
         let spectrum = if values.iter().all(|v| *v == values[0]) {
             SpectrumFile::Scalar(values[0])
         } else {
@@ -168,20 +165,13 @@ fn coefficient(
             return Ok(Coefficient::Grid(Box::new(grid(importer, inner, place)?)));
         }
     }
-    Ok(Coefficient::Everywhere(
-        importer.spectrum_or(node, name, missing)?,
-        place,
-    ))
+    Ok(Coefficient::Everywhere(importer.spectrum_or(node, name, missing)?, place))
 }
 
 fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<GridFile>, InputError> {
     let source = importer.source;
     let Some(name) = node.text(source, "filename")? else {
-        return importer.error(
-            &node.span,
-            "the volume has no filename",
-            "add <string name=\"filename\">",
-        );
+        return importer.error(&node.span, "the volume has no filename", "add <string name=\"filename\">");
     };
     let filter = match node.text(source, "filter_type")?.unwrap_or("trilinear") {
         "trilinear" => GridFilter::Trilinear,
@@ -234,18 +224,13 @@ fn phase_function(importer: &mut Importer, node: &Node) -> Result<PhaseFile, Inp
     let phase = match node.kind.as_str() {
         "isotropic" => PhaseFile::Isotropic,
         "hg" => PhaseFile::HenyeyGreenstein(HenyeyGreensteinFile {
-            g: Located::at(
-                node.span.clone(),
-                node.float(importer.source, "g")?.unwrap_or(0.8).into(),
-            ),
+            g: Located::at(node.span.clone(), node.float(importer.source, "g")?.unwrap_or(0.8).into()),
             linear: at(0.0),
             circular: at(0.0),
         }),
         "rayleigh" => {
             importer.note("rayleigh scattering is polarized in Sunstone");
-            PhaseFile::Rayleigh(RayleighFile {
-                depolarization: at(0.0),
-            })
+            PhaseFile::Rayleigh(RayleighFile { depolarization: at(0.0) })
         }
         other => {
             return importer.error(

@@ -59,11 +59,7 @@ fn objects<'a>(
     let mesh_file = || -> Result<Located<String>, InputError> {
         match node.text(source, "filename")? {
             Some(name) => Ok(Located::at(node.span.clone(), importer.file(name))),
-            None => importer.error(
-                &node.span,
-                "the mesh has no filename",
-                "add <string name=\"filename\">",
-            ),
+            None => importer.error(&node.span, "the mesh has no filename", "add <string name=\"filename\">"),
         }
     };
     let generated = import_generated::KINDS.contains(&node.kind.as_str());
@@ -83,10 +79,7 @@ fn objects<'a>(
                 place = round(&place, center);
             }
             (inward, swapped) = (flip != mirrors, flip != mirrors);
-            ShapeFile::Sphere(SphereFile {
-                center: center.to_array(),
-                radius: radius.unwrap_or(1.0),
-            })
+            ShapeFile::Sphere(SphereFile { center: center.to_array(), radius: radius.unwrap_or(1.0) })
         }
         "cylinder" => ShapeFile::Cylinder(CylinderFile {
             p0: point("p0", DVec3::ZERO)?.to_array(),
@@ -107,13 +100,7 @@ fn objects<'a>(
             // Without file normals, Mitsuba computes them from the faces, which a reflection reverses.
             let given = !flat && mirrors && has_normals(importer, node)?;
             (inward, swapped) = (flip != mirrors, if given { flip } else { flip != mirrors });
-            let mesh = MeshFile {
-                file,
-                index,
-                flat,
-                smooth: !flat,
-                materials: false,
-            };
+            let mesh = MeshFile { file, index, flat, smooth: !flat, materials: false };
             match kind {
                 "obj" => ShapeFile::Obj(mesh),
                 "ply" => ShapeFile::Ply(mesh),
@@ -167,11 +154,7 @@ fn objects<'a>(
         }
     }
     node.finish(source, &["silhouette_sampling_weight"]);
-    if let Some(Err(ImportError {
-        problem: ImportProblem::NoArea { .. },
-        ..
-    })) = model(importer, node)?
-    {
+    if let Some(Err(ImportError { problem: ImportProblem::NoArea { .. }, .. })) = model(importer, node)? {
         let name = node.text(source, "filename")?.unwrap_or_default();
         importer.note(format!("{name} has no area and is skipped"));
         return Ok(vec![]);
@@ -199,9 +182,7 @@ fn objects<'a>(
         None if light.is_some() => reader.materials.table.of_bare_lights(),
         None => reader.materials.table.of_bare_shapes(),
     };
-    let emission = light
-        .map(|l| import_emitters::area(importer, l, turned))
-        .transpose()?;
+    let emission = light.map(|l| import_emitters::area(importer, l, turned)).transpose()?;
     images |= emission.as_ref().is_some_and(|(_, images)| *images);
     let at = || node.span.clone();
     let mut object = ObjectFile::new(Located::at(at(), shape));

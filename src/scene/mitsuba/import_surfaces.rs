@@ -62,16 +62,9 @@ pub(super) fn metal<'a>(
 ) -> Result<Metal, InputError> {
     let reflectance = albedo(importer, node, "specular_reflectance", 1.0, uv)?;
     let (n, k) = (importer.spectrum(node, "eta")?, importer.spectrum(node, "k")?);
-    let name = node
-        .text(importer.source, "material")?
-        .filter(|name| *name != "none");
+    let name = node.text(importer.source, "material")?.filter(|name| *name != "none");
     let bare = |v: f64| Some(Located::at(node.span.clone(), v.into()));
-    let metal = |metal, n, k| Metal {
-        metal,
-        n,
-        k,
-        reflectance,
-    };
+    let metal = |metal, n, k| Metal { metal, n, k, reflectance };
     match (name, n, k) {
         (None, n, k) => {
             let [none, one] = import::metal::PERFECT;
@@ -79,10 +72,7 @@ pub(super) fn metal<'a>(
         }
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
-                importer.note(format!(
-                    "`{name}` uses Sunstone's optical constants ({})",
-                    found.source
-                ));
+                importer.note(format!("`{name}` uses Sunstone's optical constants ({})", found.source));
                 let name = Located::at(node.span.clone(), found.name.clone());
                 Ok(metal(Some(name), None, None))
             }
@@ -135,11 +125,7 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
                 Ok,
             )
         }
-        _ => importer.error(
-            &p.span,
-            format!("`{name}` is not a refractive index"),
-            "give a number",
-        ),
+        _ => importer.error(&p.span, format!("`{name}` is not a refractive index"), "give a number"),
     }
 }
 
@@ -150,10 +136,7 @@ pub(super) fn indices(
     inside: f64,
 ) -> Result<[Located<IndexFile>; 2], InputError> {
     let at = |v: f64| Located::at(node.span.clone(), v.into());
-    Ok([
-        at(index(importer, node, "int_ior", inside)?),
-        at(index(importer, node, "ext_ior", 1.000_277)?),
-    ])
+    Ok([at(index(importer, node, "int_ior", inside)?), at(index(importer, node, "ext_ior", 1.000_277)?)])
 }
 
 /// Returns the angle of a sheet in degrees, in Mitsuba's sense of rotation.
@@ -181,10 +164,7 @@ pub(super) fn facets<'a>(
     uv: &mut Coordinates,
 ) -> Result<Facets, InputError> {
     let source = importer.source;
-    let kind = node
-        .text(source, "distribution")?
-        .unwrap_or("beckmann")
-        .to_lowercase();
+    let kind = node.text(source, "distribution")?.unwrap_or("beckmann").to_lowercase();
     let distribution = match kind.as_str() {
         "beckmann" => Distribution::Beckmann,
         "ggx" => Distribution::Ggx,
@@ -220,11 +200,7 @@ pub(super) fn facets<'a>(
         numbers(&mut alpha).into_iter().for_each(|v| *v = v.max(SMOOTH));
     }
     let alpha = Located::at(node.span.clone(), alpha);
-    Ok(Facets {
-        alpha,
-        distribution,
-        masking: Masking::Separable,
-    })
+    Ok(Facets { alpha, distribution, masking: Masking::Separable })
 }
 
 /// Returns the numbers of a value that is not an image.
@@ -327,11 +303,7 @@ fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRow
     let map = node.transform(importer.source, "to_uv")?.unwrap_or_default();
     let (m, t) = (map.matrix3, map.translation);
     let rows = [[m.x_axis.x, m.y_axis.x, t.x], [m.x_axis.y, m.y_axis.y, t.y]];
-    Ok(if uv.turned {
-        rows.map(|[a, b, c]| [a, -b, b + c])
-    } else {
-        rows
-    })
+    Ok(if uv.turned { rows.map(|[a, b, c]| [a, -b, b + c]) } else { rows })
 }
 
 /// Simplifies a texture coordinate map; a repeating texture allows integer offsets to be dropped.
@@ -348,10 +320,7 @@ fn attribute(importer: &Importer, node: &Node) -> Result<AttributeFile, InputErr
     let name = node.text(importer.source, "name")?.unwrap_or_default();
     let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
     node.finish(importer.source, &[]);
-    Ok(AttributeFile {
-        attribute: Located::at(node.span.clone(), name.to_owned()),
-        scale,
-    })
+    Ok(AttributeFile { attribute: Located::at(node.span.clone(), name.to_owned()), scale })
 }
 
 fn checkerboard<'a>(
@@ -363,10 +332,7 @@ fn checkerboard<'a>(
     let square = |name, missing| Ok::<_, InputError>((*importer.spectrum_or(node, name, missing)?).clone());
     let checkerboard = [square("color0", 0.4)?, square("color1", 0.2)?];
     node.finish(importer.source, &[]);
-    Ok(CheckerboardFile {
-        checkerboard,
-        uv: shortest(rows, true),
-    })
+    Ok(CheckerboardFile { checkerboard, uv: shortest(rows, true) })
 }
 
 pub(super) fn scalar<'a>(
@@ -435,11 +401,7 @@ pub(super) fn bitmap(
         );
     }
     let Some(name) = node.text(source, "filename")? else {
-        return importer.error(
-            &node.span,
-            "the bitmap has no filename",
-            "add <string name=\"filename\">",
-        );
+        return importer.error(&node.span, "the bitmap has no filename", "add <string name=\"filename\">");
     };
     let raw = node.boolean(source, "raw")?.unwrap_or(false);
     let chosen = |key: &str| Ok::<_, InputError>(node.text(source, key)?.unwrap_or_default().to_owned());

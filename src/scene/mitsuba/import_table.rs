@@ -38,8 +38,7 @@ impl Table {
         let name = self.free(wanted);
         let front = self.add(node, &format!("{name}_front"), material);
         let two_sided = MaterialFile::TwoSided(TwoSidedFile { front, back: None });
-        self.materials
-            .insert(name.clone(), Located::at(node.span.clone(), two_sided));
+        self.materials.insert(name.clone(), Located::at(node.span.clone(), two_sided));
         Located::at(node.span.clone(), name)
     }
 
@@ -47,8 +46,7 @@ impl Table {
     pub fn unseen(&mut self) -> String {
         let name = "mitsuba_unseen".to_owned();
         if self.taken.insert(name.clone()) {
-            self.materials
-                .insert(name.clone(), MaterialFile::Null(NullFile {}).into());
+            self.materials.insert(name.clone(), MaterialFile::Null(NullFile {}).into());
         }
         name
     }
@@ -57,8 +55,7 @@ impl Table {
     pub fn of_bare_lights(&mut self) -> String {
         let name = "mitsuba_light".to_owned();
         if self.taken.insert(name.clone()) {
-            self.materials
-                .insert(name.clone(), MaterialFile::diffuse(0.0).into());
+            self.materials.insert(name.clone(), MaterialFile::diffuse(0.0).into());
         }
         name
     }

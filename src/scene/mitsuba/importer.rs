@@ -112,22 +112,15 @@ impl<'a> Importer<'a> {
 
     /// Returns the name of that file relative to the scene file.
     pub fn file(&self, name: &str) -> String {
-        relative(&self.to, &self.path(name))
-            .to_string_lossy()
-            .into_owned()
+        relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
     }
 
     pub fn read(&self, node: &Node, name: &str) -> Result<Vec<u8>, InputError> {
         let from_disk = || base::input::read(&self.path(name));
-        let bytes = self
-            .files
-            .get(&self.file(name))
-            .cloned()
-            .map_or_else(from_disk, Ok);
+        let bytes = self.files.get(&self.file(name)).cloned().map_or_else(from_disk, Ok);
         bytes.map_err(|e| {
             let message = format!("cannot read {name}: {e}");
-            self.source
-                .error(&node.span, message, "check that the file exists and is readable")
+            self.source.error(&node.span, message, "check that the file exists and is readable")
         })
     }
 
@@ -148,11 +141,7 @@ impl<'a> Importer<'a> {
     pub fn whole(&self, span: &Range<usize>, value: i64, what: &str) -> Result<Located<u32>, InputError> {
         match u32::try_from(value) {
             Ok(value) => Ok(Located::at(span.clone(), value)),
-            Err(_) => self.error(
-                span,
-                format!("{what} is {value}"),
-                "give an integer from 0 to 4294967295",
-            ),
+            Err(_) => self.error(span, format!("{what} is {value}"), "give an integer from 0 to 4294967295"),
         }
     }
 
@@ -210,17 +199,9 @@ impl<'a> Importer<'a> {
         match self.resolve(child)? {
             inner if is_spectrum(inner) => match self.spectrum_plugin(inner)? {
                 SpectrumFile::Scalar(v) => Ok(Some(v)),
-                _ => self.error(
-                    &inner.span,
-                    format!("`{name}` must be a single number"),
-                    "give a <float>",
-                ),
+                _ => self.error(&inner.span, format!("`{name}` must be a single number"), "give a <float>"),
             },
-            inner => self.error(
-                &inner.span,
-                format!("`{name}` must be a single number"),
-                "give a <float>",
-            ),
+            inner => self.error(&inner.span, format!("`{name}` must be a single number"), "give a <float>"),
         }
     }
 
@@ -248,11 +229,7 @@ impl<'a> Importer<'a> {
     /// Returns the values only, if the pairs are at the scene's wavelengths and constant beyond them.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
-        let inner: Vec<[f64; 2]> = pairs
-            .iter()
-            .copied()
-            .filter(|p| (first..=last).contains(&p[0]))
-            .collect();
+        let inner: Vec<[f64; 2]> = pairs.iter().copied().filter(|p| (first..=last).contains(&p[0])).collect();
         let level = pairs.iter().all(|p| {
             let end = if p[0] < first { inner.first() } else { inner.last() };
             (first..=last).contains(&p[0]) || end.is_some_and(|e| e[1] == p[1])
@@ -353,12 +330,8 @@ impl<'a> Importer<'a> {
 
     /// Refuses a spectrum that is zero in Mitsuba at one of the wavelengths.
     fn in_range(&self, node: &Node) -> Result<(), InputError> {
-        let first = node
-            .float(self.source, "wavelength_min")?
-            .unwrap_or(f64::NEG_INFINITY);
-        let last = node
-            .float(self.source, "wavelength_max")?
-            .unwrap_or(f64::INFINITY);
+        let first = node.float(self.source, "wavelength_min")?.unwrap_or(f64::NEG_INFINITY);
+        let last = node.float(self.source, "wavelength_max")?.unwrap_or(f64::INFINITY);
         match self.wavelengths.iter().find(|nm| !(first..=last).contains(*nm)) {
             None => Ok(()),
             Some(nm) => self.error(

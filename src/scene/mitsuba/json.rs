@@ -79,11 +79,7 @@ fn plugin(
     };
     let kind_at = object.get("type").map_or(whole, |p| place(&p.value));
     let Some(tag) = plugins::tag(kind) else {
-        return Err(source.error(
-            &kind_at,
-            format!("unknown plugin `{kind}`"),
-            "use a Mitsuba 3 plugin",
-        ));
+        return Err(source.error(&kind_at, format!("unknown plugin `{kind}`"), "use a Mitsuba 3 plugin"));
     };
     if depth > DEEPEST {
         return Err(source.error(
@@ -95,9 +91,7 @@ fn plugin(
     let mut node = Node {
         tag: tag.to_owned(),
         kind: kind.to_owned(),
-        id: text_of(object, "id")
-            .or(name.filter(|_| depth == 1))
-            .map(str::to_owned),
+        id: text_of(object, "id").or(name.filter(|_| depth == 1)).map(str::to_owned),
         name: name.map(str::to_owned),
         span: kind_at,
         properties: vec![],
@@ -126,11 +120,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
                 let Some(id) = text_of(object, "id") else {
                     return Err(source.error(&span, "the reference has no id", "add the id"));
                 };
-                let reference = Inside::Reference {
-                    id: id.to_owned(),
-                    name: Some(name.to_owned()),
-                    span,
-                };
+                let reference = Inside::Reference { id: id.to_owned(), name: Some(name.to_owned()), span };
                 node.children.push(Child::new(reference));
                 return Ok(());
             }
@@ -165,11 +155,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             value
         }
         Json::NullKeyword(_) => {
-            return Err(source.error(
-                &span,
-                format!("`{name}` is null"),
-                "give a value, or remove the key",
-            ));
+            return Err(source.error(&span, format!("`{name}` is null"), "give a value, or remove the key"));
         }
     };
     node.properties.push(Property::new(name.to_owned(), value, span));
@@ -225,11 +211,7 @@ fn rgb(source: &Source, object: &ast::Object) -> Result<Value, InputError> {
         None => None,
     };
     rgb.map(Value::Rgb).ok_or_else(|| {
-        source.error(
-            &place(object),
-            "the colour has no value",
-            "add \"value\": [red, green, blue]",
-        )
+        source.error(&place(object), "the colour has no value", "add \"value\": [red, green, blue]")
     })
 }
 
@@ -241,9 +223,7 @@ fn spectrum(source: &Source, object: &ast::Object) -> Result<Value, InputError> 
                 _ => None,
             };
             let pairs: Option<Vec<[f64; 2]>> = list.elements.iter().map(pair).collect();
-            pairs
-                .filter(|p| !p.is_empty() && p.is_sorted_by(|a, b| a[0] < b[0]))
-                .map(Value::Pairs)
+            pairs.filter(|p| !p.is_empty() && p.is_sorted_by(|a, b| a[0] < b[0])).map(Value::Pairs)
         }
         Some(value) => number(value).map(Value::Float),
         None => None,

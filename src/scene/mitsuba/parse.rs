@@ -11,10 +11,7 @@ pub(super) fn parse<'t>(
     start: usize,
     text: &'t str,
 ) -> Result<roxmltree::Document<'t>, InputError> {
-    let options = roxmltree::ParsingOptions {
-        nodes_limit: MOST_NODES,
-        ..Default::default()
-    };
+    let options = roxmltree::ParsingOptions { nodes_limit: MOST_NODES, ..Default::default() };
     roxmltree::Document::parse_with_options(text, options).map_err(|e| {
         let at = start + offset(text, e.pos());
         let message = e.to_string();
@@ -37,8 +34,5 @@ fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
         }
     }
     let column = pos.col.saturating_sub(1) as usize;
-    text[line_start..]
-        .char_indices()
-        .nth(column)
-        .map_or(text.len(), |(i, _)| line_start + i)
+    text[line_start..].char_indices().nth(column).map_or(text.len(), |(i, _)| line_start + i)
 }

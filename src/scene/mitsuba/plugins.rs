@@ -74,31 +74,11 @@ const PLUGINS: [(&str, &[&str]); 14] = [
     ),
     (
         "sensor",
-        &[
-            "perspective",
-            "thinlens",
-            "orthographic",
-            "radiancemeter",
-            "irradiancemeter",
-            "distant",
-            "batch",
-        ],
+        &["perspective", "thinlens", "orthographic", "radiancemeter", "irradiancemeter", "distant", "batch"],
     ),
     ("film", &["hdrfilm", "specfilm"]),
-    (
-        "rfilter",
-        &["box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"],
-    ),
-    (
-        "sampler",
-        &[
-            "independent",
-            "stratified",
-            "multijitter",
-            "orthogonal",
-            "ldsampler",
-        ],
-    ),
+    ("rfilter", &["box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"]),
+    ("sampler", &["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]),
     (
         "integrator",
         &[
@@ -118,33 +98,10 @@ const PLUGINS: [(&str, &[&str]); 14] = [
             "prb_basic",
         ],
     ),
-    (
-        "texture",
-        &[
-            "bitmap",
-            "checkerboard",
-            "mesh_attribute",
-            "volume",
-            "uniform_texture",
-        ],
-    ),
-    (
-        "spectrum",
-        &[
-            "uniform",
-            "regular",
-            "irregular",
-            "srgb",
-            "d65",
-            "blackbody",
-            "rawconstant",
-        ],
-    ),
+    ("texture", &["bitmap", "checkerboard", "mesh_attribute", "volume", "uniform_texture"]),
+    ("spectrum", &["uniform", "regular", "irregular", "srgb", "d65", "blackbody", "rawconstant"]),
     ("medium", &["homogeneous", "heterogeneous"]),
-    (
-        "phase",
-        &["isotropic", "hg", "rayleigh", "sggx", "blendphase", "tabphase"],
-    ),
+    ("phase", &["isotropic", "hg", "rayleigh", "sggx", "blendphase", "tabphase"]),
     ("volume", &["constvolume", "gridvolume"]),
     ("scene", &["scene"]),
 ];

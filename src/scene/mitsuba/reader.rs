@@ -20,10 +20,7 @@ const MOST_INCLUDES: usize = 15;
 
 /// Parses `#rrggbb` as older versions of Mitsuba do: bytes divided by 255, linear.
 fn hexadecimal(text: &str) -> Option<[f64; 3]> {
-    let digits = text
-        .trim()
-        .strip_prefix('#')
-        .filter(|d| d.len() == 6 && d.is_ascii())?;
+    let digits = text.trim().strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
     let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok();
     Some([byte(0)?, byte(2)?, byte(4)?].map(|b| f64::from(b) / 255.0))
 }
@@ -82,11 +79,7 @@ fn upgrade(node: &mut Node) {
     let map =
         DAffine3::from_scale(DVec3::new(us, vs, 1.0)) * DAffine3::from_translation(DVec3::new(uo, vo, 0.0));
     node.properties.retain(|p| !names.contains(&p.name.as_str()));
-    node.properties.push(Property::new(
-        "to_uv".into(),
-        Value::Transform(map),
-        node.span.clone(),
-    ));
+    node.properties.push(Property::new("to_uv".into(), Value::Transform(map), node.span.clone()));
 }
 
 /// Returns Mitsuba's rotation matrix. The axis is not normalized, so it is a rotation only if its length is
@@ -155,10 +148,7 @@ impl<'s> Reader<'s> {
     /// Reads the version of a file's root element.
     pub fn version(&mut self, root: &roxmltree::Node) -> Result<(), InputError> {
         let version = root.attribute("version").unwrap_or_default();
-        let major = version
-            .split('.')
-            .next()
-            .and_then(|v| v.trim().parse::<u32>().ok());
+        let major = version.split('.').next().and_then(|v| v.trim().parse::<u32>().ok());
         self.old = match major {
             Some(0 | 1) => true,
             Some(2 | 3) => false,
@@ -184,9 +174,7 @@ impl<'s> Reader<'s> {
     pub fn start_tag(&self, node: &roxmltree::Node) -> Range<usize> {
         let range = node.range();
         let text = node.document().input_text();
-        let end = text[range.clone()]
-            .find('>')
-            .map_or(range.end, |i| range.start + i + 1);
+        let end = text[range.clone()].find('>').map_or(range.end, |i| range.start + i + 1);
         self.moved(range.start..end)
     }
 
@@ -202,21 +190,10 @@ impl<'s> Reader<'s> {
         let root = depth == 0;
         // An included file has its own root.
         let of_file = xml.parent().is_none_or(|parent| parent.is_root());
-        self.only(
-            xml,
-            if of_file {
-                &["version", "type", "id", "name"]
-            } else {
-                &["type", "id", "name"]
-            },
-        )?;
+        self.only(xml, if of_file { &["version", "type", "id", "name"] } else { &["type", "id", "name"] })?;
         let mut node = Node {
             tag: xml.tag_name().name().to_owned(),
-            kind: if root {
-                "scene".to_owned()
-            } else {
-                self.needed(xml, "type")?
-            },
+            kind: if root { "scene".to_owned() } else { self.needed(xml, "type")? },
             id: self.attribute(xml, "id")?,
             name: self.attribute(xml, "name")?,
             span,
@@ -288,13 +265,8 @@ impl<'s> Reader<'s> {
         self.depth -= 1;
         (self.folders, self.folder, self.start, self.old) = outer;
         done?;
-        if let (
-            Some(name),
-            Some(Child {
-                what: Inside::Node(child),
-                ..
-            }),
-        ) = (self.attribute(xml, "name")?, node.children.last_mut())
+        if let (Some(name), Some(Child { what: Inside::Node(child), .. })) =
+            (self.attribute(xml, "name")?, node.children.last_mut())
         {
             child.name = Some(name);
         }
@@ -335,11 +307,7 @@ impl<'s> Reader<'s> {
                 self.only(xml, &["value"])?;
                 let name = self.needed(xml, "value")?;
                 let own = self.folder.join(&name);
-                let folder = if own.exists() {
-                    own
-                } else {
-                    self.folders.find(&name)
-                };
+                let folder = if own.exists() { own } else { self.folders.find(&name) };
                 if !folder.exists() {
                     return Err(self.source.error(
                         &span,
@@ -352,8 +320,7 @@ impl<'s> Reader<'s> {
             "ref" => {
                 self.only(xml, &["id", "name"])?;
                 let (id, name) = (self.needed(xml, "id")?, self.attribute(xml, "name")?);
-                node.children
-                    .push(Child::new(Inside::Reference { id, name, span }));
+                node.children.push(Child::new(Inside::Reference { id, name, span }));
             }
             "spectrum" if xml.attribute("type").is_none() => self.property(xml, node)?,
             "spectrum" | "texture" | "bsdf" | "shape" | "emitter" | "sensor" | "film" | "sampler"
@@ -380,9 +347,7 @@ impl<'s> Reader<'s> {
         let name = self.needed(xml, "name")?;
         let span = self.start_tag(xml);
         if node.properties.iter().any(|p| p.name == name) {
-            return Err(self
-                .source
-                .error(&span, format!("duplicate `{name}`"), "keep one of the two"));
+            return Err(self.source.error(&span, format!("duplicate `{name}`"), "keep one of the two"));
         }
         let value = self.value(xml)?;
         node.properties.push(Property::new(name, value, span));
@@ -410,11 +375,7 @@ impl<'s> Reader<'s> {
         self.only(xml, &["name", "value"])?;
         let text = self.needed(xml, "value")?;
         let wrong = |what: &str| {
-            Err(self.source.error(
-                &self.start_tag(xml),
-                format!("`{text}` is {what}"),
-                "correct the value",
-            ))
+            Err(self.source.error(&self.start_tag(xml), format!("`{text}` is {what}"), "correct the value"))
         };
         Ok(match tag {
             "integer" => match text.trim().parse() {
@@ -455,9 +416,7 @@ impl<'s> Reader<'s> {
             self.source.error(&self.start_tag(xml), what, fix)
         };
         let text = read_text(&path).map_err(|e| wrong(format!("cannot read {}: {e}", path.display())))?;
-        let lines = text
-            .lines()
-            .map(|l| l.split('#').next().unwrap_or_default().trim());
+        let lines = text.lines().map(|l| l.split('#').next().unwrap_or_default().trim());
         let pair = |line: &str| match numbers(line).as_deref() {
             Some(&[nm, value]) => Some([nm, value]),
             _ => None,
@@ -503,11 +462,7 @@ impl<'s> Reader<'s> {
                 let angle = self.needed(op, "angle")?;
                 let axis = self.xyz(op, Some(0.0))?;
                 let Some(angle) = number(&angle).filter(|_| axis != DVec3::ZERO) else {
-                    return wrong(
-                        self,
-                        "the rotation has no axis or no angle",
-                        "give x, y, z and angle",
-                    );
+                    return wrong(self, "the rotation has no axis or no angle", "give x, y, z and angle");
                 };
                 if (axis.length() - 1.0).abs() > 1e-4 {
                     self.note(
@@ -627,10 +582,7 @@ impl<'s> Reader<'s> {
                 continue;
             }
             out.push_str(before);
-            let known = self
-                .parameters
-                .iter()
-                .filter(|(name, _)| rest.starts_with(name.as_str()));
+            let known = self.parameters.iter().filter(|(name, _)| rest.starts_with(name.as_str()));
             let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
                 return Err(self.source.error(
                     &self.start_tag(xml),
@@ -663,11 +615,7 @@ impl<'s> Reader<'s> {
             None => Ok(()),
             Some(other) => Err(self.source.error(
                 &self.moved(other.range()),
-                format!(
-                    "unknown attribute `{1}` of <{0}>",
-                    xml.tag_name().name(),
-                    other.name()
-                ),
+                format!("unknown attribute `{1}` of <{0}>", xml.tag_name().name(), other.name()),
                 &format!("use one of: {}", known.join(", ")),
             )),
         }

@@ -36,20 +36,16 @@ impl Source {
     pub fn add(&self, file: &Path, text: &str) -> usize {
         let mut texts = self.texts.borrow_mut();
         let start = texts.last().map_or(0, |t| t.start + t.text.len() + 1);
-        texts.push(Text {
-            start,
-            file: file.to_owned(),
-            text: text.into(),
-        });
+        texts.push(Text { start, file: file.to_owned(), text: text.into() });
         start
     }
 
     /// Returns the main file and its text.
     pub fn main(&self) -> (PathBuf, Arc<str>) {
-        self.texts.borrow().first().map_or_else(
-            || (PathBuf::new(), "".into()),
-            |t| (t.file.clone(), t.text.clone()),
-        )
+        self.texts
+            .borrow()
+            .first()
+            .map_or_else(|| (PathBuf::new(), "".into()), |t| (t.file.clone(), t.text.clone()))
     }
 
     pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {

@@ -55,11 +55,7 @@ pub(super) struct Child {
 #[derive(Debug)]
 pub(super) enum Inside {
     Node(Node),
-    Reference {
-        id: String,
-        name: Option<String>,
-        span: Range<usize>,
-    },
+    Reference { id: String, name: Option<String>, span: Range<usize> },
 }
 
 pub(super) fn number(text: &str) -> Option<f64> {
@@ -84,12 +80,7 @@ pub(super) fn pairs(text: &str) -> Option<Vec<[f64; 2]>> {
 
 impl Property {
     pub fn new(name: String, value: Value, span: Range<usize>) -> Self {
-        Self {
-            name,
-            value,
-            span,
-            used: Cell::new(false),
-        }
+        Self { name, value, span, used: Cell::new(false) }
     }
 }
 
@@ -102,10 +93,7 @@ impl Node {
     }
 
     fn mistyped<T>(&self, source: &Source, p: &Property, wanted: &str) -> Result<T, InputError> {
-        let message = format!(
-            "expected {wanted} for `{}` of {} `{}`",
-            p.name, self.tag, self.kind
-        );
+        let message = format!("expected {wanted} for `{}` of {} `{}`", p.name, self.tag, self.kind);
         Err(source.error(&p.span, message, "correct the name or the value of the element"))
     }
 
@@ -216,10 +204,7 @@ impl Node {
 
 impl Child {
     pub fn new(what: Inside) -> Self {
-        Self {
-            what,
-            used: Cell::new(false),
-        }
+        Self { what, used: Cell::new(false) }
     }
 
     pub fn take(&self) -> &Inside {

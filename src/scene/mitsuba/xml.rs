@@ -19,11 +19,7 @@ enum Node {
 
 impl Element {
     pub fn new(tag: &'static str) -> Self {
-        Self {
-            tag,
-            attributes: vec![],
-            inside: vec![],
-        }
+        Self { tag, attributes: vec![], inside: vec![] }
     }
 
     /// Creates an element with a plugin type.

@@ -26,11 +26,7 @@ pub enum MergeError {
         "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of whole pixels, so its sample count is unknown: render it \
          again, or restore it from a backup"
     )]
-    Pixels {
-        path: PathBuf,
-        axis: &'static str,
-        coordinate: f64,
-    },
+    Pixels { path: PathBuf, axis: &'static str, coordinate: f64 },
     #[error(
         "seed {seed} of {path} occurs twice, so its samples would be counted twice: render with another `--seed`"
     )]
@@ -40,11 +36,7 @@ pub enum MergeError {
     Itself { path: PathBuf },
     /// The stores have different slices.
     #[error("{first} and {second} differ in slice `{slice}`: merge renders with the same slices")]
-    Layout {
-        first: PathBuf,
-        second: PathBuf,
-        slice: String,
-    },
+    Layout { first: PathBuf, second: PathBuf, slice: String },
     /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),

@@ -33,10 +33,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         .iter()
         .map(|name| parts.iter().map(|store| store.slice(name)).collect())
         .collect::<Result<Vec<Vec<StoredSlice>>, _>>()?;
-    let layouts: Vec<_> = slices
-        .iter()
-        .map(|of| (of[0].layout().clone(), written_attributes(&of[0])))
-        .collect();
+    let layouts: Vec<_> =
+        slices.iter().map(|of| (of[0].layout().clone(), written_attributes(&of[0]))).collect();
     let grid = first.samples_shape().map(|(shape, chunk)| SampleGrid {
         camera: [shape[1] as u32, shape[0] as u32],
         tile: chunk[0].max(chunk[1]) as u32,
@@ -49,16 +47,7 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         Ok(whole.finish()?)
     };
     let origin = origin(&parts);
-    TensorStore::create_from(
-        out,
-        &layouts,
-        &attributes(&parts),
-        grid,
-        replace,
-        Some(&origin),
-        fill,
-    )
-    .map(drop)
+    TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
 /// Returns the attributes of a slice without those that its layout generates.
@@ -87,10 +76,7 @@ fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let mut whole = without(&all[0], &[part::ATTRIBUTE]);
     whole.insert("status".into(), json!("complete"));
     for key in ["discarded_samples", "rays"] {
-        let sum = all
-            .iter()
-            .filter_map(|a| a.get(key)?.as_u64())
-            .fold(0, u64::saturating_add);
+        let sum = all.iter().filter_map(|a| a.get(key)?.as_u64()).fold(0, u64::saturating_add);
         whole.insert(key.into(), json!(sum));
     }
     let seconds = all.iter().filter_map(|a| a.get("wall_time_s")?.as_f64());
@@ -101,25 +87,23 @@ fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
 fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinError> {
     for field in Field::ALL.into_iter().filter(|field| whole.has(*field)) {
         let chunks: Vec<_> = whole.chunks(field)?.collect();
-        chunks
-            .par_iter()
-            .try_for_each(|(start, shape)| -> Result<(), JoinError> {
-                // A chunk with a file is complete: an interrupted merge resumes here.
-                if whole.is_stored(field, start)? {
-                    return Ok(());
+        chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), JoinError> {
+            // A chunk with a file is complete: an interrupted merge resumes here.
+            if whole.is_stored(field, start)? {
+                return Ok(());
+            }
+            let mut having = vec![];
+            for part in parts {
+                if part.is_listed(field, start)? {
+                    having.push(part);
                 }
-                let mut having = vec![];
-                for part in parts {
-                    if part.is_listed(field, start)? {
-                        having.push(part);
-                    }
-                }
-                match having[..] {
-                    [] => Ok(()),
-                    [one] => Ok(whole.copy_chunk(field, start, one)?),
-                    _ => put_together(&having, whole, field, start, shape),
-                }
-            })?;
+            }
+            match having[..] {
+                [] => Ok(()),
+                [one] => Ok(whole.copy_chunk(field, start, one)?),
+                _ => put_together(&having, whole, field, start, shape),
+            }
+        })?;
     }
     Ok(())
 }

@@ -24,30 +24,21 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
         let store = TensorStore::open(path)?;
         denoised::refuse(&store)?;
         // Weights are sample counts.
-        Ok(Input {
-            group: 1.0,
-            ..Input::of(store)
-        })
+        Ok(Input { group: 1.0, ..Input::of(store) })
     };
     rounds.iter().map(open).collect()
 }
 
 /// Opens a slice in all rounds; samples are identically distributed only within a round.
 fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
-    Ok(Parts {
-        equal: false,
-        ..parts(inputs, name)?
-    })
+    Ok(Parts { equal: false, ..parts(inputs, name)? })
 }
 
 /// Returns the samples of each tile's pixels, summed over rounds.
 fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     let mut all: Vec<u32> = vec![];
     for input in inputs {
-        let missing = || MergeError::Attribute {
-            path: input.store.path().to_owned(),
-            key: TILE_SAMPLES,
-        };
+        let missing = || MergeError::Attribute { path: input.store.path().to_owned(), key: TILE_SAMPLES };
         let counts = input.attributes.get(TILE_SAMPLES).and_then(Value::as_array);
         let counts = counts.ok_or_else(missing)?;
         if all.is_empty() {
@@ -76,10 +67,7 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     let Some(first) = inputs.first() else {
         return Ok(Survey::default());
     };
-    let missing = |key| MergeError::Attribute {
-        path: first.store.path().to_owned(),
-        key,
-    };
+    let missing = |key| MergeError::Attribute { path: first.store.path().to_owned(), key };
     let grid = common_grid(&inputs).ok_or_else(|| missing("samples_per_pixel"))?;
     let ([w, h], edge) = (grid.camera, grid.tile);
     let across = w.div_ceil(edge);
@@ -91,11 +79,8 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
         let length = |at: u32, of: u32| edge.min(of - at * edge);
         length(tile % across, w) * length(tile / across, h)
     };
-    let tiles = (0..).zip(&samples).map(|(n, samples)| Tile {
-        pixels: pixels(n),
-        samples: *samples,
-        kept: false,
-    });
+    let tiles =
+        (0..).zip(&samples).map(|(n, samples)| Tile { pixels: pixels(n), samples: *samples, kept: false });
     let mut tiles: Vec<Tile> = tiles.collect();
 
     let parts = slice_of(&inputs, slice)?.parts;
@@ -118,10 +103,7 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     }
     let mut bright: Vec<f64> = pools.iter().map(|p| p.mean).collect();
     bright.sort_unstable_by(f64::total_cmp);
-    let least = LIT
-        * bright
-            .get(bright.len().saturating_sub(1) * 99 / 100)
-            .unwrap_or(&0.0);
+    let least = LIT * bright.get(bright.len().saturating_sub(1) * 99 / 100).unwrap_or(&0.0);
     let mut lit = vec![];
     let places = rows.iter().flat_map(|r| columns.iter().map(move |c| (r, c)));
     for (pool, (row, column)) in pools.iter().zip(places) {
@@ -155,21 +137,12 @@ pub fn pool(
     let Some(first) = inputs.first() else {
         return Err(MergeError::TooFew);
     };
-    let slices = first
-        .store
-        .slice_names()
-        .iter()
-        .map(|name| slice_of(&inputs, name));
+    let slices = first.store.slice_names().iter().map(|name| slice_of(&inputs, name));
     let slices = slices.collect::<Result<Vec<_>, _>>()?;
     let own = [ROUND, TILE_SAMPLES, "merged_from"];
-    let mut attributes: Map<String, Value> = merged_attributes(&inputs)
-        .into_iter()
-        .filter(|(key, _)| !own.contains(&key.as_str()))
-        .collect();
-    attributes.insert(
-        "seeds".into(),
-        first.attributes.get("seeds").cloned().unwrap_or_default(),
-    );
+    let mut attributes: Map<String, Value> =
+        merged_attributes(&inputs).into_iter().filter(|(key, _)| !own.contains(&key.as_str())).collect();
+    attributes.insert("seeds".into(), first.attributes.get("seeds").cloned().unwrap_or_default());
     let most = tile_samples(&inputs)?.into_iter().max();
     attributes.insert("samples_per_pixel".into(), json!(most));
     let rays = inputs.iter().filter_map(|i| i.attributes.get("rays")?.as_u64());
@@ -179,11 +152,6 @@ pub fn pool(
     for input in &inputs {
         origin += &format!("{} {}\n", input.store.path().display(), input.store.fingerprint());
     }
-    let pooled = Pooled {
-        inputs: &inputs,
-        slices: &slices,
-        attributes: &attributes,
-        origin: &origin,
-    };
+    let pooled = Pooled { inputs: &inputs, slices: &slices, attributes: &attributes, origin: &origin };
     pool_into(out, &pooled, replace, false)
 }

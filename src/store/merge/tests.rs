@@ -18,11 +18,7 @@ fn layout(camera: CameraSelect) -> SliceLayout {
         name: "s".into(),
         camera,
         projector: ProjectorSelect::Sum,
-        time: TimeSelect::Bins {
-            start_ps: 0.0,
-            bin_ps: 1.0,
-            bins: 3,
-        },
+        time: TimeSelect::Bins { start_ps: 0.0, bin_ps: 1.0, bins: 3 },
         polarization: Polarization::Intensity,
         bounces: false,
         split_first_bounce: false,
@@ -40,32 +36,21 @@ fn statistics(values: &[f64]) -> (f32, f32) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let m2: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-    (
-        mean as f32,
-        if n > 1.0 {
-            (m2 / (n * (n - 1.0))).sqrt() as f32
-        } else {
-            0.0
-        },
-    )
+    (mean as f32, if n > 1.0 { (m2 / (n * (n - 1.0))).sqrt() as f32 } else { 0.0 })
 }
 
 /// Writes a store whose elements contain the samples `from..from + n`.
 fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
     let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
         "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
-    let grid = counted.then_some(SampleGrid {
-        camera: [5, 3],
-        tile: 2,
-    });
+    let grid = counted.then_some(SampleGrid { camera: [5, 3], tile: 2 });
     let group = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
     let slices = [(layout(CameraSelect::All), group)];
     let store = TensorStore::create(path, &slices, attributes.as_object().unwrap(), grid, false).unwrap();
     let slice = store.slice("s").unwrap();
-    for (offset, mean, error) in [
-        (0, Field::Mean, Field::StdError),
-        (1000, Field::Overflow, Field::OverflowStdError),
-    ] {
+    for (offset, mean, error) in
+        [(0, Field::Mean, Field::StdError), (1000, Field::Overflow, Field::OverflowStdError)]
+    {
         let shape = slice.field_layout(mean).unwrap().shape();
         let zero = vec![0; shape.len()];
         let (m, e): (Vec<f32>, Vec<f32>) = (0..region::volume(&shape).unwrap())
@@ -88,9 +73,7 @@ fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool)
             statistics(&(from..from + n).map(of).collect::<Vec<f64>>()).1
         })
         .collect();
-    slice
-        .write(Field::TotalStdError, &[0, 0], &[3, 5], &totals)
-        .unwrap();
+    slice.write(Field::TotalStdError, &[0, 0], &[3, 5], &totals).unwrap();
     if counted {
         store.write_samples([0, 0], [3, 5], &[n as u32; 15]).unwrap();
     }
@@ -155,14 +138,7 @@ fn what_one_input_lacks_is_dropped() {
         merge(&[at(first), at(second)], &at(out), Options::default()).unwrap();
         let merged = slice(out);
         assert!(!merged.has(Field::TotalStdError));
-        assert!(
-            merged
-                .read_all(Field::Mean)
-                .unwrap()
-                .data
-                .iter()
-                .all(|v| *v > 0.0)
-        );
+        assert!(merged.read_all(Field::Mean).unwrap().data.iter().all(|v| *v > 0.0));
         assert_eq!(crate::doubt::of(&merged).unwrap(), None);
     }
 }
@@ -179,10 +155,7 @@ fn pooling_is_exact_to_a_millionth() {
         }
         let (m, e) = statistics(&values);
         assert!((pool.mean / f64::from(m) - 1.0).abs() < 1e-6);
-        assert!(
-            (pool.std_error(true) / f64::from(e) - 1.0).abs() < 1e-6,
-            "{split}"
-        );
+        assert!((pool.std_error(true) / f64::from(e) - 1.0).abs() < 1e-6, "{split}");
     }
 }
 
@@ -194,9 +167,7 @@ fn binned_elements_weigh_by_samples() {
     pool.add(10.0, 6.0, 1.0, false);
     assert!((pool.mean - 3.0).abs() < 1e-12);
     assert!((pool.std_error(false) - (15.0_f64.powi(2) + 100.0).sqrt() / 40.0).abs() < 1e-12);
-    let centres = layout(CameraSelect::Binned { nx: 2, ny: 2 }).axes[1]
-        .coords
-        .clone();
+    let centres = layout(CameraSelect::Binned { nx: 2, ny: 2 }).axes[1].coords.clone();
     assert_eq!(axes::boxes(&centres), Ok(vec![(0, 1), (2, 3), (4, 4)]));
 }
 
@@ -207,19 +178,13 @@ fn strangers_and_twins_are_refused() {
     part(&at("a"), 1, 0, 4, "a", false);
     part(&at("b"), 2, 0, 4, "b", false);
     part(&at("c"), 1, 0, 4, "a", true);
-    let error = |x: &str, y: &str| {
-        merge(&[at(x), at(y)], &at("out"), Options::default())
-            .unwrap_err()
-            .to_string()
-    };
+    let error =
+        |x: &str, y: &str| merge(&[at(x), at(y)], &at("out"), Options::default()).unwrap_err().to_string();
     assert!(error("a", "b").contains("different scenes"));
     assert!(error("a", "c").contains("seed 1"));
     assert!(error("a", "a").contains("seed 1"));
     assert!(error("a", "none").contains("does not exist"));
-    assert!(matches!(
-        merge(&[at("a")], &at("out"), Options::default()),
-        Err(MergeError::TooFew)
-    ));
+    assert!(matches!(merge(&[at("a")], &at("out"), Options::default()), Err(MergeError::TooFew)));
     assert!(!at("out").exists());
 }
 
@@ -237,9 +202,7 @@ fn rows_that_do_not_rise_are_refused() {
         std::fs::write(at(name).join("s/y/c.0"), frame).unwrap();
         crate::zarr::reseal(&at(name));
     }
-    let error = merge(&[at("a"), at("b")], &at("out"), Options::default())
-        .unwrap_err()
-        .to_string();
+    let error = merge(&[at("a"), at("b")], &at("out"), Options::default()).unwrap_err().to_string();
     assert!(error.contains("s/y") && error.contains("increase"), "{error}");
     assert!(!at("out").exists());
 }
@@ -267,15 +230,7 @@ fn a_merge_that_was_cut_off_goes_on() {
         let _ = std::fs::remove_file(rest.join(missing));
         let opened = open_inputs(&inputs, false).unwrap();
         std::fs::write(rest.join(".sunstone-origin"), origin(&opened, Options::default())).unwrap();
-        merge(
-            &inputs,
-            &at("out"),
-            Options {
-                replace: true,
-                ..Options::default()
-            },
-        )
-        .unwrap();
+        merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
         assert!(!rest.exists());
         assert_eq!(contents(&at("out")), contents(&at("whole")));
         assert!(crate::zarr::verify(&at("out")).unwrap().faults.is_empty());
@@ -283,28 +238,12 @@ fn a_merge_that_was_cut_off_goes_on() {
     // With another origin, the merge starts again, so damaged files do not matter.
     left(&at("a"));
     std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
-    merge(
-        &inputs,
-        &at("out"),
-        Options {
-            replace: true,
-            ..Options::default()
-        },
-    )
-    .unwrap();
+    merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
     assert_eq!(contents(&at("out")), contents(&at("whole")));
     // The output is an input, also through a link.
     std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
     for out in ["a", "link"] {
-        let error = merge(
-            &inputs,
-            &at(out),
-            Options {
-                replace: true,
-                ..Options::default()
-            },
-        )
-        .unwrap_err();
+        let error = merge(&inputs, &at(out), Options { replace: true, ..Options::default() }).unwrap_err();
         assert!(matches!(error, MergeError::Itself { .. }), "{error}");
     }
     assert!(crate::zarr::verify(&at("a")).unwrap().faults.is_empty());
@@ -333,10 +272,7 @@ fn contents(root: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
             if path.is_dir() {
                 folders.push(path);
             } else {
-                all.insert(
-                    path.strip_prefix(root).unwrap().to_owned(),
-                    std::fs::read(path).unwrap(),
-                );
+                all.insert(path.strip_prefix(root).unwrap().to_owned(), std::fs::read(path).unwrap());
             }
         }
     }

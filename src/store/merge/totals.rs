@@ -15,17 +15,11 @@ pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
             continue;
         }
         let layout = slice.field_layout(field)?;
-        let stokes: Vec<usize> = [AxisKind::StokesOut, AxisKind::StokesIn]
-            .iter()
-            .filter_map(|kind| layout.find(*kind))
-            .collect();
-        let wavelengths = layout
-            .find(AxisKind::Wavelength)
-            .map_or(1, |i| layout.axes[i].len());
-        let chunks: Vec<_> = slice
-            .chunks(field)?
-            .filter(|(start, _)| stokes.iter().all(|i| start[*i] == 0))
-            .collect();
+        let stokes: Vec<usize> =
+            [AxisKind::StokesOut, AxisKind::StokesIn].iter().filter_map(|kind| layout.find(*kind)).collect();
+        let wavelengths = layout.find(AxisKind::Wavelength).map_or(1, |i| layout.axes[i].len());
+        let chunks: Vec<_> =
+            slice.chunks(field)?.filter(|(start, _)| stokes.iter().all(|i| start[*i] == 0)).collect();
         let sums = chunks.into_par_iter().map(|(start, mut size)| {
             stokes.iter().for_each(|i| size[*i] = 1);
             let values = slice.read(field, &start, &size)?;

@@ -17,9 +17,7 @@ impl Bytes {
         match self {
             Self::File(file) => positioned::read_exact_at(file, out, at),
             Self::Memory(bytes) => {
-                let part = usize::try_from(at)
-                    .ok()
-                    .and_then(|at| bytes.get(at..)?.get(..out.len()));
+                let part = usize::try_from(at).ok().and_then(|at| bytes.get(at..)?.get(..out.len()));
                 out.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
                 Ok(())
             }

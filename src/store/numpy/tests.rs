@@ -44,15 +44,9 @@ fn column_major_arrays_are_read_by_their_indices() {
 
 #[test]
 fn what_is_written_is_read() {
-    let single = NumpyArray {
-        shape: vec![0, 4],
-        values: Values::Single(vec![]),
-    };
+    let single = NumpyArray { shape: vec![0, 4], values: Values::Single(vec![]) };
     for array in [example(), single] {
-        assert_eq!(
-            NumpyArray::read(file(&bytes(&array)).path()).expect("an array"),
-            array
-        );
+        assert_eq!(NumpyArray::read(file(&bytes(&array)).path()).expect("an array"), array);
     }
 }
 
@@ -70,33 +64,18 @@ fn kinds_of_numbers() {
         NumpyArray::read(file(&all).path())
     };
     let is = |got: Result<NumpyArray, NumpyError>| got.expect("an array").values;
-    assert_eq!(
-        is(of("|u1", "False", &[1, 2, 3, 255])),
-        Values::Single(vec![1.0, 2.0, 3.0, 255.0])
-    );
+    assert_eq!(is(of("|u1", "False", &[1, 2, 3, 255])), Values::Single(vec![1.0, 2.0, 3.0, 255.0]));
     assert_eq!(
         is(of("<u2", "False", &[1, 0, 0, 1, 3, 0, 255, 255])),
         Values::Single(vec![1.0, 256.0, 3.0, 65535.0])
     );
-    let big: Vec<u8> = [1.5_f32, -2.0, 0.0, 4.0]
-        .iter()
-        .flat_map(|v| v.to_be_bytes())
-        .collect();
-    assert_eq!(
-        is(of(">f4", "False", &big)),
-        Values::Single(vec![1.5, -2.0, 0.0, 4.0])
-    );
+    let big: Vec<u8> = [1.5_f32, -2.0, 0.0, 4.0].iter().flat_map(|v| v.to_be_bytes()).collect();
+    assert_eq!(is(of(">f4", "False", &big)), Values::Single(vec![1.5, -2.0, 0.0, 4.0]));
     let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
     assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
     // Column by column.
-    let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0]
-        .iter()
-        .flat_map(|v| v.to_le_bytes())
-        .collect();
-    assert_eq!(
-        is(of("<f4", "True", &columns)),
-        Values::Single(vec![1.0, 2.0, 3.0, 4.0])
-    );
+    let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    assert_eq!(is(of("<f4", "True", &columns)), Values::Single(vec![1.0, 2.0, 3.0, 4.0]));
     assert!(message(of("<f4", "False", &[0; 15])).contains("ends before"));
     assert!(message(NumpyArray::read(file(b"PK").path())).contains("numpy.save"));
 }
@@ -109,10 +88,7 @@ fn archives_hold_arrays() {
     let mut zip = zip::ZipArchive::new(std::fs::File::open(&path).expect("a file")).expect("an archive");
     for name in ["a.npy", "b.npy"] {
         let mut got = vec![];
-        zip.by_name(name)
-            .expect("an array")
-            .read_to_end(&mut got)
-            .expect("bytes");
+        zip.by_name(name).expect("an array").read_to_end(&mut got).expect("bytes");
         assert_eq!(got, bytes(&example()));
     }
 }

@@ -74,16 +74,8 @@ pub(super) fn open(scheme: &str, address: &Path) -> Option<Arc<dyn ObjectClient>
     };
     let (_, rest) = address.to_str()?.split_once("://")?;
     let (name, path) = rest.trim_end_matches('/').split_once('/').unwrap_or((rest, ""));
-    let below = if path.is_empty() {
-        String::new()
-    } else {
-        format!("{path}/")
-    };
-    Some(Arc::new(Fake {
-        bucket: memory(name),
-        below,
-        kind,
-    }))
+    let below = if path.is_empty() { String::new() } else { format!("{path}/") };
+    Some(Arc::new(Fake { bucket: memory(name), below, kind }))
 }
 
 impl Bucket {
@@ -113,10 +105,7 @@ struct Fake {
 }
 
 fn version(number: u64) -> Version {
-    Version {
-        e_tag: Some(number.to_string()),
-        version: None,
-    }
+    Version { e_tag: Some(number.to_string()), version: None }
 }
 
 impl Fake {
@@ -172,11 +161,7 @@ impl ObjectClient for Fake {
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         self.request(1)?;
         let key = self.key(key);
-        let old = self
-            .bucket
-            .objects()
-            .get(&key)
-            .map(|(_, number)| version(*number));
+        let old = self.bucket.objects().get(&key).map(|(_, number)| version(*number));
         let holds = match condition {
             Condition::Absent => old.is_none(),
             Condition::Is(wanted) => old == Some(wanted),

@@ -34,11 +34,7 @@ pub(crate) fn lease() -> Duration {
 }
 
 fn believed(seconds: f64) -> Duration {
-    if seconds.is_finite() {
-        Duration::from_secs_f64(seconds.clamp(LEASES[0], LEASES[1]))
-    } else {
-        LEASE
-    }
+    if seconds.is_finite() { Duration::from_secs_f64(seconds.clamp(LEASES[0], LEASES[1])) } else { LEASE }
 }
 
 /// The reason why a lock was not taken.
@@ -64,9 +60,7 @@ impl Hold {
     /// Returns how long the lock is certainly held from now.
     fn left(&self) -> Duration {
         let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        until.map_or(Duration::ZERO, |until| {
-            until.saturating_duration_since(Instant::now())
-        })
+        until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()))
     }
 
     /// Returns whether the lock is certainly held.
@@ -103,12 +97,7 @@ impl Owner {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let name = holder_name();
         let (n, t) = (COUNTER.fetch_add(1, Ordering::Relaxed), since.unwrap_or_default());
-        Self {
-            key: format!("{name} {} {n}", t.as_nanos()),
-            name,
-            lease,
-            renewed: 0,
-        }
+        Self { key: format!("{name} {} {n}", t.as_nanos()), name, lease, renewed: 0 }
     }
 
     fn text(&self) -> Bytes {
@@ -149,13 +138,7 @@ impl ObjectLock {
             let (objects, hold) = (objects.clone(), hold.clone());
             move || renew(&objects, owner, version, &stopped, &hold)
         });
-        Ok(Self {
-            objects: objects.clone(),
-            hold,
-            lease,
-            stop: Some(stop),
-            renewal: Some(renewal),
-        })
+        Ok(Self { objects: objects.clone(), hold, lease, stop: Some(stop), renewal: Some(renewal) })
     }
 
     /// Returns the state of the lock.

@@ -75,14 +75,9 @@ fn without_a_client_every_address_is_refused_with_a_fix() {
     let created = TensorStore::create(address, &[], &serde_json::Map::new(), None, false);
     for message in [
         TensorStore::open(address).expect_err("refused").to_string(),
-        TensorStore::open_for_write(address)
-            .expect_err("refused")
-            .to_string(),
+        TensorStore::open_for_write(address).expect_err("refused").to_string(),
         created.expect_err("refused").to_string(),
     ] {
-        assert!(
-            message.contains("s3://") && message.contains("--features object-stores"),
-            "{message}"
-        );
+        assert!(message.contains("s3://") && message.contains("--features object-stores"), "{message}");
     }
 }

@@ -34,27 +34,16 @@ pub(super) fn run(
     error: Field,
 ) -> Result<(Tensor, Tensor, Option<Tensor>), ProbeError> {
     let layout = slice.field_layout(mean)?;
-    let camera = plan
-        .axes
-        .iter()
-        .take_while(|a| matches!(a.kind, AxisKind::Y | AxisKind::X))
-        .count();
-    let segments: Vec<Vec<(usize, usize)>> = plan
-        .axes
-        .iter()
-        .zip(&layout.axes)
-        .map(|(p, a)| split(p, a.chunk as usize))
-        .collect();
+    let camera = plan.axes.iter().take_while(|a| matches!(a.kind, AxisKind::Y | AxisKind::X)).count();
+    let segments: Vec<Vec<(usize, usize)>> =
+        plan.axes.iter().zip(&layout.axes).map(|(p, a)| split(p, a.chunk as usize)).collect();
     let (blocks, inner) = segments.split_at(camera);
     let mut blocks = boxes(blocks);
     let rest: usize = plan.axes[camera..].iter().map(|a| a.slots).product();
     let total: usize = plan.axes.iter().map(|a| a.slots).product();
     let (mut sum, mut variance) = (zeros(1, total)?, zeros(1, total)?);
     loop {
-        let batch: Vec<Ranges> = blocks
-            .by_ref()
-            .take(rayon::current_num_threads().max(1))
-            .collect();
+        let batch: Vec<Ranges> = blocks.by_ref().take(rayon::current_num_threads().max(1)).collect();
         if batch.is_empty() {
             break;
         }
@@ -66,9 +55,10 @@ pub(super) fn run(
             let lo: Vec<u64> = block.iter().map(|r| r.0 as u64).collect();
             let hi: Vec<u64> = block.iter().map(|r| r.1 as u64).collect();
             for (pixel, index) in region::indices(&lo, &hi).enumerate() {
-                let slot = plan.axes[..camera].iter().zip(&index).fold(0, |o, (axis, &i)| {
-                    o * axis.slots + axis.targets[i as usize - axis.first][0].0
-                });
+                let slot = plan.axes[..camera]
+                    .iter()
+                    .zip(&index)
+                    .fold(0, |o, (axis, &i)| o * axis.slots + axis.targets[i as usize - axis.first][0].0);
                 let (from, to) = (pixel * rest, slot * rest);
                 for k in 0..rest {
                     sum[to + k] += partial.mean[from + k];
@@ -84,9 +74,7 @@ pub(super) fn run(
 
 /// Allocates `pixels` times `rest` sums. Returns an error instead of aborting if they do not fit into memory.
 fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
-    let refused = || ProbeError::TooLarge {
-        elements: pixels as u128 * rest as u128,
-    };
+    let refused = || ProbeError::TooLarge { elements: pixels as u128 * rest as u128 };
     let elements = pixels.checked_mul(rest).ok_or_else(refused)?;
     if elements > LARGE && Vec::<f64>::new().try_reserve_exact(elements).is_err() {
         return Err(refused());
@@ -122,10 +110,7 @@ fn gather(
     rest: usize,
 ) -> Result<Partial, ProbeError> {
     let pixels: usize = block.iter().map(|r| r.1 - r.0).product();
-    let mut partial = Partial {
-        mean: zeros(pixels, rest)?,
-        bound: zeros(pixels, rest)?,
-    };
+    let mut partial = Partial { mean: zeros(pixels, rest)?, bound: zeros(pixels, rest)? };
     let region = |part: &Ranges| -> (Vec<u64>, Vec<u64>) {
         let ranges = block.iter().chain(part);
         ranges.map(|r| (r.0 as u64, (r.1 - r.0) as u64)).unzip()
@@ -133,11 +118,7 @@ fn gather(
     let mut ahead = 0;
     for (k, part) in boxes(inner).enumerate() {
         if ahead == k {
-            let next: Vec<_> = boxes(inner)
-                .skip(k)
-                .take(AHEAD)
-                .map(|part| region(&part))
-                .collect();
+            let next: Vec<_> = boxes(inner).skip(k).take(AHEAD).map(|part| region(&part)).collect();
             ahead += slice.fetch_ahead(&fields, &next)?;
         }
         let ranges: Ranges = block.iter().chain(&part).copied().collect();
@@ -180,11 +161,7 @@ fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec
     for (i, (axis, range)) in plan.axes.iter().zip(ranges).enumerate().rev() {
         if i < block.len() {
             let inner: usize = block[i + 1..].iter().map(|r| r.1 - r.0).product();
-            all.push(
-                (0..range.1 - range.0)
-                    .map(|k| vec![(k * inner * rest, 1.0)])
-                    .collect(),
-            );
+            all.push((0..range.1 - range.0).map(|k| vec![(k * inner * rest, 1.0)]).collect());
         } else {
             let rows = &axis.targets[range.0 - axis.first..range.1 - axis.first];
             let scaled = |row: &Vec<Share>| row.iter().map(|&(slot, w)| (slot * stride, w)).collect();
@@ -222,9 +199,7 @@ impl Walk {
         if axis == self.targets.len() {
             let values = &self.mean[source * self.run..(source + 1) * self.run];
             let errors = &self.std_error[source * self.run..(source + 1) * self.run];
-            let sums = into.mean[to..to + self.run]
-                .iter_mut()
-                .zip(&mut into.bound[to..to + self.run]);
+            let sums = into.mean[to..to + self.run].iter_mut().zip(&mut into.bound[to..to + self.run]);
             for ((sum, bound), (value, error)) in sums.zip(values.iter().zip(errors)) {
                 *sum += weight * f64::from(*value);
                 *bound += weight.abs() * f64::from(*error);
@@ -248,16 +223,9 @@ impl Walk {
 
 /// Removes the extra slot from the time axis and rounds to f32.
 fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
-    let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor {
-        name: name.to_owned(),
-        axes,
-        data,
-    };
+    let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor { name: name.to_owned(), axes, data };
     if !plan.convolved {
-        return (
-            tensor(plan.kept.clone(), sums.iter().map(|v| *v as f32).collect()),
-            None,
-        );
+        return (tensor(plan.kept.clone(), sums.iter().map(|v| *v as f32).collect()), None);
     }
     let t = plan.axes.iter().position(|a| a.kind == AxisKind::T).unwrap_or(0);
     let slots = plan.axes[t].slots;
@@ -268,14 +236,6 @@ fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
         inside.extend(stay.iter().map(|v| *v as f32));
         outside.extend(leave.iter().map(|v| *v as f32));
     }
-    let without_time = plan
-        .kept
-        .iter()
-        .filter(|a| a.kind != AxisKind::T)
-        .cloned()
-        .collect();
-    (
-        tensor(plan.kept.clone(), inside),
-        Some(tensor(without_time, outside)),
-    )
+    let without_time = plan.kept.iter().filter(|a| a.kind != AxisKind::T).cloned().collect();
+    (tensor(plan.kept.clone(), inside), Some(tensor(without_time, outside)))
 }

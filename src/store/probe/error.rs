@@ -7,11 +7,7 @@ use std::path::PathBuf;
 pub enum ProbeError {
     /// The slice lacks a selected axis.
     #[error("slice `{slice}` has no axis `{axis}`; available: {available}")]
-    NoAxis {
-        slice: String,
-        axis: &'static str,
-        available: String,
-    },
+    NoAxis { slice: String, axis: &'static str, available: String },
     #[error("selection on axis `{axis}`: {reason}")]
     Selection {
         axis: &'static str,

@@ -15,21 +15,13 @@ pub struct ParseError {
 }
 
 fn fault<T>(text: &str, reason: impl Into<String>) -> Result<T, ParseError> {
-    Err(ParseError {
-        text: text.to_owned(),
-        reason: reason.into(),
-    })
+    Err(ParseError { text: text.to_owned(), reason: reason.into() })
 }
 
 fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
     let known = || AxisKind::ALL.map(AxisKind::name).join(", ");
     AxisKind::from_name(name.trim()).map_or_else(
-        || {
-            fault(
-                text,
-                format!("unknown axis `{}`; expected one of {}", name.trim(), known()),
-            )
-        },
+        || fault(text, format!("unknown axis `{}`; expected one of {}", name.trim(), known())),
         Ok,
     )
 }
@@ -68,11 +60,7 @@ impl FromStr for Selection {
         let axis = axis(text, name)?;
         let range = if let Some((from, to)) = value.split_once(':') {
             let end = |word: &str, open: f64| {
-                if word.trim().is_empty() {
-                    Ok(open)
-                } else {
-                    coordinate(text, axis, word)
-                }
+                if word.trim().is_empty() { Ok(open) } else { coordinate(text, axis, word) }
             };
             let (from, to) = (end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?);
             if from > to {
@@ -136,16 +124,11 @@ pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
     if let Some(stokes) = named {
         return Ok(stokes);
     }
-    let numbers: Vec<f32> = text
-        .split(',')
-        .filter_map(|w| w.trim().parse::<f32>().ok().filter(|n| n.is_finite()))
-        .collect();
+    let numbers: Vec<f32> =
+        text.split(',').filter_map(|w| w.trim().parse::<f32>().ok().filter(|n| n.is_finite())).collect();
     match <[f32; 4]>::try_from(numbers) {
         Ok(stokes) if text.split(',').count() == 4 => physical(text, stokes),
-        _ => fault(
-            text,
-            "expected four numbers `s0,s1,s2,s3`, or a name such as `horizontal`",
-        ),
+        _ => fault(text, "expected four numbers `s0,s1,s2,s3`, or a name such as `horizontal`"),
     }
 }
 
@@ -157,10 +140,7 @@ fn physical(text: &str, stokes: [f32; 4]) -> Result<[f32; 4], ParseError> {
     if s0 > 0.0 && polarized <= s0 * (1.0 + 1e-4) {
         return Ok(stokes);
     }
-    fault(
-        text,
-        "not a physical Stokes vector: s0 must be above 0, and s1² + s2² + s3² at most s0²",
-    )
+    fault(text, "not a physical Stokes vector: s0 must be above 0, and s1² + s2² + s3² at most s0²")
 }
 
 #[cfg(test)]
@@ -172,34 +152,17 @@ mod tests {
     fn words_are_understood() {
         let parse = |t: &str| t.parse::<Selection>();
         assert_eq!(parse("y=128").unwrap(), Selection::nearest(AxisKind::Y, 128.0));
-        assert_eq!(
-            parse("t=1000:2e3").unwrap().range,
-            CoordRange::Between(1000.0, 2000.0)
-        );
-        assert_eq!(
-            parse("t=:5").unwrap().range,
-            CoordRange::Between(f64::NEG_INFINITY, 5.0)
-        );
-        assert_eq!(
-            parse("stokes_in=s2").unwrap(),
-            Selection::nearest(AxisKind::StokesIn, 2.0)
-        );
-        assert_eq!(
-            parse("component = indirect").unwrap(),
-            Selection::nearest(AxisKind::Component, 1.0)
-        );
-        for bad in [
-            "", "y", "y=", "z=1", "t=2:1", "t=nan", "t=inf", "t=1:2:3", "=", "y=1,2",
-        ] {
+        assert_eq!(parse("t=1000:2e3").unwrap().range, CoordRange::Between(1000.0, 2000.0));
+        assert_eq!(parse("t=:5").unwrap().range, CoordRange::Between(f64::NEG_INFINITY, 5.0));
+        assert_eq!(parse("stokes_in=s2").unwrap(), Selection::nearest(AxisKind::StokesIn, 2.0));
+        assert_eq!(parse("component = indirect").unwrap(), Selection::nearest(AxisKind::Component, 1.0));
+        for bad in ["", "y", "y=", "z=1", "t=2:1", "t=nan", "t=inf", "t=1:2:3", "=", "y=1,2"] {
             assert!(parse(bad).is_err(), "{bad}");
         }
         assert_eq!("gaussian:50".parse(), Ok(Pulse::Gaussian { fwhm_ps: 50.0 }));
         assert_eq!("samples:1, 2".parse(), Ok(Pulse::Samples(vec![1.0, 2.0])));
         assert!("gaussian:-1".parse::<Pulse>().is_err() && "samples:".parse::<Pulse>().is_err());
-        assert_eq!(
-            parse_axes("t, bounces").unwrap(),
-            [AxisKind::T, AxisKind::Bounces]
-        );
+        assert_eq!(parse_axes("t, bounces").unwrap(), [AxisKind::T, AxisKind::Bounces]);
         assert_eq!(parse_stokes("right").unwrap(), [1.0, 0.0, 0.0, 1.0]);
         assert_eq!(parse_stokes("1,.5,0,-0.25").unwrap(), [1.0, 0.5, 0.0, -0.25]);
         assert!(parse_stokes("0,0,0,0").is_err() && parse_stokes("1,1,1,0").is_err());

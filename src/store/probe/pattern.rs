@@ -15,11 +15,7 @@ impl Pattern {
     /// Returns a pattern with the same drive everywhere.
     #[must_use]
     pub fn uniform(width: u32, height: u32, drive: f32) -> Self {
-        Self {
-            width,
-            height,
-            values: vec![drive; width as usize * height as usize],
-        }
+        Self { width, height, values: vec![drive; width as usize * height as usize] }
     }
 
     /// Returns whether the drive of every pixel is 1.
@@ -89,18 +85,9 @@ mod tests {
 
     #[test]
     fn entries_stand_for_pixels() {
-        assert_eq!(
-            pixels(&[0.0, 1.0, 2.0], None, 3).unwrap(),
-            [(0, 0), (1, 1), (2, 2)]
-        );
-        assert_eq!(
-            pixels(&[1.5, 5.5, 8.5], None, 10).unwrap(),
-            [(0, 3), (4, 7), (8, 9)]
-        );
-        assert_eq!(
-            pixels(&[1.0, 4.0, 6.5], Some(3), 8).unwrap(),
-            [(0, 2), (3, 5), (6, 7)]
-        );
+        assert_eq!(pixels(&[0.0, 1.0, 2.0], None, 3).unwrap(), [(0, 0), (1, 1), (2, 2)]);
+        assert_eq!(pixels(&[1.5, 5.5, 8.5], None, 10).unwrap(), [(0, 3), (4, 7), (8, 9)]);
+        assert_eq!(pixels(&[1.0, 4.0, 6.5], Some(3), 8).unwrap(), [(0, 2), (3, 5), (6, 7)]);
         assert_eq!(pixels(&[1.0, 4.0], Some(1), 8).unwrap(), [(1, 1), (4, 4)]);
         assert!(pixels(&[1.0, 4.0], None, 8).is_err());
         assert!(pixels(&[1.0, 2.0], None, 2).is_err());
@@ -110,11 +97,7 @@ mod tests {
 
     #[test]
     fn boxes_average() {
-        let pattern = Pattern {
-            width: 3,
-            height: 2,
-            values: vec![1., 2., 3., 4., 5., 6.],
-        };
+        let pattern = Pattern { width: 3, height: 2, values: vec![1., 2., 3., 4., 5., 6.] };
         assert_eq!(pattern.mean((1, 2), (0, 1)), 4.0);
     }
 }

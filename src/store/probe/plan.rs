@@ -58,14 +58,8 @@ impl Plan {
     /// Plans a probe of one field of a slice.
     pub(super) fn new(probe: &Probe, slice: &StoredSlice, field: Field) -> Result<Self, ProbeError> {
         let layout = slice.field_layout(field)?;
-        let mut plan = Self {
-            axes: vec![],
-            joint: None,
-            kept: vec![],
-            convolved: false,
-            time: None,
-            notes: vec![],
-        };
+        let mut plan =
+            Self { axes: vec![], joint: None, kept: vec![], convolved: false, time: None, notes: vec![] };
         check_axes(probe, layout)?;
         plan.joint = joint_weights(probe, slice, layout, &mut plan.notes)?;
         let kernel = probe.pulse.as_ref().map(|p| kernel(p, layout)).transpose()?;
@@ -83,10 +77,7 @@ impl Plan {
                 }
                 Step::Weights(weights) => {
                     let reason = format!("it has {n} entries, expected {}", weights.len());
-                    return Err(ProbeError::Selection {
-                        axis: axis.kind.name(),
-                        reason,
-                    });
+                    return Err(ProbeError::Selection { axis: axis.kind.name(), reason });
                 }
                 Step::Joint => reduced(axis.kind, 0, vec![vec![(0, 1.0)]; n]),
                 Step::Range { first, end, drop } => {
@@ -94,11 +85,7 @@ impl Plan {
                     if keep {
                         let coords = axis.coords[first..end].to_vec();
                         let chunk = axis.chunk.clamp(1, coords.len() as u64);
-                        plan.kept.push(Axis {
-                            kind: axis.kind,
-                            coords,
-                            chunk,
-                        });
+                        plan.kept.push(Axis { kind: axis.kind, coords, chunk });
                     }
                     if axis.kind == AxisKind::T && keep {
                         plan.time = layout.time.map(|(start, bin)| (start + first as f64 * bin, bin));
@@ -130,13 +117,7 @@ impl Plan {
 }
 
 fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
-    AxisPlan {
-        kind,
-        first,
-        end: first + targets.len(),
-        targets,
-        slots: 1,
-    }
+    AxisPlan { kind, first, end: first + targets.len(), targets, slots: 1 }
 }
 
 /// Spreads every bin over the kernel. Light outside the stored bins goes to the last slot; light outside the
@@ -164,23 +145,12 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
             row
         })
         .collect();
-    AxisPlan {
-        kind: AxisKind::T,
-        first: 0,
-        end: bins,
-        targets,
-        slots,
-    }
+    AxisPlan { kind: AxisKind::T, first: 0, end: bins, targets, slots }
 }
 
 /// Returns the pulse as (delay in bins, weight), with weights that sum to 1.
 fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeError> {
-    let fault = |reason: &str| {
-        Err(ProbeError::Pulse {
-            slice: layout.name.clone(),
-            reason: reason.into(),
-        })
-    };
+    let fault = |reason: &str| Err(ProbeError::Pulse { slice: layout.name.clone(), reason: reason.into() });
     let Some((_, bin_ps)) = layout.time.filter(|(_, bin)| *bin > 0.0) else {
         return fault("the slice is not time-resolved: render it with time bins");
     };
@@ -192,11 +162,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
                 return fault("its width must be a finite number of bins within the limit");
             }
             let gauss = |k: i64| {
-                if k == 0 {
-                    1.0
-                } else {
-                    (-0.5 * (k as f64 / sigma).powi(2)).exp()
-                }
+                if k == 0 { 1.0 } else { (-0.5 * (k as f64 / sigma).powi(2)).exp() }
             };
             (-(reach as i64)..=reach as i64).map(|k| (k, gauss(k))).collect()
         }
@@ -206,19 +172,12 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
         return fault("its samples must have a positive, finite sum, and not be too many");
     }
-    Ok(weights
-        .into_iter()
-        .map(|(k, w)| (k, w / sum))
-        .filter(|(_, w)| *w != 0.0)
-        .collect())
+    Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
 }
 
 fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
     for (i, Selection { axis, range }) in probe.select.iter().enumerate() {
-        let fault = |reason: &str| ProbeError::Selection {
-            axis: axis.name(),
-            reason: reason.into(),
-        };
+        let fault = |reason: &str| ProbeError::Selection { axis: axis.name(), reason: reason.into() };
         if probe.select[..i].iter().any(|s| s.axis == *axis) {
             return Err(fault("it is selected twice: use one selection per axis"));
         }
@@ -244,9 +203,7 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
     }
     let resolved = layout.find(AxisKind::StokesIn).is_some();
     if !resolved && probe.stokes.is_some_and(|p| p != [1.0, 0.0, 0.0, 0.0]) {
-        return Err(ProbeError::Stokes {
-            slice: layout.name.clone(),
-        });
+        return Err(ProbeError::Stokes { slice: layout.name.clone() });
     }
     Ok(())
 }
@@ -255,29 +212,17 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
 fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     let n = axis.coords.len();
     let Some(selection) = probe.select.iter().find(|s| s.axis == axis.kind) else {
-        return Ok(Step::Range {
-            first: 0,
-            end: n,
-            drop: false,
-        });
+        return Ok(Step::Range { first: 0, end: n, drop: false });
     };
     let distance = |i: usize, value: f64| (axis.coords[i] - value).abs();
     // For a coordinate between two entries, a range begins with the later one, so ranges may be given by bin
     // edges.
     let nearest_from = |value: f64| {
         let i = axis.nearest(value);
-        if i + 1 < n && distance(i + 1, value) <= distance(i, value) {
-            i + 1
-        } else {
-            i
-        }
+        if i + 1 < n && distance(i + 1, value) <= distance(i, value) { i + 1 } else { i }
     };
     // A coordinate is valid up to half a spacing beyond the ends; a wavelength up to a few nanometres.
-    let spacing = axis
-        .coords
-        .windows(2)
-        .map(|w| (w[1] - w[0]).abs())
-        .fold(0.0, f64::max);
+    let spacing = axis.coords.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
     let slack = if axis.kind == AxisKind::Wavelength {
         BEYOND_NM
     } else if n < 2 {
@@ -293,10 +238,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             let (a, b) = (axis.coords[0], axis.coords[n - 1]);
             format!("outside the range {a} to {b} {}", axis.kind.units())
         };
-        ProbeError::Selection {
-            axis: axis.kind.name(),
-            reason,
-        }
+        ProbeError::Selection { axis: axis.kind.name(), reason }
     };
     match selection.range {
         CoordRange::Nearest(value) => {
@@ -304,31 +246,15 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
                 return Err(outside(value, value));
             }
             let first = axis.nearest(value);
-            Ok(Step::Range {
-                first,
-                end: first + 1,
-                drop: true,
-            })
+            Ok(Step::Range { first, end: first + 1, drop: true })
         }
         CoordRange::Between(from, to) => {
             if !(from <= high && to >= low && from <= to) {
                 return Err(outside(from, to));
             }
-            let first = if from == f64::NEG_INFINITY {
-                0
-            } else {
-                nearest_from(from)
-            };
-            let last = if to == f64::INFINITY {
-                n - 1
-            } else {
-                axis.nearest(to)
-            };
-            Ok(Step::Range {
-                first,
-                end: last.max(first) + 1,
-                drop: false,
-            })
+            let first = if from == f64::NEG_INFINITY { 0 } else { nearest_from(from) };
+            let last = if to == f64::INFINITY { n - 1 } else { axis.nearest(to) };
+            Ok(Step::Range { first, end: last.max(first) + 1, drop: false })
         }
     }
 }
@@ -350,10 +276,7 @@ fn joint_weights(
         reason,
     };
     if pattern.values.len() as u64 != u64::from(pattern.width) * u64::from(pattern.height) {
-        return Err(fault(format!(
-            "it has {} values; expected width × height",
-            pattern.values.len()
-        )));
+        return Err(fault(format!("it has {} values; expected width × height", pattern.values.len())));
     }
     let (Some(v), Some(u)) = (layout.find(AxisKind::V), layout.find(AxisKind::U)) else {
         return if pattern.is_full_on() {
@@ -390,11 +313,7 @@ fn joint_weights(
             }
         }
     }
-    let lost = kept
-        .iter()
-        .zip(&pattern.values)
-        .filter(|(kept, p)| !**kept && **p != 0.0)
-        .count();
+    let lost = kept.iter().zip(&pattern.values).filter(|(kept, p)| !**kept && **p != 0.0).count();
     if lost > 0 {
         notes.push(format!(
             "the pattern drives {lost} projector pixels that slice `{}` does not contain: their light is missing",

@@ -15,10 +15,7 @@ impl Selection {
     /// Selects the entry nearest to a coordinate; the axis is removed.
     #[must_use]
     pub fn nearest(axis: AxisKind, coordinate: f64) -> Self {
-        Self {
-            axis,
-            range: CoordRange::Nearest(coordinate),
-        }
+        Self { axis, range: CoordRange::Nearest(coordinate) }
     }
 }
 
@@ -81,23 +78,14 @@ impl Probe {
     #[must_use]
     pub fn polarimetric() -> Self {
         use AxisKind::{Bounces, Component, Label, T, U, V, X, Y};
-        Self {
-            sum: vec![Y, X, V, U, T, Bounces, Component, Label],
-            ..Self::default()
-        }
+        Self { sum: vec![Y, X, V, U, T, Bounces, Component, Label], ..Self::default() }
     }
 
     fn unpolarized(sum: &[AxisKind]) -> Self {
-        let mut probe = Self {
-            sum: sum.to_vec(),
-            ..Self::default()
-        };
-        probe
-            .sum
-            .extend([AxisKind::Bounces, AxisKind::Component, AxisKind::Label]);
-        probe.select = [AxisKind::StokesOut, AxisKind::StokesIn]
-            .map(|axis| Selection::nearest(axis, 0.0))
-            .into();
+        let mut probe = Self { sum: sum.to_vec(), ..Self::default() };
+        probe.sum.extend([AxisKind::Bounces, AxisKind::Component, AxisKind::Label]);
+        probe.select =
+            [AxisKind::StokesOut, AxisKind::StokesIn].map(|axis| Selection::nearest(axis, 0.0)).into();
         probe
     }
 

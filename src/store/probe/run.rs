@@ -29,14 +29,7 @@ impl Probe {
             Some(plan) => Some(engine::run(&plan, slice, Field::Overflow, Field::OverflowStdError)?.0),
             None => None,
         };
-        Ok(ProbeResult {
-            mean,
-            std_error,
-            overflow,
-            shifted_out,
-            time: plan.time,
-            notes: plan.notes,
-        })
+        Ok(ProbeResult { mean, std_error, overflow, shifted_out, time: plan.time, notes: plan.notes })
     }
 }
 
@@ -44,14 +37,8 @@ impl Probe {
 fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
     let mut regions = vec![];
     let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));
-    for (plan, fields) in [Some((plan, [Field::Mean, Field::StdError])), overflow]
-        .into_iter()
-        .flatten()
-    {
-        let ranges = plan
-            .axes
-            .iter()
-            .map(|a| (a.first as u64, (a.end - a.first) as u64));
+    for (plan, fields) in [Some((plan, [Field::Mean, Field::StdError])), overflow].into_iter().flatten() {
+        let ranges = plan.axes.iter().map(|a| (a.first as u64, (a.end - a.first) as u64));
         let (start, shape): (Vec<u64>, Vec<u64>) = ranges.unzip();
         regions.extend(fields.map(|field| (field, start.clone(), shape.clone())));
     }

@@ -15,10 +15,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 
 fn failed(path: &Path, cause: impl ToString) -> ProbeError {
-    ProbeError::Write {
-        path: path.to_owned(),
-        cause: cause.to_string(),
-    }
+    ProbeError::Write { path: path.to_owned(), cause: cause.to_string() }
 }
 
 /// Returns the path of the standard errors of `NAME.npy`: `NAME.std_error.npy`.
@@ -90,12 +87,7 @@ impl ProbeResult {
     #[must_use]
     pub fn layout(&self) -> SliceLayout {
         let time = self.time.filter(|_| self.mean.find(AxisKind::T).is_some());
-        SliceLayout {
-            name: self.mean.name.clone(),
-            axes: self.mean.axes.clone(),
-            time,
-            totals: false,
-        }
+        SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }
     }
 
     /// Writes a store with one slice of the same name as the probed one, with the given attributes of its
@@ -134,8 +126,6 @@ impl ProbeResult {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_npy(tensor: &Tensor, path: &Path) -> Result<(), ProbeError> {
-    whole_file::write_with(path, |file| {
-        numpy::write(file, &tensor.shape(), tensor.data.iter().copied())
-    })
-    .map_err(|e| failed(path, e))
+    whole_file::write_with(path, |file| numpy::write(file, &tensor.shape(), tensor.data.iter().copied()))
+        .map_err(|e| failed(path, e))
 }

@@ -77,10 +77,7 @@ impl Array {
             return Err("it does not describe an array of Zarr format 3".into());
         }
         if name(&json["data_type"]) != Some(data_type) {
-            return Err(format!(
-                "data type is {}, expected {data_type}",
-                json["data_type"]
-            ));
+            return Err(format!("data type is {}, expected {data_type}", json["data_type"]));
         }
         if !is_zero(&json["fill_value"]) {
             return Err(format!("fill value is {}, expected 0", json["fill_value"]));
@@ -97,10 +94,7 @@ impl Array {
         let (coding, inner) = coding::of(&json["codecs"])?;
         let names = match json.get("dimension_names").and_then(Value::as_array) {
             None => vec![String::new(); shape.len()],
-            Some(names) => names
-                .iter()
-                .map(|n| n.as_str().unwrap_or_default().to_owned())
-                .collect(),
+            Some(names) => names.iter().map(|n| n.as_str().unwrap_or_default().to_owned()).collect(),
         };
         if names.len() != shape.len() {
             return Err(format!("{} names for {} dimensions", names.len(), shape.len()));
@@ -165,13 +159,7 @@ mod tests {
     fn json() -> Value {
         let shape = [4, 6];
         let names = ["y", "x"];
-        describe(
-            [&shape, &[2, 3]],
-            None,
-            ("float32", json!(0.0)),
-            &names,
-            &Map::new(),
-        )
+        describe([&shape, &[2, 3]], None, ("float32", json!(0.0)), &names, &Map::new())
     }
 
     #[test]
@@ -185,27 +173,15 @@ mod tests {
         // has no prefix and the separator ".".
         for (encoding, expected) in [
             (json!("default"), "a/mean/c/1/20"),
-            (
-                json!({"name": "default", "configuration": {"separator": "."}}),
-                "a/mean/c.1.20",
-            ),
+            (json!({"name": "default", "configuration": {"separator": "."}}), "a/mean/c.1.20"),
             (json!({"name": "v2"}), "a/mean/1.20"),
-            (
-                json!({"name": "v2", "configuration": {"separator": "/"}}),
-                "a/mean/1/20",
-            ),
+            (json!({"name": "v2", "configuration": {"separator": "/"}}), "a/mean/1/20"),
         ] {
             assert_eq!(key(encoding, &[1, 20]).as_deref(), Ok(expected));
         }
         assert_eq!(key(json!("default"), &[]).as_deref(), Ok("a/mean/c"));
         assert_eq!(key(json!("v2"), &[]).as_deref(), Ok("a/mean/0"));
-        assert!(
-            key(
-                json!({"name": "default", "configuration": {"separator": "-"}}),
-                &[]
-            )
-            .is_err()
-        );
+        assert!(key(json!({"name": "default", "configuration": {"separator": "-"}}), &[]).is_err());
     }
 
     #[test]
@@ -215,10 +191,7 @@ mod tests {
             json[key] = value;
             Array::of("/a", "float32", &json).map(|array| array.names)
         };
-        assert_eq!(
-            read("extra", json!({"must_understand": false})).unwrap(),
-            ["y", "x"]
-        );
+        assert_eq!(read("extra", json!({"must_understand": false})).unwrap(), ["y", "x"]);
         assert_eq!(read("dimension_names", json!([null, "x"])).unwrap(), ["", "x"]);
         assert_eq!(read("dimension_names", Value::Null).unwrap(), ["", ""]);
         assert!(read("fill_value", json!("0x00000000")).is_ok());
@@ -233,16 +206,8 @@ mod tests {
             ("fill_value", json!("0x80000000"), "expected 0"),
             ("storage_transformers", json!([{"name": "a"}]), "transformers"),
             ("shape", json!([4, -6]), "shape"),
-            (
-                "chunk_grid",
-                json!({"name": "rectangular", "configuration": {"chunk_shape": [2, 3]}}),
-                "grid",
-            ),
-            (
-                "chunk_grid",
-                json!({"name": "regular", "configuration": {"chunk_shape": [2]}}),
-                "grid",
-            ),
+            ("chunk_grid", json!({"name": "rectangular", "configuration": {"chunk_shape": [2, 3]}}), "grid"),
+            ("chunk_grid", json!({"name": "regular", "configuration": {"chunk_shape": [2]}}), "grid"),
             ("dimension_names", json!(["y"]), "names"),
             ("codecs", json!(["bytes", "gzip"]), "codecs"),
             ("codecs", json!(["bytes"]), "endian"),

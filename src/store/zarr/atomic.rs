@@ -47,11 +47,7 @@ pub(crate) struct AtomicDirectory {
 impl AtomicDirectory {
     /// Returns the storage at `root`, without access to it.
     pub(super) fn new(root: &Path) -> Self {
-        Self {
-            root: root.to_owned(),
-            remote: None,
-            manifest: None,
-        }
+        Self { root: root.to_owned(), remote: None, manifest: None }
     }
 
     /// Returns the storage at a place, with the manifest of a finished store.
@@ -60,19 +56,12 @@ impl AtomicDirectory {
             Place::Folder(_) => None,
             Place::Objects(objects) => Some(Remote::new(objects)),
         };
-        Self {
-            root: root.to_owned(),
-            remote,
-            manifest,
-        }
+        Self { root: root.to_owned(), remote, manifest }
     }
 
     /// Returns the storage of a finished store in a directory.
     pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
-        Self {
-            manifest: Some(manifest),
-            ..Self::new(root)
-        }
+        Self { manifest: Some(manifest), ..Self::new(root) }
     }
 
     /// Returns the objects at an address; `None` for a directory.
@@ -104,9 +93,7 @@ impl AtomicDirectory {
             None => Ok(self.root.join(file).is_file()),
             Some(remote) => {
                 // Metadata that is not consolidated in the root is requested once.
-                let found = self
-                    .read(file)
-                    .map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
+                let found = self.read(file).map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
                 let is_there = found.is_some();
                 if let Some(bytes) = found {
                     remote.keep_description(file.to_owned(), bytes);
@@ -159,10 +146,7 @@ impl AtomicDirectory {
         }
         match self.read(file).map_err(|e| OpenError::of_read(&path, &e))? {
             Some(bytes) => description::parse_json(&path, &bytes),
-            None => Err(OpenError::Damaged {
-                path,
-                reason: "it is missing".into(),
-            }),
+            None => Err(OpenError::Damaged { path, reason: "it is missing".into() }),
         }
     }
 
@@ -242,11 +226,7 @@ impl AtomicDirectory {
         let mut bytes = vec![];
         file.seek(SeekFrom::Start(size.saturating_sub(length)))?;
         file.take(length).read_to_end(&mut bytes)?;
-        Ok(Some(Tail {
-            bytes: bytes.into(),
-            size,
-            whole: None,
-        }))
+        Ok(Some(Tail { bytes: bytes.into(), size, whole: None }))
     }
 
     /// Opens a file of a directory and returns it with its size; `None` if it does not exist.
@@ -363,10 +343,7 @@ mod tests {
         whole_file::write(&deep.join("1"), b"kept").unwrap();
         fs::write(deep.join(".1.77-0.tmp"), b"torn").unwrap();
         AtomicDirectory::new(dir.path()).remove_leftovers().unwrap();
-        let names: Vec<_> = fs::read_dir(&deep)
-            .unwrap()
-            .map(|e| e.unwrap().file_name())
-            .collect();
+        let names: Vec<_> = fs::read_dir(&deep).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert_eq!(names, ["1"]);
         assert_eq!(fs::read(deep.join("1")).unwrap(), b"kept");
     }

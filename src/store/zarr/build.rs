@@ -25,10 +25,7 @@ pub(super) const ORIGIN: &str = ".sunstone-origin";
 
 pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
     for (i, (layout, attributes)) in slices.iter().enumerate() {
-        let fault = |reason: &str| CreateError::Slice {
-            name: layout.name.clone(),
-            reason: reason.into(),
-        };
+        let fault = |reason: &str| CreateError::Slice { name: layout.name.clone(), reason: reason.into() };
         if let Some(reason) = describe::name_fault(&layout.name) {
             return Err(fault(reason));
         }
@@ -60,12 +57,7 @@ pub(super) struct New<'a> {
 }
 
 pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
-    let New {
-        slices,
-        attributes,
-        samples,
-        shardings,
-    } = new;
+    let New { slices, attributes, samples, shardings } = new;
     let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
     describe::create_root(path, &names, attributes)?;
     let storage = Arc::new(AtomicDirectory::new(path));
@@ -88,8 +80,6 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
     for (layout, attributes) in slices {
         describe::create_slice(&storage, layout, attributes, shardings)?;
     }
-    describe::consolidate(path, &names).map_err(|e| CreateError::Write {
-        path: PathBuf::from(path),
-        cause: e.to_string(),
-    })
+    describe::consolidate(path, &names)
+        .map_err(|e| CreateError::Write { path: PathBuf::from(path), cause: e.to_string() })
 }

@@ -35,9 +35,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     // Coordinates are increasing, so checking the ends is enough.
     let ends = [coords.first(), coords.last()].into_iter().flatten();
     let mut outside = ends.filter(|c| !(least..=most).contains(*c));
-    outside
-        .next()
-        .map(|bad| format!("its coordinate {bad} is outside {least} to {most}"))
+    outside.next().map(|bad| format!("its coordinate {bad} is outside {least} to {most}"))
 }
 
 /// Returns the fault of a layout's time bins, if any: width, and centres of the axis t.
@@ -67,9 +65,7 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     };
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
-        return Some(format!(
-            "shape {shape:?} in chunks of {chunk:?} is not valid for a camera"
-        ));
+        return Some(format!("shape {shape:?} in chunks of {chunk:?} is not valid for a camera"));
     }
     None
 }
@@ -80,9 +76,7 @@ pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<St
         let axis = &layout.axes[layout.find(kind)?];
         let last = axis.coords.last().filter(|c| **c > limit as f64 - 1.0)?;
         let name = kind.name();
-        Some(format!(
-            "its axis `{name}` reaches pixel {last}, but the sample counts have only {limit}"
-        ))
+        Some(format!("its axis `{name}` reaches pixel {last}, but the sample counts have only {limit}"))
     };
     beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
 }
@@ -153,10 +147,7 @@ const OF_SLICES: [(&str, Form); 4] = [
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
     if part.is_some_and(|value| Part::from_json(value).is_none()) {
-        return Some(format!(
-            "its attribute `{}` is not a valid part of a render",
-            part::ATTRIBUTE
-        ));
+        return Some(format!("its attribute `{}` is not a valid part of a render", part::ATTRIBUTE));
     }
     attributes_fault(attributes, &OF_ROOT)
 }
@@ -173,9 +164,6 @@ fn attributes_fault(attributes: &Map<String, Value>, forms: &[(&str, Form)]) -> 
         if shown.chars().count() > 60 {
             shown = shown.chars().take(60).chain(['…']).collect();
         }
-        Some(format!(
-            "its attribute `{key}` is {shown}, expected {}",
-            form.words()
-        ))
+        Some(format!("its attribute `{key}` is {shown}, expected {}", form.words()))
     })
 }

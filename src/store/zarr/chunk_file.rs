@@ -22,11 +22,8 @@ impl<T: Number> ChunkedArray<T> {
     pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
         let index = self.index_of(start);
         let key = self.array.chunk_key(&index);
-        let lost = |cause: String| AccessError::Chunk {
-            path: from.path.clone(),
-            chunk: index.clone(),
-            cause,
-        };
+        let lost =
+            |cause: String| AccessError::Chunk { path: from.path.clone(), chunk: index.clone(), cause };
         let read = from.storage.read(&key);
         let bytes = read.map_err(|e| AccessError::of_chunk(&from.path, &index, &e))?;
         let bytes = bytes.ok_or_else(|| lost("the file is missing".into()))?;

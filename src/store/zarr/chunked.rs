@@ -80,30 +80,15 @@ impl<T: Number> ChunkedArray<T> {
         description: Description,
     ) -> Result<Self, CreateError> {
         let path = node_path(storage, node);
-        let failed = |cause: String| CreateError::Write {
-            path: path.clone(),
-            cause,
-        };
-        let Description {
-            shape,
-            chunk,
-            names,
-            mut attributes,
-            sharding,
-        } = description;
+        let failed = |cause: String| CreateError::Write { path: path.clone(), cause };
+        let Description { shape, chunk, names, mut attributes, sharding } = description;
         let mut stored = chunk;
         if let Some(sharding) = &sharding {
             attributes.insert(coding::CHUNK.into(), sharding.chunk.clone().into());
             stored.clone_from(&sharding.shard);
         }
         let inner = sharding.as_ref().map(|s| &s.inner[..]);
-        let json = array::describe(
-            [&shape, &stored],
-            inner,
-            (T::NAME, T::zero()),
-            &names,
-            &attributes,
-        );
+        let json = array::describe([&shape, &stored], inner, (T::NAME, T::zero()), &names, &attributes);
         storage
             .write(&description_key(node), format!("{json:#}").into())
             .map_err(|e| failed(e.to_string()))?;
@@ -112,16 +97,11 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Opens an existing array and checks its data type, dimension names, chunk grid and codecs.
     pub(super) fn open(storage: &Arc<AtomicDirectory>, node: &str) -> Result<Self, OpenError> {
-        let damaged = |reason: String| OpenError::Damaged {
-            path: node_path(storage, node),
-            reason,
-        };
+        let damaged = |reason: String| OpenError::Damaged { path: node_path(storage, node), reason };
         if !storage.has_description(node)? {
             return Err(damaged("its description zarr.json is missing".into()));
         }
-        let bytes = storage
-            .read(&description_key(node))
-            .map_err(|e| damaged(e.to_string()))?;
+        let bytes = storage.read(&description_key(node)).map_err(|e| damaged(e.to_string()))?;
         let json = serde_json::from_slice(&bytes.unwrap_or_default());
         let json = json.map_err(|e| damaged(format!("invalid JSON: {e}")))?;
         Self::of(storage, node, &json).map_err(damaged)
@@ -141,10 +121,7 @@ impl<T: Number> ChunkedArray<T> {
                 let chunk: Option<Vec<u64>> = chunk.and_then(|list| list.iter().map(Value::as_u64).collect());
                 let chunk = chunk.unwrap_or_default();
                 let sharded = Sharded::of(inner.clone(), &chunk, stored, &array.shape);
-                (
-                    chunk,
-                    Some(sharded.ok_or("its chunks do not fit into its shards")?),
-                )
+                (chunk, Some(sharded.ok_or("its chunks do not fit into its shards")?))
             }
         };
         let inside = chunk.len() == array.shape.len()
@@ -188,14 +165,12 @@ impl<T: Number> ChunkedArray<T> {
 
     pub(super) fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {
         let inside = region::contains(self.shape(), start, shape);
-        region::volume(shape)
-            .filter(|_| inside)
-            .ok_or_else(|| AccessError::Region {
-                path: self.path.clone(),
-                start: start.to_vec(),
-                shape: shape.to_vec(),
-                array: self.shape().to_vec(),
-            })
+        region::volume(shape).filter(|_| inside).ok_or_else(|| AccessError::Region {
+            path: self.path.clone(),
+            start: start.to_vec(),
+            shape: shape.to_vec(),
+            array: self.shape().to_vec(),
+        })
     }
 
     /// Allocates values, all zero.
@@ -203,10 +178,7 @@ impl<T: Number> ChunkedArray<T> {
         // A large allocation is tested first, because a failure of `vec!` would abort the process.
         let large = elements.saturating_mul(size_of::<T>()) > LARGE;
         if large && Vec::<T>::new().try_reserve_exact(elements).is_err() {
-            return Err(AccessError::Memory {
-                path: self.path.clone(),
-                elements,
-            });
+            return Err(AccessError::Memory { path: self.path.clone(), elements });
         }
         Ok(vec![T::default(); elements])
     }
@@ -241,9 +213,8 @@ impl<T: Number> ChunkedArray<T> {
             let (origin, valid) = region::chunk_box(self.shape(), self.unit(), index);
             let axes = 0..start.len();
             let from: Vec<u64> = axes.clone().map(|a| start[a].max(origin[a])).collect();
-            let size: Vec<u64> = axes
-                .map(|a| (start[a] + shape[a]).min(origin[a] + valid[a]) - from[a])
-                .collect();
+            let size: Vec<u64> =
+                axes.map(|a| (start[a] + shape[a]).min(origin[a] + valid[a]) - from[a]).collect();
             let whole = size == valid;
             f(index, &from, &size, &origin, whole)?;
         }
@@ -265,10 +236,7 @@ impl<T: Number> ChunkedArray<T> {
                 if let Some(chunk) = self.read_unit(index)? {
                     let inner = difference(from, origin);
                     let outer = difference(from, start);
-                    let source = Window {
-                        shape: self.unit(),
-                        at: &inner,
-                    };
+                    let source = Window { shape: self.unit(), at: &inner };
                     region::copy(&chunk, source, &mut values, Window { shape, at: &outer }, size);
                 }
                 Ok(())
@@ -288,16 +256,10 @@ impl<T: Number> ChunkedArray<T> {
     ) -> Result<(), AccessError> {
         let expected = self.check(start, shape)?;
         if values.len() != expected {
-            return Err(AccessError::Length {
-                path: self.path.clone(),
-                expected,
-                found: values.len(),
-            });
+            return Err(AccessError::Length { path: self.path.clone(), expected, found: values.len() });
         }
         if self.sharded.is_some() {
-            return Err(AccessError::Sharded {
-                path: self.path.clone(),
-            });
+            return Err(AccessError::Sharded { path: self.path.clone() });
         }
         let zero = T::default();
         let units = self.units(start, shape);
@@ -313,10 +275,7 @@ impl<T: Number> ChunkedArray<T> {
             let mut chunk = old.unwrap_or_else(|| vec![zero; elements]);
             let inner = difference(from, origin);
             let outer = difference(from, start);
-            let target = Window {
-                shape: &self.chunk,
-                at: &inner,
-            };
+            let target = Window { shape: &self.chunk, at: &inner };
             region::copy(values, Window { shape, at: &outer }, &mut chunk, target, size);
             self.store(index, &chunk, None)
         })
@@ -324,10 +283,7 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Stores the values of a chunk, or removes its file if all are zero.
     fn store(&self, index: &[u64], chunk: &[T], touched: Option<&[u64]>) -> Result<(), AccessError> {
-        let failed = |cause: String| AccessError::Write {
-            path: self.path.clone(),
-            cause,
-        };
+        let failed = |cause: String| AccessError::Write { path: self.path.clone(), cause };
         let mut swapped;
         let mut bytes: &[u8] = bytemuck::cast_slice(chunk);
         if self.array.coding.swapped {
@@ -363,11 +319,8 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Decodes the bytes of a unit.
     fn decode(&self, index: &[u64], bytes: &[u8]) -> Result<Vec<T>, AccessError> {
-        let failed = |cause: String| AccessError::Chunk {
-            path: self.path.clone(),
-            chunk: index.to_vec(),
-            cause,
-        };
+        let failed =
+            |cause: String| AccessError::Chunk { path: self.path.clone(), chunk: index.to_vec(), cause };
         let frame = match &self.sharded {
             Some(_) => Frame::Sealed,
             None => self.array.coding.frame,
@@ -383,9 +336,7 @@ impl<T: Number> ChunkedArray<T> {
     }
 
     fn lock(&self, index: &[u64]) -> MutexGuard<'_, ()> {
-        let hash = index.iter().fold(0_u64, |h, &i| {
-            h.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i)
-        });
+        let hash = index.iter().fold(0_u64, |h, &i| h.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
         let stripe = (hash ^ (hash >> 29)) as usize % STRIPES;
         self.locks[stripe].lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -411,10 +362,7 @@ fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>
             continue;
         }
         let from: Vec<u64> = axes.clone().map(|a| start[a].max(index[a] * unit[a])).collect();
-        let size: Vec<u64> = axes
-            .clone()
-            .map(|a| end(a).min((index[a] + 1) * unit[a]) - from[a])
-            .collect();
+        let size: Vec<u64> = axes.clone().map(|a| end(a).min((index[a] + 1) * unit[a]) - from[a]).collect();
         within(smaller, &from, &size, all);
     }
 }

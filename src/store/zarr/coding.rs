@@ -126,11 +126,7 @@ fn names(codecs: &Value) -> Vec<&str> {
 
 /// Returns whether the first codec, `bytes`, has another byte order than this machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
-    let ours = if cfg!(target_endian = "big") {
-        "big"
-    } else {
-        "little"
-    };
+    let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {
         Some(endian @ ("little" | "big")) => Ok(endian != ours),
         _ => Err("its codec `bytes` needs `endian`, \"little\" or \"big\"".into()),
@@ -157,18 +153,10 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 `bytes` and `crc32c` at the end",
             )?;
             let swapped = is_swapped(&how["codecs"])?;
-            return Ok((
-                Coding {
-                    frame: Frame::Sealed,
-                    swapped,
-                },
-                Some(chunk),
-            ));
+            return Ok((Coding { frame: Frame::Sealed, swapped }, Some(chunk)));
         }
         _ => {
-            return Err(format!(
-                "its codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"
-            ));
+            return Err(format!("its codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"));
         }
     };
     let swapped = is_swapped(codecs)?;

@@ -59,9 +59,7 @@ mod tests {
     #[test]
     fn what_is_told_is_read() {
         let bins: Vec<f64> = (0..640).map(|i| 13012.5 + 25.0 * f64::from(i)).collect();
-        let thirds: Vec<f64> = (0..9)
-            .map(|i| f64::from(i) / 3.0 + 1e-3 * f64::from(i * i))
-            .collect();
+        let thirds: Vec<f64> = (0..9).map(|i| f64::from(i) / 3.0 + 1e-3 * f64::from(i * i)).collect();
         for coords in [&bins[..], &[450.0, 550.0, 660.0], &[7.0], &[0.0, 1.0], &thirds] {
             let message = describe(coords).expect("evenly spaced");
             assert!(message.1.to_string().len() < 400);
@@ -71,12 +69,9 @@ mod tests {
         }
         let odd: Vec<f64> = (0..40).map(|i| f64::from(i * i)).collect();
         assert_eq!(describe(&odd), None);
-        for other in [
-            json!({}),
-            json!({"values": [1.0, 2.0]}),
-            json!({"start_and_step": 1.0}),
-            json!({"values": "x"}),
-        ] {
+        for other in
+            [json!({}), json!({"values": [1.0, 2.0]}), json!({"start_and_step": 1.0}), json!({"values": "x"})]
+        {
             assert_eq!(read(other.as_object().expect("a table"), 3), None);
         }
     }

@@ -59,10 +59,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
 /// Returns the names of the slices from the root's metadata; `None` if it is not that of a Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
-    names
-        .iter()
-        .map(|n| n.as_str().filter(|n| name_fault(n).is_none()).map(str::to_owned))
-        .collect()
+    names.iter().map(|n| n.as_str().filter(|n| name_fault(n).is_none()).map(str::to_owned)).collect()
 }
 
 pub(super) fn create_root(
@@ -88,10 +85,7 @@ pub(super) fn create_slice(
         attributes.insert("time_start_ps".into(), json!(start_ps));
         attributes.insert("time_bin_ps".into(), json!(bin_ps));
     }
-    write_json(
-        &storage.root().join(name).join("zarr.json"),
-        &group_json(&attributes),
-    )?;
+    write_json(&storage.root().join(name).join("zarr.json"), &group_json(&attributes))?;
     for axis in &layout.axes {
         create_coordinates(storage, name, axis, !shardings.is_empty())?;
     }
@@ -160,19 +154,14 @@ fn create_coordinates(
         sharding: None,
     };
     let path = storage.root().join(slice).join(kind.name());
-    let failed = |e: super::error::AccessError| CreateError::Write {
-        path,
-        cause: e.to_string(),
-    };
+    let failed = |e: super::error::AccessError| CreateError::Write { path, cause: e.to_string() };
     if is_index(kind) {
         let values: Vec<i64> = axis.coords.iter().map(|&c| c as i64).collect();
         let array = ChunkedArray::<i64>::create(storage, &node, description)?;
         array.write(&[0], &[axis.len()], &values, None).map_err(failed)
     } else {
         let array = ChunkedArray::<f64>::create(storage, &node, description)?;
-        array
-            .write(&[0], &[axis.len()], &axis.coords, None)
-            .map_err(failed)
+        array.write(&[0], &[axis.len()], &axis.coords, None).map_err(failed)
     }
 }
 
@@ -184,10 +173,8 @@ fn read_axis(
     [expected, chunk]: [u64; 2],
 ) -> Result<Axis, OpenError> {
     let node = format!("/{slice}/{}", kind.name());
-    let damaged = |reason: String| OpenError::Damaged {
-        path: storage.root().join(slice).join(kind.name()),
-        reason,
-    };
+    let damaged =
+        |reason: String| OpenError::Damaged { path: storage.root().join(slice).join(kind.name()), reason };
     let checked = |coords: Vec<f64>| {
         let axis = Axis { kind, coords, chunk };
         match check::coordinates_fault(&axis) {
@@ -197,9 +184,7 @@ fn read_axis(
     };
     let length = |shape: &[u64]| match shape {
         [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
-        _ => Err(damaged(format!(
-            "its shape is {shape:?}, but the axis has {expected} entries"
-        ))),
+        _ => Err(damaged(format!("its shape is {shape:?}, but the axis has {expected} entries"))),
     };
     let coords: Vec<f64> = if is_index(kind) {
         let array = ChunkedArray::<i64>::open(storage, &node)?;
@@ -227,17 +212,10 @@ pub(super) fn read_layout(
     mean: &ChunkedArray<f32>,
     attributes: &Map<String, Value>,
 ) -> Result<SliceLayout, OpenError> {
-    let damaged = |reason: String| OpenError::Damaged {
-        path: mean.path().to_owned(),
-        reason,
-    };
+    let damaged = |reason: String| OpenError::Damaged { path: mean.path().to_owned(), reason };
     let names = mean.names();
     if names.len() != mean.shape().len() {
-        return Err(damaged(format!(
-            "{} names for {} dimensions",
-            names.len(),
-            mean.shape().len()
-        )));
+        return Err(damaged(format!("{} names for {} dimensions", names.len(), mean.shape().len())));
     }
     let coordinates = names.iter().filter(|n| !storage.tells(&format!("{slice}/{n}")));
     let coordinates = coordinates.map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
@@ -250,20 +228,14 @@ pub(super) fn read_layout(
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
             return Err(damaged(format!("dimensions {names:?} are not in storage order")));
         }
-        axes.push(read_axis(
-            storage,
-            slice,
-            kind,
-            [mean.shape()[i], mean.chunk()[i]],
-        )?);
+        axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk()[i]])?);
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
-        Some(value) => value.as_f64().map(Some).ok_or_else(|| {
-            damaged(format!(
-                "attribute `{key}` of its slice is {value}, expected a number"
-            ))
-        }),
+        Some(value) => value
+            .as_f64()
+            .map(Some)
+            .ok_or_else(|| damaged(format!("attribute `{key}` of its slice is {value}, expected a number"))),
     };
     let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
     let layout = SliceLayout {
@@ -298,10 +270,7 @@ pub(super) fn set_root_attributes(
 pub(super) fn consolidate(root: &Path, names: &[String]) -> Result<(), OpenError> {
     let inline = |metadata: Map<String, Value>| json!({"kind": "inline", "must_understand": false, "metadata": metadata});
     let write = |path: &Path, json: &Value| {
-        let failed = |e: std::io::Error| OpenError::Io {
-            path: path.to_owned(),
-            cause: e.to_string(),
-        };
+        let failed = |e: std::io::Error| OpenError::Io { path: path.to_owned(), cause: e.to_string() };
         whole_file::write(path, &to_bytes(json)).map_err(failed)
     };
     let mut below_root = Map::new();
@@ -312,10 +281,7 @@ pub(super) fn consolidate(root: &Path, names: &[String]) -> Result<(), OpenError
         let directory = root.join(name);
         let mut group = read_json(&directory.join("zarr.json"))?;
         let mut below_group = Map::new();
-        let io = |e: std::io::Error| OpenError::Io {
-            path: directory.clone(),
-            cause: e.to_string(),
-        };
+        let io = |e: std::io::Error| OpenError::Io { path: directory.clone(), cause: e.to_string() };
         let mut children: Vec<String> = std::fs::read_dir(&directory)
             .map_err(io)?
             .filter_map(|e| e.ok()?.file_name().into_string().ok())

@@ -59,10 +59,7 @@ impl CreateError {
         let path = path.to_owned();
         match error {
             OpenError::Remote { refusal, .. } => Self::Remote { path, refusal },
-            e => Self::Write {
-                path,
-                cause: e.to_string(),
-            },
+            e => Self::Write { path, cause: e.to_string() },
         }
     }
 
@@ -72,20 +69,14 @@ impl CreateError {
         let path = path.to_owned();
         match error {
             LockError::Held(holder) => Self::Locked { path, holder },
-            LockError::Io(e) => Self::Write {
-                path,
-                cause: e.to_string(),
-            },
+            LockError::Io(e) => Self::Write { path, cause: e.to_string() },
         }
     }
 }
 
 impl OpenError {
     pub(super) fn remote(path: &Path, refusal: Refusal) -> Self {
-        Self::Remote {
-            path: path.to_owned(),
-            refusal,
-        }
+        Self::Remote { path: path.to_owned(), refusal }
     }
 
     /// Converts the error of writing a metadata file.
@@ -93,10 +84,7 @@ impl OpenError {
         let path = path.to_owned();
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(&path, refusal.clone()),
-            None => Self::Io {
-                path,
-                cause: error.to_string(),
-            },
+            None => Self::Io { path, cause: error.to_string() },
         }
     }
 
@@ -104,10 +92,7 @@ impl OpenError {
     pub(super) fn of_read(path: &Path, error: &std::io::Error) -> Self {
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(path, refusal.clone()),
-            None => Self::Damaged {
-                path: path.to_owned(),
-                reason: error.to_string(),
-            },
+            None => Self::Damaged { path: path.to_owned(), reason: error.to_string() },
         }
     }
 
@@ -115,10 +100,7 @@ impl OpenError {
         let path = path.to_owned();
         match error {
             LockError::Held(holder) => Self::Locked { path, holder },
-            LockError::Io(e) => Self::Io {
-                path,
-                cause: e.to_string(),
-            },
+            LockError::Io(e) => Self::Io { path, cause: e.to_string() },
         }
     }
 }
@@ -263,14 +245,8 @@ impl AccessError {
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
         let path = path.to_owned();
         match Refusal::in_io(error) {
-            Some(refusal) => Self::Put {
-                path,
-                refusal: Box::new(refusal.clone()),
-            },
-            None => Self::Write {
-                path,
-                cause: error.to_string(),
-            },
+            Some(refusal) => Self::Put { path, refusal: Box::new(refusal.clone()) },
+            None => Self::Write { path, cause: error.to_string() },
         }
     }
 
@@ -278,16 +254,8 @@ impl AccessError {
     pub(super) fn of_chunk(path: &Path, chunk: &[u64], error: &std::io::Error) -> Self {
         let (path, chunk) = (path.to_owned(), chunk.to_vec());
         match Refusal::in_io(error) {
-            Some(refusal) => Self::Remote {
-                path,
-                chunk,
-                refusal: Box::new(refusal.clone()),
-            },
-            None => Self::Chunk {
-                path,
-                chunk,
-                cause: error.to_string(),
-            },
+            Some(refusal) => Self::Remote { path, chunk, refusal: Box::new(refusal.clone()) },
+            None => Self::Chunk { path, chunk, cause: error.to_string() },
         }
     }
 
@@ -295,16 +263,8 @@ impl AccessError {
     pub(super) fn of_shard(path: &Path, shard: &[u64], error: &std::io::Error) -> Self {
         let (path, shard) = (path.to_owned(), shard.to_vec());
         match Refusal::in_io(error) {
-            Some(refusal) => Self::Remote {
-                path,
-                chunk: shard,
-                refusal: Box::new(refusal.clone()),
-            },
-            None => Self::Shard {
-                path,
-                shard,
-                cause: error.to_string(),
-            },
+            Some(refusal) => Self::Remote { path, chunk: shard, refusal: Box::new(refusal.clone()) },
+            None => Self::Shard { path, shard, cause: error.to_string() },
         }
     }
 

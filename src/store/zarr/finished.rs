@@ -71,15 +71,12 @@ impl TensorStore {
             let finished = remote.finish(part::manifest_of(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }
-        self.storage.remove_leftovers().map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })?;
+        self.storage
+            .remove_leftovers()
+            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })?;
         describe::consolidate(self.path(), &self.names)?;
-        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })
+        Manifest::write_as(self.path(), part::manifest_of(&held))
+            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
     }
 
     /// Marks the store as unfinished before its values change.
@@ -92,9 +89,7 @@ impl TensorStore {
             let removed = remote.erase(manifests.to_vec());
             return removed.map_err(|e| OpenError::remote(self.path(), e));
         }
-        Manifest::remove(self.path()).map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })
+        Manifest::remove(self.path())
+            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
     }
 }

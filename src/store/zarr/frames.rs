@@ -136,10 +136,7 @@ impl FrameStore {
     ) -> Result<Self, CreateError> {
         super::refuse_within(path)?;
         let lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
-        let failed = |cause: String| CreateError::Write {
-            path: path.to_owned(),
-            cause,
-        };
+        let failed = |cause: String| CreateError::Write { path: path.to_owned(), cause };
         let io = |e: std::io::Error| failed(e.to_string());
         staging::recover(path).map_err(io)?;
         if std::fs::symlink_metadata(path).is_ok() {
@@ -156,8 +153,8 @@ impl FrameStore {
         Self::lay_out(&part, layout, maps, attributes)
             .and_then(|()| staging::put(&part, path).map_err(io))
             .inspect_err(|_| {
-                let _ = staging::remove(&part);
-            })?;
+            let _ = staging::remove(&part);
+        })?;
         Self::over(AtomicDirectory::new(path), Some(lock)).map_err(|e| failed(e.to_string()))
     }
 
@@ -168,10 +165,7 @@ impl FrameStore {
         maps: &[FrameMap],
         attributes: &Map<String, Value>,
     ) -> Result<(), CreateError> {
-        let failed = |cause: String| CreateError::Write {
-            path: path.to_owned(),
-            cause,
-        };
+        let failed = |cause: String| CreateError::Write { path: path.to_owned(), cause };
         let storage = Arc::new(AtomicDirectory::new(path));
         describe::create_root(path, &[], attributes)?;
         let group =
@@ -179,15 +173,8 @@ impl FrameStore {
         description::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
         for axis in &layout.axes {
             let node = format!("/{GROUP}/{}", axis.name);
-            column(
-                &storage,
-                &node,
-                &[&axis.name],
-                &axis.units,
-                &[axis.coords.len() as u64],
-                &axis.coords,
-            )
-            .map_err(|e| failed(e.to_string()))?;
+            column(&storage, &node, &[&axis.name], &axis.units, &[axis.coords.len() as u64], &axis.coords)
+                .map_err(|e| failed(e.to_string()))?;
         }
         let of_frame = &layout.axes[layout.run_axes..];
         let names: Vec<&str> = of_frame.iter().map(|a| a.name.as_str()).collect();
@@ -257,10 +244,7 @@ impl FrameStore {
             Err(_) => (Raw::U32(ChunkedArray::open(&storage, &node)?), FrameNumber::U32),
         };
         let (shape, chunk, names, place) = raw.over();
-        let damaged = |reason: &str| OpenError::Damaged {
-            path: place.to_owned(),
-            reason: reason.into(),
-        };
+        let damaged = |reason: &str| OpenError::Damaged { path: place.to_owned(), reason: reason.into() };
         let run_axes = group["attributes"]["run_axes"].as_u64().unwrap_or(u64::MAX) as usize;
         if run_axes > shape.len() {
             return Err(damaged("`run_axes` exceeds the number of axes"));
@@ -272,9 +256,7 @@ impl FrameStore {
             }
             let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
             if array.shape() != [*n] {
-                return Err(damaged(
-                    "an axis has a different number of coordinates than entries",
-                ));
+                return Err(damaged("an axis has a different number of coordinates than entries"));
             }
             let json = description::read_json(&array.path().join("zarr.json"))?;
             axes.push(FrameAxis {
@@ -283,12 +265,7 @@ impl FrameStore {
                 coords: array.read(&[0], &[*n]).map_err(|e| damaged(&e.to_string()))?,
             });
         }
-        let mut layout = FrameLayout {
-            axes,
-            run_axes,
-            gathered: false,
-            number,
-        };
+        let mut layout = FrameLayout { axes, run_axes, gathered: false, number };
         if layout.chunk() != chunk {
             layout.gathered = true;
         }
@@ -296,13 +273,7 @@ impl FrameStore {
             return Err(damaged("its chunks are not whole frames"));
         }
         drop(group);
-        Ok(Self {
-            layout,
-            attributes,
-            raw,
-            _lock: lock,
-            storage,
-        })
+        Ok(Self { layout, attributes, raw, _lock: lock, storage })
     }
 
     /// Returns the axes and the number type.
@@ -406,9 +377,7 @@ impl FrameStore {
     }
 
     fn run_names(&self) -> impl Iterator<Item = &str> {
-        self.layout.axes[..self.layout.run_axes]
-            .iter()
-            .map(|a| a.name.as_str())
+        self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
     /// Reads a column written by [`Self::write_column`]; `None` if there is none.
@@ -425,10 +394,7 @@ impl FrameStore {
         }
         let array = ChunkedArray::<f64>::open(&self.storage, &format!("/{GROUP}/{name}"))?;
         let shape = array.shape().to_vec();
-        let damaged = |reason: String| OpenError::Damaged {
-            path: array.path().to_owned(),
-            reason,
-        };
+        let damaged = |reason: String| OpenError::Damaged { path: array.path().to_owned(), reason };
         if region::volume(&shape) != Some(expected) {
             return Err(damaged(format!("it does not contain {expected} numbers")));
         }
@@ -441,10 +407,7 @@ impl FrameStore {
     /// # Errors
     /// If writing fails.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let io = |e: std::io::Error| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        };
+        let io = |e: std::io::Error| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() };
         self.storage.remove_leftovers().map_err(io)?;
         describe::consolidate(self.path(), &[GROUP.to_owned()])?;
         Manifest::write(self.path()).map_err(io)
@@ -467,10 +430,7 @@ fn not_frames(path: &Path) -> OpenError {
     if !path.exists() {
         return OpenError::Missing { path: path.into() };
     }
-    OpenError::NotAStore {
-        path: path.to_owned(),
-        reason: "it has no group `frames`".into(),
-    }
+    OpenError::NotAStore { path: path.to_owned(), reason: "it has no group `frames`".into() }
 }
 
 fn column(

@@ -40,10 +40,7 @@ pub fn write_layers(
         return Err(CreateError::Exists { path });
     }
     let _lock = Lock::take(&path).map_err(|e| CreateError::locked(&path, e))?;
-    let io = |e: std::io::Error| CreateError::Write {
-        path: path.clone(),
-        cause: e.to_string(),
-    };
+    let io = |e: std::io::Error| CreateError::Write { path: path.clone(), cause: e.to_string() };
     staging::recover(&path).map_err(io)?;
     if exists() && !replace {
         return Err(CreateError::Exists { path });
@@ -78,33 +75,12 @@ fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<
     let [w, h] = set.size;
     let pixels = |n: u32| (0..n).map(f64::from).collect::<Vec<_>>();
     let is_used = |parts| set.layers.iter().any(|l| l.parts == parts);
-    coordinate(
-        &storage,
-        "y",
-        "pixel",
-        "camera row (pixel centre)",
-        &pixels(h),
-        None,
-    )?;
-    coordinate(
-        &storage,
-        "x",
-        "pixel",
-        "camera column (pixel centre)",
-        &pixels(w),
-        None,
-    )?;
+    coordinate(&storage, "y", "pixel", "camera row (pixel centre)", &pixels(h), None)?;
+    coordinate(&storage, "x", "pixel", "camera column (pixel centre)", &pixels(w), None)?;
     let mut all = vec!["y", "x"];
     if is_used(Parts::Vector) {
         let labels = json!(["x", "y", "z"]);
-        coordinate(
-            &storage,
-            "vector",
-            "1",
-            "coordinate, world",
-            &[0_i64, 1, 2],
-            Some(labels),
-        )?;
+        coordinate(&storage, "vector", "1", "coordinate, world", &[0_i64, 1, 2], Some(labels))?;
         all.push("vector");
     }
     if is_used(Parts::Wavelengths) {
@@ -122,10 +98,7 @@ fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<
     let mut metadata = Map::new();
     for name in all {
         let at = root.join(name).join("zarr.json");
-        let json = read_json(&at).map_err(|e| CreateError::Write {
-            path: at,
-            cause: e.to_string(),
-        })?;
+        let json = read_json(&at).map_err(|e| CreateError::Write { path: at, cause: e.to_string() })?;
         metadata.insert(name.into(), json);
     }
     group["consolidated_metadata"] =
@@ -179,11 +152,7 @@ fn array<T: Number>(
         chunk: shape.iter().map(|n| (*n).min(CHUNK)).collect(),
         shape,
         names,
-        attributes: describe(
-            layer.units,
-            layer.long_name,
-            layer.labels.as_ref().map(|l| json!(l)),
-        ),
+        attributes: describe(layer.units, layer.long_name, layer.labels.as_ref().map(|l| json!(l))),
         sharding: None,
     };
     put(storage, layer.name, description, values)
@@ -200,8 +169,5 @@ fn put<T: Number>(
     let start = vec![0; shape.len()];
     array
         .write(&start, &shape, values, None)
-        .map_err(|e| CreateError::Write {
-            path: storage.root().join(name),
-            cause: e.to_string(),
-        })
+        .map_err(|e| CreateError::Write { path: storage.root().join(name), cause: e.to_string() })
 }

@@ -57,10 +57,7 @@ impl Entry {
     /// Returns the entry of a complete file.
     pub(super) fn of(path: &str, bytes: &[u8]) -> Self {
         let crc = checksum(path, bytes);
-        Self {
-            crc,
-            size: bytes.len() as u64,
-        }
+        Self { crc, size: bytes.len() as u64 }
     }
 
     /// Returns the entry of a complete file, which may be a shard.
@@ -103,10 +100,7 @@ impl Entry {
         let mut seal = [0; 4];
         file.seek(SeekFrom::End(-4))?;
         file.read_exact(&mut seal)?;
-        Ok(Self {
-            crc: u32::from_le_bytes(seal),
-            size,
-        })
+        Ok(Self { crc: u32::from_le_bytes(seal), size })
     }
 }
 
@@ -125,11 +119,7 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
         for entry in fs::read_dir(root.join(&folder))? {
             let entry = entry?;
             let name = entry.file_name().to_string_lossy().into_owned();
-            let path = if folder.is_empty() {
-                name.clone()
-            } else {
-                format!("{folder}/{name}")
-            };
+            let path = if folder.is_empty() { name.clone() } else { format!("{folder}/{name}") };
             if entry.file_type()?.is_dir() {
                 if depth < DEEPEST {
                     folders.push((path, depth + 1));
@@ -255,13 +245,7 @@ fn parse(text: &str) -> Option<Manifest> {
         return None;
     }
     let mut lines = lines.lines();
-    let count: usize = lines
-        .next()?
-        .strip_prefix(HEAD)?
-        .trim()
-        .strip_suffix(" files")?
-        .parse()
-        .ok()?;
+    let count: usize = lines.next()?.strip_prefix(HEAD)?.trim().strip_suffix(" files")?.parse().ok()?;
     let entry = |line: &str| {
         let (crc, rest) = line.split_once(' ')?;
         let (size, path) = rest.split_once(' ')?;
@@ -289,13 +273,7 @@ mod tests {
         Manifest::write(root).unwrap();
         let read = Manifest::read(root).unwrap().unwrap();
         assert_eq!(read.0.len(), 2);
-        assert_eq!(
-            read.0["a/mean/c.0.0"],
-            Entry {
-                crc: 0x0504_0302,
-                size: 5
-            }
-        );
+        assert_eq!(read.0["a/mean/c.0.0"], Entry { crc: 0x0504_0302, size: 5 });
         assert_eq!(read.0["zarr.json"], Entry::of("zarr.json", b"{}"));
         Manifest::remove(root).unwrap();
         Manifest::remove(root).unwrap();

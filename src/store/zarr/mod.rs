@@ -98,9 +98,7 @@ enum State {
 
 impl std::fmt::Debug for TensorStore {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TensorStore")
-            .field("path", &self.path())
-            .finish_non_exhaustive()
+        f.debug_struct("TensorStore").field("path", &self.path()).finish_non_exhaustive()
     }
 }
 
@@ -155,12 +153,7 @@ impl TensorStore {
         origin: Option<&str>,
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let new = New {
-            slices,
-            attributes,
-            samples,
-            shardings: &HashMap::new(),
-        };
+        let new = New { slices, attributes, samples, shardings: &HashMap::new() };
         Self::create_new(path, new, replace, origin, fill)
     }
 
@@ -178,12 +171,7 @@ impl TensorStore {
         };
         if let Some(objects) = remote_store::objects_of(&path).map_err(refused)? {
             check_slices(new.slices)?;
-            let making = Making {
-                path: &path,
-                objects,
-                replace,
-                origin,
-            };
+            let making = Making { path: &path, objects, replace, origin };
             let (storage, held) = making.begin(|folder| build(folder, new))?;
             let store = Self::over(storage, State::Writing, Some(held))
                 .map_err(|e| CreateError::of_open(&path, e))?;
@@ -196,10 +184,7 @@ impl TensorStore {
         }
         refuse_within(&path)?;
         let lock = Lock::take(&path).map_err(|e| CreateError::locked(&path, e))?;
-        let failed = |cause: String| CreateError::Write {
-            path: path.clone(),
-            cause,
-        };
+        let failed = |cause: String| CreateError::Write { path: path.clone(), cause };
         let io = |e: std::io::Error| failed(e.to_string());
         staging::recover(&path).map_err(io)?;
         // Another process may have created it meanwhile.
@@ -247,11 +232,7 @@ impl TensorStore {
             Place::Folder(root) => (Manifest::read(root)?, None),
             Place::Objects(objects) => Manifest::with_root(objects, path)?,
         };
-        let state = if manifest.is_some() {
-            State::Finished
-        } else {
-            State::Unfinished
-        };
+        let state = if manifest.is_some() { State::Finished } else { State::Unfinished };
         let storage = AtomicDirectory::at(path, place, manifest);
         if let Some(remote) = storage.remote() {
             remote.keep_ahead([("zarr.json".to_owned(), root)]);
@@ -284,14 +265,10 @@ impl TensorStore {
             Some(_) => !storage.has_description("")? && state != State::Finished,
         };
         if missing {
-            return Err(OpenError::Missing {
-                path: path.to_owned(),
-            });
+            return Err(OpenError::Missing { path: path.to_owned() });
         }
-        let not_a_store = |reason: &str| OpenError::NotAStore {
-            path: path.to_owned(),
-            reason: reason.into(),
-        };
+        let not_a_store =
+            |reason: &str| OpenError::NotAStore { path: path.to_owned(), reason: reason.into() };
         if !storage.has_description("")? {
             return Err(not_a_store("it has no zarr.json"));
         }
@@ -304,18 +281,12 @@ impl TensorStore {
         let mut attributes = describe::attributes_of(&json).unwrap_or_default();
         attributes.remove("slices");
         if let Some(reason) = check::root_fault(&attributes) {
-            return Err(OpenError::Damaged {
-                path: path.join("zarr.json"),
-                reason,
-            });
+            return Err(OpenError::Damaged { path: path.join("zarr.json"), reason });
         }
         let samples = if storage.has_node("samples") {
             let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
             if let Some(reason) = check::samples_fault(array.shape(), array.chunk()) {
-                return Err(OpenError::Damaged {
-                    path: array.path().to_owned(),
-                    reason,
-                });
+                return Err(OpenError::Damaged { path: array.path().to_owned(), reason });
             }
             Some(Arc::new(array))
         } else {
@@ -363,10 +334,10 @@ impl TensorStore {
         }
         let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
         let store = Self::open_writing(path, Some(Held::File { _lock: lock }))?;
-        store.storage.remove_leftovers().map_err(|e| OpenError::Io {
-            path: path.to_owned(),
-            cause: e.to_string(),
-        })?;
+        store
+            .storage
+            .remove_leftovers()
+            .map_err(|e| OpenError::Io { path: path.to_owned(), cause: e.to_string() })?;
         Ok(store)
     }
 
@@ -436,10 +407,7 @@ impl TensorStore {
     /// Returns a copy of the root group's attributes, without the store's list of slices.
     #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
-        self.attributes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.attributes.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Replaces the attributes of the root group.
@@ -469,12 +437,7 @@ pub fn around(path: &Path) -> Option<PathBuf> {
 
 /// Refuses to create a store inside another.
 fn refuse_within(path: &Path) -> Result<(), CreateError> {
-    around(path).map_or(Ok(()), |store| {
-        Err(CreateError::Within {
-            path: path.to_owned(),
-            store,
-        })
-    })
+    around(path).map_or(Ok(()), |store| Err(CreateError::Within { path: path.to_owned(), store }))
 }
 
 fn is_store(path: &Path) -> bool {

@@ -50,9 +50,7 @@ pub(super) fn hide(
     let counts = samples.read(&[0, 0], &[height, width])?;
     let sampled = |y: u32, x: u32| counts[(u64::from(y) * width + u64::from(x)) as usize] > 0;
     let inner = data.len() / (rows.len() * columns.len()).max(1);
-    let elements = rows
-        .iter()
-        .flat_map(|row| columns.iter().map(move |column| (row, column)));
+    let elements = rows.iter().flat_map(|row| columns.iter().map(move |column| (row, column)));
     for ((row, column), values) in elements.zip(data.chunks_mut(inner.max(1))) {
         if !(row.0..=row.1).all(|y| (column.0..=column.1).all(|x| sampled(y, x))) {
             values.fill(f32::NAN);

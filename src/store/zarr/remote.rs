@@ -53,12 +53,7 @@ pub(super) struct Remote {
 
 impl Remote {
     pub(super) fn new(objects: Objects) -> Self {
-        Self {
-            objects,
-            descriptions: Mutex::default(),
-            ahead: Mutex::default(),
-            writing: Mutex::default(),
-        }
+        Self { objects, descriptions: Mutex::default(), ahead: Mutex::default(), writing: Mutex::default() }
     }
 
     /// Stores the metadata in the consolidated metadata of the root.
@@ -66,8 +61,7 @@ impl Remote {
         let metadata = root["consolidated_metadata"]["metadata"].as_object();
         let file =
             |(node, json): (&String, &Value)| (format!("{node}/zarr.json"), Bytes::from(json.to_string()));
-        self.descriptions()
-            .extend(metadata.into_iter().flatten().map(file));
+        self.descriptions().extend(metadata.into_iter().flatten().map(file));
     }
 
     /// Keeps metadata that has been read.
@@ -100,12 +94,7 @@ impl Remote {
         let fetched = self.ahead().remove(&wanted);
         match fetched {
             Some(bytes) => Ok(bytes),
-            None => Ok(self
-                .objects
-                .ask(vec![wanted])?
-                .pop()
-                .flatten()
-                .map(|(bytes, _)| bytes)),
+            None => Ok(self.objects.ask(vec![wanted])?.pop().flatten().map(|(bytes, _)| bytes)),
         }
     }
 
@@ -176,10 +165,7 @@ impl Remote {
                 "the lock of the store was lost (removed, or not renewed in time); another process may be writing the store",
                 "check that no other process writes it",
             )),
-            None => Err(Refusal::new(
-                "the store is open for reading only",
-                "open it for writing",
-            )),
+            None => Err(Refusal::new("the store is open for reading only", "open it for writing")),
         }
     }
 
@@ -237,11 +223,7 @@ impl Remote {
     /// Writes the manifest of the existing files under this name. For files of an earlier process, their ends
     /// are read.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
-        let known = self
-            .writing()
-            .as_ref()
-            .map(|w| w.known.clone())
-            .unwrap_or_default();
+        let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
         let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {
             let json = serde_json::from_slice(bytes).ok()?;
             Some((path.as_str(), json))
@@ -289,11 +271,7 @@ struct Request {
 
 impl Request {
     fn of(key: &str, ask: &Ask) -> Self {
-        Self {
-            key: key.to_owned(),
-            ask: ask.clone(),
-            parts: vec![ask.clone()],
-        }
+        Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
     /// Adds a range if it follows in the same file; returns whether it did.

@@ -52,16 +52,11 @@ pub(super) fn objects_of(path: &Path) -> Result<Option<Objects>, Refusal> {
 
 impl Making<'_> {
     fn refused(&self, refusal: Refusal) -> CreateError {
-        CreateError::Remote {
-            path: self.path.to_owned(),
-            refusal,
-        }
+        CreateError::Remote { path: self.path.to_owned(), refusal }
     }
 
     fn exists(&self) -> CreateError {
-        CreateError::Exists {
-            path: self.path.to_owned(),
-        }
+        CreateError::Exists { path: self.path.to_owned() }
     }
 
     fn get(&self, key: &str) -> Result<Option<Bytes>, CreateError> {
@@ -85,12 +80,9 @@ impl Making<'_> {
         }
         let files = described(describe)?;
         let mark = Bytes::from(self.origin.unwrap_or_default().to_owned());
-        self.put(&known, &files, mark.clone())
-            .map_err(|e| self.refused(e))?;
+        self.put(&known, &files, mark.clone()).map_err(|e| self.refused(e))?;
         let mark = (ORIGIN.to_owned(), Known::Put(Entry::of(ORIGIN, &mark)));
-        let all = files
-            .iter()
-            .map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
+        let all = files.iter().map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
         let (storage, held) = opened(self.path, &self.objects, lock, all.chain([mark]).collect());
         if let Some(remote) = storage.remote() {
             remote.keep_ahead(files.into_iter().map(|(name, bytes)| (name, Some(bytes))));
@@ -103,10 +95,7 @@ impl Making<'_> {
         let removed = storage.remove(ORIGIN);
         removed.map_err(|e| match Refusal::in_io(&e) {
             Some(refusal) => self.refused(refusal.clone()),
-            None => CreateError::Write {
-                path: self.path.to_owned(),
-                cause: e.to_string(),
-            },
+            None => CreateError::Write { path: self.path.to_owned(), cause: e.to_string() },
         })
     }
 
@@ -122,17 +111,13 @@ impl Making<'_> {
             if !self.replace {
                 return Err(self.exists());
             }
-            let json = self
-                .get(ROOT)?
-                .and_then(|bytes| description::parse_json(self.path, &bytes).ok());
+            let json = self.get(ROOT)?.and_then(|bytes| description::parse_json(self.path, &bytes).ok());
             json.is_some_and(|json| describe::slice_names_of(&json).is_some())
         } else {
             known.keys().all(|name| !manifest::is_part(name))
         };
         if !is_ours {
-            return Err(CreateError::NotAStore {
-                path: self.path.to_owned(),
-            });
+            return Err(CreateError::NotAStore { path: self.path.to_owned() });
         }
         let Some(origin) = self.origin.filter(|_| is_begun && is_there(ROOT)) else {
             return Ok(false);
@@ -166,10 +151,7 @@ impl Making<'_> {
 fn described(
     describe: impl FnOnce(&Path) -> Result<(), CreateError>,
 ) -> Result<BTreeMap<String, Bytes>, CreateError> {
-    let failed = |e: std::io::Error| CreateError::Write {
-        path: std::env::temp_dir(),
-        cause: e.to_string(),
-    };
+    let failed = |e: std::io::Error| CreateError::Write { path: std::env::temp_dir(), cause: e.to_string() };
     let folder = tempfile::tempdir().map_err(failed)?;
     let root = folder.path().join("store");
     describe(&root)?;
@@ -178,11 +160,7 @@ fn described(
         Ok((name, Bytes::from(bytes)))
     };
     let names = manifest::files(&root).map_err(failed)?;
-    names
-        .into_iter()
-        .map(read)
-        .collect::<std::io::Result<_>>()
-        .map_err(failed)
+    names.into_iter().map(read).collect::<std::io::Result<_>>().map_err(failed)
 }
 
 fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
@@ -216,10 +194,7 @@ pub(super) fn open_for_write(
         return Ok(None);
     }
     let lock = take(objects).map_err(|e| match e {
-        NoLock::Held(holder) => OpenError::Locked {
-            path: path.to_owned(),
-            holder,
-        },
+        NoLock::Held(holder) => OpenError::Locked { path: path.to_owned(), holder },
         NoLock::Refused(refusal) => refused(refusal),
     })?;
     open_locked(path, objects, lock).map(Some).map_err(refused)
@@ -232,9 +207,7 @@ pub(super) fn open_locked(
     lock: ObjectLock,
 ) -> Result<(AtomicDirectory, Held), Refusal> {
     let known = found(objects)?;
-    let is_finished = [manifest::FILE, manifest::OF_PART]
-        .iter()
-        .any(|name| known.contains_key(*name));
+    let is_finished = [manifest::FILE, manifest::OF_PART].iter().any(|name| known.contains_key(*name));
     let (storage, held) = opened(path, objects, lock, known);
     if let Some(remote) = storage.remote() {
         // The store is complete enough to lose its mark.

@@ -47,20 +47,13 @@ impl PlaceLock {
     /// # Errors
     /// If another process holds it, or it cannot be taken.
     pub fn take(path: &Path) -> Result<Self, CreateError> {
-        let refused = |refusal| CreateError::Remote {
-            path: path.to_owned(),
-            refusal,
-        };
+        let refused = |refusal| CreateError::Remote { path: path.to_owned(), refusal };
         let held = match remote_store::objects_of(path).map_err(refused)? {
             Some(objects) => {
                 objects.may_be_written().map_err(refused)?;
-                Held::Objects {
-                    _lock: remote_store::locked(path, &objects)?,
-                }
+                Held::Objects { _lock: remote_store::locked(path, &objects)? }
             }
-            None => Held::File {
-                _lock: Lock::take(path).map_err(|e| CreateError::locked(path, e))?,
-            },
+            None => Held::File { _lock: Lock::take(path).map_err(|e| CreateError::locked(path, e))? },
         };
         Ok(Self { _held: held })
     }
@@ -72,10 +65,7 @@ impl PlaceLock {
 /// # Errors
 /// [`RemoveError`]: something else is there, another process writes it, or it cannot be removed.
 pub fn remove(path: &Path) -> Result<bool, RemoveError> {
-    let refused = |refusal| RemoveError::Remote {
-        path: path.to_owned(),
-        refusal,
-    };
+    let refused = |refusal| RemoveError::Remote { path: path.to_owned(), refusal };
     if let Some(objects) = remote_store::objects_of(path).map_err(refused)? {
         objects.may_be_written().map_err(refused)?;
         if objects.list().map_err(refused)?.is_empty() {
@@ -91,10 +81,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
         return Err(not_a_store(path));
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
-    let io = |cause| RemoveError::Io {
-        path: path.to_owned(),
-        cause,
-    };
+    let io = |cause| RemoveError::Io { path: path.to_owned(), cause };
     // If the process is killed here, the next store at this path removes the leftover.
     let part = staging::part_of(path);
     staging::remove(&part).map_err(io)?;
@@ -109,9 +96,7 @@ fn is_store(root: Result<Value, OpenError>) -> bool {
 }
 
 fn not_a_store(path: &Path) -> RemoveError {
-    RemoveError::NotAStore {
-        path: path.to_owned(),
-    }
+    RemoveError::NotAStore { path: path.to_owned() }
 }
 
 /// Removes the objects at an address whose lock is held.
@@ -128,10 +113,8 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     // With the mark, it is recognized as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
     let heads = [manifest::FILE, manifest::OF_PART, ROOT];
-    let (heads, rest) = names
-        .into_iter()
-        .filter(|name| name != ORIGIN)
-        .partition(|name| heads.contains(&name.as_str()));
+    let (heads, rest) =
+        names.into_iter().filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
     objects.delete(heads)?;
     objects.delete(rest)?;
     objects.delete(vec![ORIGIN.to_owned()])?;

@@ -16,9 +16,7 @@ impl TensorStore {
     }
 
     pub(super) fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {
-        self.samples.as_ref().ok_or_else(|| AccessError::NoSamples {
-            path: self.path().to_owned(),
-        })
+        self.samples.as_ref().ok_or_else(|| AccessError::NoSamples { path: self.path().to_owned() })
     }
 
     /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.

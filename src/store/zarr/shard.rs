@@ -65,19 +65,12 @@ pub(super) struct Builder {
 
 impl Builder {
     pub(super) fn new(frames: usize) -> Self {
-        Self {
-            bytes: vec![],
-            pieces: vec![None; frames],
-        }
+        Self { bytes: vec![], pieces: vec![None; frames] }
     }
 
     pub(super) fn push(&mut self, number: usize, frame: &[u8]) {
         let seal = frame.last_chunk().map_or(0, |seal| u32::from_le_bytes(*seal));
-        self.pieces[number] = Some(Piece {
-            offset: self.bytes.len() as u64,
-            size: frame.len() as u64,
-            seal,
-        });
+        self.pieces[number] = Some(Piece { offset: self.bytes.len() as u64, size: frame.len() as u64, seal });
         self.bytes.extend_from_slice(frame);
     }
 
@@ -105,9 +98,7 @@ impl Builder {
 
 /// Parses the tail of a shard of `size` bytes; returns the frames by number.
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
-    let Some(data) = size
-        .checked_sub(tail_len(frames))
-        .filter(|_| tail.len() as u64 == tail_len(frames))
+    let Some(data) = size.checked_sub(tail_len(frames)).filter(|_| tail.len() as u64 == tail_len(frames))
     else {
         return Err("it is shorter than its index");
     };
@@ -124,19 +115,13 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
             return Ok(None);
         }
         match offset.checked_add(size) {
-            Some(end) if end <= data && size > SEAL as u64 => Ok(Some(Piece {
-                offset,
-                size,
-                seal: seal.try_into().map_or(0, u32::from_le_bytes),
-            })),
+            Some(end) if end <= data && size > SEAL as u64 => {
+                Ok(Some(Piece { offset, size, seal: seal.try_into().map_or(0, u32::from_le_bytes) }))
+            }
             _ => Err("its index refers to bytes outside the file"),
         }
     };
-    seals
-        .chunks_exact(SEAL)
-        .zip(index.chunks_exact(PLACE))
-        .map(piece)
-        .collect()
+    seals.chunks_exact(SEAL).zip(index.chunks_exact(PLACE)).map(piece).collect()
 }
 
 /// Returns the fault of a complete shard, if any. Checks every byte.
@@ -149,19 +134,13 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
         Ok(pieces) => pieces,
         Err(reason) => return Some(reason.into()),
     };
-    let mut there: Vec<(usize, Piece)> = pieces
-        .into_iter()
-        .enumerate()
-        .filter_map(|(n, p)| Some((n, p?)))
-        .collect();
+    let mut there: Vec<(usize, Piece)> =
+        pieces.into_iter().enumerate().filter_map(|(n, p)| Some((n, p?))).collect();
     there.sort_unstable_by_key(|(_, piece)| piece.offset);
     let mut end = 0;
     for (number, piece) in there {
         if piece.offset != end {
-            return Some(format!(
-                "its chunk {number} begins at byte {}, expected {end}",
-                piece.offset
-            ));
+            return Some(format!("its chunk {number} begins at byte {}, expected {end}", piece.offset));
         }
         end = piece.range().end;
         if let Some(reason) = piece.fault(&bytes[piece.offset as usize..end as usize]) {
@@ -196,9 +175,7 @@ impl Shards {
     /// Reads the shards from the metadata in a folder with these files.
     pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
         let descriptions = files.into_iter().filter_map(|path| {
-            let bytes = path
-                .ends_with("/zarr.json")
-                .then(|| base::input::read(&root.join(path)));
+            let bytes = path.ends_with("/zarr.json").then(|| base::input::read(&root.join(path)));
             Some((path.as_str(), serde_json::from_slice(&bytes?.ok()?).ok()?))
         });
         Self::of(descriptions)

@@ -40,12 +40,7 @@ pub(super) struct Sharded {
 
 impl Sharded {
     pub(super) fn new(inner: Vec<u64>, shard: Vec<u64>) -> Option<Self> {
-        Some(Self {
-            frames: shard::frames(&shard, &inner)?,
-            inner,
-            shard,
-            kept: Mutex::default(),
-        })
+        Some(Self { frames: shard::frames(&shard, &inner)?, inner, shard, kept: Mutex::default() })
     }
 
     /// Does the same as [`Self::new`] for an array of this shape, if chunks divide `chunk` and `chunk`

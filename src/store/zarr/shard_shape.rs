@@ -25,12 +25,7 @@ pub(crate) struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self {
-            piece: 16 << 10,
-            enough: 4 << 20,
-            most: 48 << 20,
-            pieces: 1 << 12,
-        }
+        Self { piece: 16 << 10, enough: 4 << 20, most: 48 << 20, pieces: 1 << 12 }
     }
 }
 
@@ -47,18 +42,12 @@ pub(super) struct Array<'a> {
 /// Chooses the sharding of an array.
 pub(super) fn choose(array: &Array, limits: Limits) -> Sharding {
     let inner = inner(array, limits);
-    let grid: Vec<u64> = array
-        .shape
-        .iter()
-        .zip(array.chunk)
-        .map(|(n, c)| n.div_ceil(*c))
-        .collect();
+    let grid: Vec<u64> = array.shape.iter().zip(array.chunk).map(|(n, c)| n.div_ceil(*c)).collect();
     let mut counts = vec![1; grid.len()];
     while let Some(next) = grown(array, &grid, &counts) {
         let shards = shards(&grid, array.sizes, &counts);
-        let (many, total): (u64, u64) = shards
-            .iter()
-            .fold((0, 0), |(n, t), s| (n + u64::from(*s > 0), t + s));
+        let (many, total): (u64, u64) =
+            shards.iter().fold((0, 0), |(n, t), s| (n + u64::from(*s > 0), t + s));
         if total >= limits.enough.saturating_mul(many.max(1)) {
             break;
         }
@@ -69,11 +58,7 @@ pub(super) fn choose(array: &Array, limits: Limits) -> Sharding {
         }
         counts = next;
     }
-    Sharding {
-        inner,
-        chunk: array.chunk.to_vec(),
-        shard: product(array.chunk, &counts),
-    }
+    Sharding { inner, chunk: array.chunk.to_vec(), shard: product(array.chunk, &counts) }
 }
 
 fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
@@ -89,15 +74,10 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut bytes = total as f64 / stored as f64;
     let whole = region::volume(array.chunk).unwrap_or(usize::MAX);
     while bytes > limits.piece as f64 {
-        let Some(axis) = (0..array.camera)
-            .max_by_key(|a| inner[*a])
-            .filter(|a| inner[*a] > 1)
-        else {
+        let Some(axis) = (0..array.camera).max_by_key(|a| inner[*a]).filter(|a| inner[*a] > 1) else {
             break;
         };
-        let factor = (2..=inner[axis])
-            .find(|f| inner[axis].is_multiple_of(*f))
-            .unwrap_or(1);
+        let factor = (2..=inner[axis]).find(|f| inner[axis].is_multiple_of(*f)).unwrap_or(1);
         let next = inner[axis] / factor;
         // Values that compress to less than a byte each must not increase the number of frames, because the
         // tail should be short.
@@ -115,11 +95,7 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
 fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     let more = |axis: &usize| counts[*axis] < grid[*axis];
     let behind = (array.camera..grid.len()).rev().find(more);
-    let camera = || {
-        (0..array.camera)
-            .filter(more)
-            .min_by_key(|a| counts[*a] * array.chunk[*a])
-    };
+    let camera = || (0..array.camera).filter(more).min_by_key(|a| counts[*a] * array.chunk[*a]);
     let axis = behind.or_else(camera)?;
     let mut next = counts.to_vec();
     next[axis] = (2 * next[axis]).min(grid[axis]);
@@ -131,11 +107,7 @@ fn shards(grid: &[u64], sizes: &[u64], counts: &[u64]) -> Vec<u64> {
     let of: Vec<u64> = grid.iter().zip(counts).map(|(g, c)| g.div_ceil(*c)).collect();
     let mut bytes = vec![0; region::volume(&of).unwrap_or(0)];
     for (index, size) in region::indices(&vec![0; grid.len()], grid).zip(sizes) {
-        let at = index
-            .iter()
-            .zip(counts)
-            .zip(&of)
-            .fold(0, |at, ((i, c), n)| at * n + i / c);
+        let at = index.iter().zip(counts).zip(&of).fold(0, |at, ((i, c), n)| at * n + i / c);
         bytes[at as usize] += size;
     }
     bytes
@@ -149,12 +121,7 @@ mod tests {
         let grid: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
         let sizes = &vec![bytes; grid as usize];
         let camera = 2;
-        let array = Array {
-            shape,
-            chunk,
-            camera,
-            sizes,
-        };
+        let array = Array { shape, chunk, camera, sizes };
         choose(&array, Limits::default())
     }
 

@@ -74,8 +74,7 @@ impl<T: Number> ChunkedArray<T> {
         } else {
             let key = self.array.chunk_key(&shard);
             let read = self.storage.read_part(&key, range);
-            read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?
-                .unwrap_or_default()
+            read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?.unwrap_or_default()
         };
         match piece.fault(&bytes) {
             None => Ok(Some(bytes)),
@@ -115,10 +114,7 @@ impl<T: Number> ChunkedArray<T> {
             return Ok(vec![]);
         }
         if let Some(sharded) = &self.sharded {
-            let mut shards: Vec<_> = units
-                .iter()
-                .map(|i| (self, sharded, sharded.place(i).0))
-                .collect();
+            let mut shards: Vec<_> = units.iter().map(|i| (self, sharded, sharded.place(i).0)).collect();
             shards.dedup_by(|a, b| a.2 == b.2);
             Self::open_shards(&shards)?;
         }
@@ -131,9 +127,7 @@ impl<T: Number> ChunkedArray<T> {
         };
         let (shard, number) = sharded.place(index);
         let contents = self.contents(sharded, &shard)?;
-        let piece = contents
-            .filter(|c| c.whole.is_none())
-            .and_then(|c| c.pieces[number]);
+        let piece = contents.filter(|c| c.whole.is_none()).and_then(|c| c.pieces[number]);
         let key = self.array.chunk_key(&shard);
         // Nothing is requested for chunks that are not stored or are already in memory.
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
@@ -161,10 +155,8 @@ impl<T: Number> ChunkedArray<T> {
                 array.check(start, shape)?;
                 let found = array.units(start, shape);
                 if let Some(sharded) = &array.sharded {
-                    let mut new: Vec<_> = found
-                        .iter()
-                        .map(|i| (*array, sharded, sharded.place(i).0))
-                        .collect();
+                    let mut new: Vec<_> =
+                        found.iter().map(|i| (*array, sharded, sharded.place(i).0)).collect();
                     new.dedup_by(|a, b| a.2 == b.2);
                     more.extend(new);
                 }

@@ -48,15 +48,10 @@ impl TensorStore {
     where
         E: From<CreateError> + From<OpenError> + From<AccessError>,
     {
-        let slices: Vec<StoredSlice> = of
-            .slice_names()
-            .iter()
-            .map(|name| of.slice(name))
-            .collect::<Result<_, _>>()?;
-        let layouts: Vec<_> = slices
-            .iter()
-            .map(|slice| (slice.layout().clone(), written_attributes(slice)))
-            .collect();
+        let slices: Vec<StoredSlice> =
+            of.slice_names().iter().map(|name| of.slice(name)).collect::<Result<_, _>>()?;
+        let layouts: Vec<_> =
+            slices.iter().map(|slice| (slice.layout().clone(), written_attributes(slice))).collect();
         let mut shardings = Shardings::new();
         for slice in &slices {
             let camera = camera_axes(slice.layout());
@@ -74,12 +69,7 @@ impl TensorStore {
                 tile: length(&chunk[0].max(chunk[1])),
             }
         });
-        let new = New {
-            slices: &layouts,
-            attributes: &of.attributes(),
-            samples,
-            shardings: &shardings,
-        };
+        let new = New { slices: &layouts, attributes: &of.attributes(), samples, shardings: &shardings };
         let fill = |store: &Self| -> Result<(), E> {
             for slice in &slices {
                 let target = store.slice(slice.name())?;
@@ -101,18 +91,14 @@ impl StoredSlice {
     /// Returns whether the arrays are sharded.
     #[must_use]
     pub fn is_sharded(&self) -> bool {
-        self.field(Field::Mean)
-            .is_ok_and(|(_, mean)| mean.sharded.is_some())
+        self.field(Field::Mean).is_ok_and(|(_, mean)| mean.sharded.is_some())
     }
 }
 
 /// Returns the attributes of a slice, in order, without those that its layout generates.
 fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
     let made = ["time_start_ps", "time_bin_ps"];
-    let kept = slice
-        .attributes()
-        .iter()
-        .filter(|(key, _)| !made.contains(&key.as_str()));
+    let kept = slice.attributes().iter().filter(|(key, _)| !made.contains(&key.as_str()));
     kept.map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
@@ -123,15 +109,9 @@ fn camera_axes(layout: &SliceLayout) -> usize {
 
 /// Chooses the sharding of an array of a finished store.
 fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> Sharding {
-    let sizes: Vec<u64> = region::chunks(array.shape(), array.chunk())
-        .map(|(start, _)| array.stored_size(&start))
-        .collect();
-    let array = shard_shape::Array {
-        shape: array.shape(),
-        chunk: array.chunk(),
-        camera,
-        sizes: &sizes,
-    };
+    let sizes: Vec<u64> =
+        region::chunks(array.shape(), array.chunk()).map(|(start, _)| array.stored_size(&start)).collect();
+    let array = shard_shape::Array { shape: array.shape(), chunk: array.chunk(), camera, sizes: &sizes };
     shard_shape::choose(&array, limits)
 }
 
@@ -145,8 +125,7 @@ fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result
     // Several concurrently, so that one is assembled while another is written; their number limits the
     // memory.
     for some in all.chunks(AT_ONCE) {
-        some.par_iter()
-            .try_for_each(|shard| write(target, sharded, shard, source))?;
+        some.par_iter().try_for_each(|shard| write(target, sharded, shard, source))?;
     }
     Ok(())
 }
@@ -187,14 +166,9 @@ fn frames<T: Number>(
     size: &[u64],
     values: &[T],
 ) -> Result<Vec<(usize, Vec<u8>)>, AccessError> {
-    let failed = |cause: String| AccessError::Write {
-        path: target.path().to_owned(),
-        cause,
-    };
+    let failed = |cause: String| AccessError::Write { path: target.path().to_owned(), cause };
     if cfg!(target_endian = "big") {
-        return Err(failed(
-            "shards can be written only on little-endian machines".into(),
-        ));
+        return Err(failed("shards can be written only on little-endian machines".into()));
     }
     let zeros = vec![0; start.len()];
     let mut piece = vec![T::default(); region::volume(&sharded.inner).unwrap_or(0)];
@@ -205,13 +179,7 @@ fn frames<T: Number>(
         if valid != sharded.inner {
             piece.fill(T::default());
         }
-        let (from, into) = (
-            Window { shape: size, at: &at },
-            Window {
-                shape: &sharded.inner,
-                at: &zeros,
-            },
-        );
+        let (from, into) = (Window { shape: size, at: &at }, Window { shape: &sharded.inner, at: &zeros });
         region::copy(values, from, &mut piece, into, &valid);
         let bytes: &[u8] = bytemuck::cast_slice(&piece);
         let content = sparse_frame::encode(bytes, None);

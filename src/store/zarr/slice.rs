@@ -31,9 +31,7 @@ struct Inner {
 
 impl std::fmt::Debug for StoredSlice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("StoredSlice")
-            .field("path", &self.0.path)
-            .finish_non_exhaustive()
+        f.debug_struct("StoredSlice").field("path", &self.0.path).finish_non_exhaustive()
     }
 }
 
@@ -47,10 +45,7 @@ impl StoredSlice {
     ) -> Result<Self, OpenError> {
         let path = storage.root().join(name);
         let group = path.join("zarr.json");
-        let damaged = |reason: String| OpenError::Damaged {
-            path: group.clone(),
-            reason,
-        };
+        let damaged = |reason: String| OpenError::Damaged { path: group.clone(), reason };
         let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
             .ok_or_else(|| damaged("its attributes are not an object".into()))?;
         let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
@@ -74,20 +69,11 @@ impl StoredSlice {
                     array.shape(),
                     expected.shape()
                 );
-                return Err(OpenError::Damaged {
-                    path: array.path().to_owned(),
-                    reason,
-                });
+                return Err(OpenError::Damaged { path: array.path().to_owned(), reason });
             }
             fields[field as usize] = Some((expected, array));
         }
-        Ok(Self(Arc::new(Inner {
-            path,
-            layout,
-            attributes,
-            fields,
-            values,
-        })))
+        Ok(Self(Arc::new(Inner { path, layout, attributes, fields, values })))
     }
 
     #[must_use]
@@ -116,10 +102,7 @@ impl StoredSlice {
     pub(super) fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
         self.0.fields[field as usize]
             .as_ref()
-            .ok_or_else(|| AccessError::NoField {
-                path: self.0.path.clone(),
-                field: field.name(),
-            })
+            .ok_or_else(|| AccessError::NoField { path: self.0.path.clone(), field: field.name() })
     }
 
     #[must_use]
@@ -208,11 +191,7 @@ impl StoredSlice {
     }
 
     fn region(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Region<'_, f32>, AccessError> {
-        Ok(Region {
-            array: &self.field(field)?.1,
-            start: start.to_vec(),
-            shape: shape.to_vec(),
-        })
+        Ok(Region { array: &self.field(field)?.1, start: start.to_vec(), shape: shape.to_vec() })
     }
 
     /// Fetches a region each of several fields like [`Self::fetch_ahead`], all or none of them.
@@ -236,12 +215,7 @@ impl StoredSlice {
         }
         let mut data = array.read(start, shape)?;
         if let Values::Sampled(samples) = &self.0.values {
-            let single = self
-                .0
-                .attributes
-                .get("pixels_per_element")
-                .and_then(Value::as_u64)
-                == Some(1);
+            let single = self.0.attributes.get("pixels_per_element").and_then(Value::as_u64) == Some(1);
             partial::hide(samples.as_deref(), layout, single, start, shape, &mut data)?;
         }
         Ok(data)
@@ -254,11 +228,7 @@ impl StoredSlice {
     pub fn read_all(&self, field: Field) -> Result<Tensor, AccessError> {
         let layout = self.field_layout(field)?;
         let data = self.read(field, &vec![0; layout.axes.len()], &layout.shape())?;
-        Ok(Tensor {
-            name: layout.name.clone(),
-            axes: layout.axes.clone(),
-            data,
-        })
+        Ok(Tensor { name: layout.name.clone(), axes: layout.axes.clone(), data })
     }
 
     /// Returns the boxes (start, shape) of the chunks of a field, clipped to the array, in row-major order.

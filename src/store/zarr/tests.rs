@@ -33,11 +33,7 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
 
 /// Returns a slice with every kind of array, a plain image, and sample counts, with tiles of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
-    let bins = TimeSelect::Bins {
-        start_ps: 100.0,
-        bin_ps: 12.5,
-        bins: 5,
-    };
+    let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 5 };
     let attributes = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
     [
         slice("timed", ProjectorSelect::Binned { nx: 4, ny: 2 }, bins),
@@ -49,14 +45,8 @@ fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
 }
 
 fn create(path: &Path) -> TensorStore {
-    let attributes = json!({"scene_sha256": "abc", "seeds": [7]})
-        .as_object()
-        .unwrap()
-        .clone();
-    let samples = SampleGrid {
-        camera: [11, 7],
-        tile: 4,
-    };
+    let attributes = json!({"scene_sha256": "abc", "seeds": [7]}).as_object().unwrap().clone();
+    let samples = SampleGrid { camera: [11, 7], tile: 4 };
     TensorStore::create(path, &layouts(), &attributes, Some(samples), false).unwrap()
 }
 
@@ -74,10 +64,7 @@ fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
             if file.is_dir() {
                 todo.push(file);
             } else {
-                all.insert(
-                    file.strip_prefix(path).unwrap().to_owned(),
-                    std::fs::read(&file).unwrap(),
-                );
+                all.insert(file.strip_prefix(path).unwrap().to_owned(), std::fs::read(&file).unwrap());
             }
         }
     }
@@ -92,9 +79,7 @@ fn layout_attributes_and_values_come_back() {
     let timed = store.slice("timed").unwrap();
     let shape = timed.layout().shape();
     let data = ramp(region::volume(&shape).unwrap());
-    timed
-        .write(Field::Mean, &vec![0; shape.len()], &shape, &data)
-        .unwrap();
+    timed.write(Field::Mean, &vec![0; shape.len()], &shape, &data).unwrap();
     store.write_samples([2, 3], [5, 8], &[9; 40]).unwrap();
     store.finish().unwrap();
 
@@ -110,18 +95,8 @@ fn layout_attributes_and_values_come_back() {
     let timed = store.slice("timed").unwrap();
     assert_eq!(timed.attributes()["time_bin_ps"], 12.5);
     assert_eq!(timed.read_all(Field::Mean).unwrap().data, data);
-    assert!(
-        timed
-            .read_all(Field::Overflow)
-            .unwrap()
-            .data
-            .iter()
-            .all(|v| *v == 0.0)
-    );
-    assert_eq!(
-        timed.field_layout(Field::Overflow).unwrap().find(AxisKind::T),
-        None
-    );
+    assert!(timed.read_all(Field::Overflow).unwrap().data.iter().all(|v| *v == 0.0));
+    assert_eq!(timed.field_layout(Field::Overflow).unwrap().find(AxisKind::T), None);
     let counts = store.read_samples([0, 0], [7, 11]).unwrap();
     assert_eq!(counts.iter().filter(|c| **c == 9).count(), 40);
     assert_eq!(store.samples_shape(), Some(([7, 11], [4, 4])));
@@ -183,9 +158,7 @@ fn write_pixels(store: &TensorStore, threads: usize, step: usize) {
                 for i in (0..77).map(|i| i * step % 77).filter(|i| i % threads == thread) {
                     let mut start = vec![0; size.len()];
                     (start[0], start[1]) = ((i / 11) as u64, (i % 11) as u64);
-                    slice
-                        .write(Field::Mean, &start, size, &data[i * per..(i + 1) * per])
-                        .unwrap();
+                    slice.write(Field::Mean, &start, size, &data[i * per..(i + 1) * per]).unwrap();
                 }
             });
         }
@@ -220,12 +193,7 @@ fn leftovers_are_ignored_and_removed() {
     let before = files(&path);
     let leftover = path.join("timed/mean/.c.0.0.0.0.0.0.0.0.123-4.tmp");
     std::fs::write(&leftover, b"half a chu").unwrap();
-    let read = TensorStore::open(&path)
-        .unwrap()
-        .slice("timed")
-        .unwrap()
-        .read_all(Field::Mean)
-        .unwrap();
+    let read = TensorStore::open(&path).unwrap().slice("timed").unwrap().read_all(Field::Mean).unwrap();
     assert_eq!(read, store.slice("timed").unwrap().read_all(Field::Mean).unwrap());
     assert!(leftover.exists());
     // One writer at a time.
@@ -247,27 +215,10 @@ fn an_existing_path_is_kept_unless_told() {
     let held = create(true).unwrap_err().to_string();
     assert!(held.contains("is being written by process"), "{held}");
     drop(store);
-    assert!(
-        ["--resume", "--force", "-o", "s already"]
-            .iter()
-            .all(|w| error.contains(w)),
-        "{error}"
-    );
+    assert!(["--resume", "--force", "-o", "s already"].iter().all(|w| error.contains(w)), "{error}");
     let again = create(true).unwrap();
-    assert!(
-        again
-            .slice("timed")
-            .unwrap()
-            .read_all(Field::Mean)
-            .unwrap()
-            .data
-            .iter()
-            .all(|v| *v == 0.0)
-    );
-    assert!(matches!(
-        again.read_samples([0, 0], [1, 1]),
-        Err(AccessError::NoSamples { .. })
-    ));
+    assert!(again.slice("timed").unwrap().read_all(Field::Mean).unwrap().data.iter().all(|v| *v == 0.0));
+    assert!(matches!(again.read_samples([0, 0], [1, 1]), Err(AccessError::NoSamples { .. })));
     drop(again);
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     let home = dir.path().join("precious");
@@ -306,21 +257,9 @@ fn damaged_descriptions_are_errors() {
         ("steady/mean/zarr.json", "float32", "float64"),
         ("steady/mean/zarr.json", "\"stokes_in\"", "\"stokes_on\""),
         ("steady/std_error/zarr.json", "\"stokes_in\"", "\"stokes_on\""),
-        (
-            "steady/mean/zarr.json",
-            "\"shape\": [\n    7",
-            "\"shape\": [\n    8",
-        ),
-        (
-            "steady/mean/zarr.json",
-            "\"chunk_shape\": [",
-            "\"chunk_shape\": [0,",
-        ),
-        (
-            "steady/y/zarr.json",
-            "\"shape\": [\n    7",
-            "\"shape\": [\n    99999999999",
-        ),
+        ("steady/mean/zarr.json", "\"shape\": [\n    7", "\"shape\": [\n    8"),
+        ("steady/mean/zarr.json", "\"chunk_shape\": [", "\"chunk_shape\": [0,"),
+        ("steady/y/zarr.json", "\"shape\": [\n    7", "\"shape\": [\n    99999999999"),
         ("steady/mean/zarr.json", "zstd", "blosc"),
         ("steady/mean/zarr.json", "{", ""),
         ("steady/zarr.json", "node_type", "\"node_type"),
@@ -337,33 +276,13 @@ fn damaged_descriptions_are_errors() {
     }
     TensorStore::open(&path).unwrap().slice("steady").unwrap();
     std::fs::remove_dir_all(file("steady/std_error")).unwrap();
-    let error = TensorStore::open(&path)
-        .unwrap()
-        .slice("steady")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("std_error") && error.contains("missing"),
-        "{error}"
-    );
-    let error = TensorStore::open(&path)
-        .unwrap()
-        .slice("stedy")
-        .unwrap_err()
-        .to_string();
+    let error = TensorStore::open(&path).unwrap().slice("steady").unwrap_err().to_string();
+    assert!(error.contains("std_error") && error.contains("missing"), "{error}");
+    let error = TensorStore::open(&path).unwrap().slice("stedy").unwrap_err().to_string();
     assert!(error.contains("timed, steady"), "{error}");
-    assert!(matches!(
-        TensorStore::open(&file("none")),
-        Err(OpenError::Missing { .. })
-    ));
-    assert!(matches!(
-        TensorStore::open(&file("steady")),
-        Err(OpenError::NotAStore { .. })
-    ));
-    assert!(matches!(
-        TensorStore::open(&file("steady/mean/c")),
-        Err(OpenError::Missing { .. })
-    ));
+    assert!(matches!(TensorStore::open(&file("none")), Err(OpenError::Missing { .. })));
+    assert!(matches!(TensorStore::open(&file("steady")), Err(OpenError::NotAStore { .. })));
+    assert!(matches!(TensorStore::open(&file("steady/mean/c")), Err(OpenError::Missing { .. })));
 }
 
 /// Dimensions of the root's arrays apply to every group below it, and slices cover parts of the camera, so
@@ -411,17 +330,8 @@ fn consolidated_metadata_lists_every_array() {
         }
         assert_eq!(root["attributes"]["wall_time_s"], 1.5);
         let group = description::read_json(&path.join("timed/zarr.json")).unwrap();
-        assert_eq!(
-            group["consolidated_metadata"]["metadata"]["t"]["attributes"]["units"],
-            "ps"
-        );
-        assert_eq!(
-            group["consolidated_metadata"]["metadata"]
-                .as_object()
-                .unwrap()
-                .len(),
-            14
-        );
+        assert_eq!(group["consolidated_metadata"]["metadata"]["t"]["attributes"]["units"], "ps");
+        assert_eq!(group["consolidated_metadata"]["metadata"].as_object().unwrap().len(), 14);
     };
     check();
     store.finish().unwrap();
@@ -469,17 +379,12 @@ fn unfinished_stores_do_not_read_as_zeros() {
     let writing = store.slice("steady").unwrap();
     let shape = writing.layout().shape();
     let whole = ramp(region::volume(&shape).unwrap());
-    writing
-        .write(Field::Mean, &vec![0; shape.len()], &shape, &whole)
-        .unwrap();
+    writing.write(Field::Mean, &vec![0; shape.len()], &shape, &whole).unwrap();
     // The first tile has samples.
     store.write_samples([0, 0], [4, 4], &[3; 16]).unwrap();
     let read = |store: &TensorStore| store.slice("steady").unwrap().read_all(Field::Mean);
     let error = read(&TensorStore::open(&path).unwrap()).unwrap_err().to_string();
-    assert!(
-        error.contains("--resume") && error.contains("--partial"),
-        "{error}"
-    );
+    assert!(error.contains("--resume") && error.contains("--partial"), "{error}");
     let partial = read(&TensorStore::open_partial(&path).unwrap()).unwrap();
     let inner = whole.len() / (11 * 7);
     for (i, (found, want)) in partial.data.iter().zip(&whole).enumerate() {
@@ -504,10 +409,8 @@ fn finished_stores_are_what_was_written() {
     store.finish().unwrap();
     let found = verify(&path).unwrap();
     assert!(found.faults.is_empty() && found.files > 20, "{found:?}");
-    let chunks: Vec<PathBuf> = files(&path)
-        .into_keys()
-        .filter(|f| f.to_string_lossy().contains("timed/mean/c."))
-        .collect();
+    let chunks: Vec<PathBuf> =
+        files(&path).into_keys().filter(|f| f.to_string_lossy().contains("timed/mean/c.")).collect();
     let [a, b] = [&chunks[0], &chunks[1]].map(|c| path.join(c));
     let sound = std::fs::read(&a).unwrap();
     let mut flipped = sound.clone();
@@ -519,21 +422,14 @@ fn finished_stores_are_what_was_written() {
         ("is missing", Box::new(|| std::fs::remove_file(&a).unwrap())),
         ("was changed", Box::new(|| std::fs::write(&a, &flipped).unwrap())),
         ("", Box::new(|| std::fs::write(&a, &other).unwrap())),
-        (
-            "was not in the store",
-            Box::new(|| std::fs::write(&foreign, &other).unwrap()),
-        ),
+        ("was not in the store", Box::new(|| std::fs::write(&foreign, &other).unwrap())),
     ];
     for (says, harm) in harms {
         harm();
         let faults = verify(&path).unwrap().faults;
         assert!(faults.len() == 1 && faults[0].contains(says), "{faults:?}");
         if says != "was not in the store" {
-            let read = TensorStore::open(&path)
-                .unwrap()
-                .slice("timed")
-                .unwrap()
-                .read_all(Field::Mean);
+            let read = TensorStore::open(&path).unwrap().slice("timed").unwrap().read_all(Field::Mean);
             assert!(matches!(read, Err(AccessError::Chunk { .. })), "{read:?}");
         }
         std::fs::write(&a, &sound).unwrap();
@@ -556,9 +452,7 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
     start[1] = 3;
     let values = ramp(shape.iter().product::<u64>() as usize);
     let touched = vec![u64::MAX; values.len()];
-    slice
-        .write_touched(Field::Mean, &start, &shape, &values, &touched)
-        .unwrap();
+    slice.write_touched(Field::Mean, &start, &shape, &values, &touched).unwrap();
     assert_eq!(slice.read(Field::Mean, &start, &shape).unwrap(), values);
     let all = slice.read_all(Field::Mean).unwrap().data;
     assert_eq!(all.iter().filter(|v| **v != 0.0).count(), values.len());

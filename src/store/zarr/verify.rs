@@ -43,9 +43,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
         return verify_objects(path, objects);
     }
     if !path.is_dir() {
-        return Err(OpenError::Missing {
-            path: path.to_owned(),
-        });
+        return Err(OpenError::Missing { path: path.to_owned() });
     }
     let (manifest, part) = match Manifest::read(path)? {
         Some(manifest) => (Some(manifest), None),
@@ -56,19 +54,12 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     };
     let Some(Manifest(entries)) = manifest else {
         if !path.join("zarr.json").is_file() {
-            return Err(OpenError::NotAStore {
-                path: path.to_owned(),
-                reason: "it has no zarr.json".into(),
-            });
+            return Err(OpenError::NotAStore { path: path.to_owned(), reason: "it has no zarr.json".into() });
         }
-        return Err(OpenError::Unfinished {
-            path: path.to_owned(),
-        });
+        return Err(OpenError::Unfinished { path: path.to_owned() });
     };
-    let found = manifest::files(path).map_err(|e| OpenError::Io {
-        path: path.to_owned(),
-        cause: e.to_string(),
-    })?;
+    let found =
+        manifest::files(path).map_err(|e| OpenError::Io { path: path.to_owned(), cause: e.to_string() })?;
     let shards = Shards::in_folder(path, entries.keys());
     let faults: BTreeSet<String> = entries
         .par_iter()
@@ -80,10 +71,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
             Some(format!("{name}: {message}"))
         })
         .collect();
-    Ok(Verified {
-        part,
-        ..verified(&entries, faults, &found)
-    })
+    Ok(Verified { part, ..verified(&entries, faults, &found) })
 }
 
 /// Does the same as [`verify`] at an address, where a failed request is an error.
@@ -93,31 +81,22 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         Some(manifest) => (Some(manifest), None),
         None => match objects.get("zarr.json").map_err(refused)? {
             Some(root) => match part::of_root(path, &root) {
-                Some(part) => (
-                    Manifest::of_objects(objects, path, manifest::OF_PART)?,
-                    Some(part),
-                ),
+                Some(part) => (Manifest::of_objects(objects, path, manifest::OF_PART)?, Some(part)),
                 None => (None, None),
             },
             None => {
-                return Err(OpenError::Missing {
-                    path: path.to_owned(),
-                });
+                return Err(OpenError::Missing { path: path.to_owned() });
             }
         },
     };
     let Some(Manifest(entries)) = manifest else {
-        return Err(OpenError::Unfinished {
-            path: path.to_owned(),
-        });
+        return Err(OpenError::Unfinished { path: path.to_owned() });
     };
     let mut faults = BTreeSet::new();
     let mut shards = Shards::default();
     // Metadata first, because it determines which files are shards.
-    let (mut descriptions, mut others): (Vec<String>, _) = entries
-        .keys()
-        .cloned()
-        .partition(|name| name.ends_with("zarr.json"));
+    let (mut descriptions, mut others): (Vec<String>, _) =
+        entries.keys().cloned().partition(|name| name.ends_with("zarr.json"));
     descriptions.sort_unstable();
     others.sort_unstable();
     for names in [descriptions, others] {
@@ -139,16 +118,9 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         Ok(found) => (found, None),
         Err(refusal) => (vec![], Some(refusal)),
     };
-    let found: Vec<String> = found
-        .into_iter()
-        .map(|(name, _)| name)
-        .filter(|name| manifest::is_part(name))
-        .collect();
-    Ok(Verified {
-        part,
-        unlisted,
-        ..verified(&entries, faults, &found)
-    })
+    let found: Vec<String> =
+        found.into_iter().map(|(name, _)| name).filter(|name| manifest::is_part(name)).collect();
+    Ok(Verified { part, unlisted, ..verified(&entries, faults, &found) })
 }
 
 /// Groups names, in order, into batches of limited number and size.

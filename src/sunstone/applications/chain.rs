@@ -65,9 +65,11 @@ pub struct Rig {
 /// 2⁶⁴ over the golden ratio).
 fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
     let bytes = name.bytes().map(u64::from);
-    numbers.iter().copied().chain(bytes).fold(seed, |state, n| {
-        mix((state ^ n).wrapping_add(0x9e37_79b9_7f4a_7c15))
-    })
+    numbers
+        .iter()
+        .copied()
+        .chain(bytes)
+        .fold(seed, |state, n| mix((state ^ n).wrapping_add(0x9e37_79b9_7f4a_7c15)))
 }
 
 impl Link {
@@ -109,10 +111,7 @@ impl Link {
         };
         let per = camera.quantum_efficiency.at(550.0) * camera.exposure_s * mean_reading(real);
         camera.photons_per_unit = self.chain.laboratory.exposure.electrons / per.max(1e-300);
-        Noise::Cmos {
-            camera,
-            demosaic: None,
-        }
+        Noise::Cmos { camera, demosaic: None }
     }
 
     /// Returns an observation with captured slices: all of `slices`, or the link's only one. Ground truth is
@@ -127,10 +126,7 @@ impl Link {
         slices: &[&str],
         count: &mut Count,
     ) -> Result<Observation, ChainFailure> {
-        let failed = |cause| ChainFailure::Slice {
-            variant: o.variant,
-            cause,
-        };
+        let failed = |cause| ChainFailure::Slice { variant: o.variant, cause };
         let detectors = exposed(&self.chain.laboratory, o, slices, &rig.real)?;
         let mut out = o.clone();
         let passes = |name: &&&str| self.only.as_ref().is_none_or(|only| only == **name);
@@ -140,9 +136,7 @@ impl Link {
             };
             let seed = mixed(self.chain.seed, &[o.seed, o.variant], name);
             let readings = Readings::of(slice, &rig.real, &detectors, seed).map_err(failed)?;
-            let (found, seen) = readings
-                .reconstructed(&rig.believed, self.prior.as_ref())
-                .map_err(failed)?;
+            let (found, seen) = readings.reconstructed(&rig.believed, self.prior.as_ref()).map_err(failed)?;
             count.pixels += seen.pixels;
             count.clipped += seen.clipped;
             out.slices.insert((*name).to_owned(), found);
@@ -161,16 +155,10 @@ pub fn exposed(
     slices: &[&str],
     through: &Scheme,
 ) -> Result<Detectors, ChainFailure> {
-    let lights = slices
-        .iter()
-        .filter_map(|name| o.slices.get(*name))
-        .map(Light::of);
+    let lights = slices.iter().filter_map(|name| o.slices.get(*name)).map(Light::of);
     let exposed = |lights: Vec<Light>| laboratory.exposed(&lights.iter().collect::<Vec<_>>(), through);
     let lights: Result<Vec<_>, _> = lights.collect();
-    lights.and_then(exposed).map_err(|cause| ChainFailure::Slice {
-        variant: o.variant,
-        cause,
-    })
+    lights.and_then(exposed).map_err(|cause| ChainFailure::Slice { variant: o.variant, cause })
 }
 
 /// Returns the wavelengths of the first slice that has them, nanometres.
@@ -218,12 +206,7 @@ pub fn calibrated(
         let mueller = mueller.map(f64::from);
         for (k, nm) in nm.iter().enumerate() {
             let ray = Ray::axial(*nm);
-            let layout = Layout {
-                height: SIDE,
-                width: SIDE,
-                times: 1,
-                lanes: 1,
-            };
+            let layout = Layout { height: SIDE, width: SIDE, times: 1, lanes: 1 };
             let seed = mixed(seed, &[k as u64], thing.name());
             let seen = simulate(&mueller.repeat(places), layout, real, &[ray], noise, seed)?;
             let (mut intensities, mut sigmas) = (vec![], vec![]);
@@ -232,10 +215,7 @@ pub fn calibrated(
                 for (p, v) in readings.iter().enumerate().filter(|(_, v)| v.is_finite()) {
                     n += 1.0;
                     sum += f64::from(*v);
-                    squares += seen
-                        .variances
-                        .as_ref()
-                        .map_or(0.0, |s| f64::from(s[m * places + p]));
+                    squares += seen.variances.as_ref().map_or(0.0, |s| f64::from(s[m * places + p]));
                 }
                 intensities.push(sum / n);
                 sigmas.push(f64::max(squares.sqrt() / n, ROUNDING));

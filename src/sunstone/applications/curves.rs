@@ -56,9 +56,7 @@ fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
 }
 
 fn is_baseline(t: &Through, method: &str) -> bool {
-    t.task
-        .as_ref()
-        .is_none_or(|task| task.baselines.contains(&method))
+    t.task.as_ref().is_none_or(|task| task.baselines.contains(&method))
 }
 
 /// Returns the link with all captures.
@@ -96,11 +94,7 @@ fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
 }
 
 fn better(metric: Metric, difference: f64) -> f64 {
-    if metric.more_is_better {
-        difference
-    } else {
-        -difference
-    }
+    if metric.more_is_better { difference } else { -difference }
 }
 
 /// Returns whether the difference between our method and another is a significant win.
@@ -138,12 +132,7 @@ pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<Str
     let of_series = verdicts.chunk_by(|a, b| a.series == b.series);
     let sentence = |of: &[Verdict]| {
         let message: Vec<String> = of.iter().map(|v| format!("{} {}", v.baseline, v.words)).collect();
-        format!(
-            "{}, {}: {beats} {}",
-            metric.name,
-            of[0].series,
-            message.join("; ")
-        )
+        format!("{}, {}: {beats} {}", metric.name, of[0].series, message.join("; "))
     };
     of_series.map(sentence).collect()
 }
@@ -163,9 +152,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
             part.better_first(&mut values);
             let won = |v: &f64| {
                 let found = own().find(|p| p.value == *v);
-                found
-                    .and_then(|p| p.ours_less_this)
-                    .is_some_and(|d| wins(metric, &d))
+                found.and_then(|p| p.ours_less_this).is_some_and(|d| wins(metric, &d))
             };
             let all: Vec<(f64, bool)> = values.into_iter().map(|v| (v, won(&v))).collect();
             let first = all.iter().take_while(|(_, won)| *won).count();
@@ -181,11 +168,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
-            out.push(Verdict {
-                series: of[0].series.clone(),
-                baseline: name.to_owned(),
-                words,
-            });
+            out.push(Verdict { series: of[0].series.clone(), baseline: name.to_owned(), words });
         }
     }
     out
@@ -197,20 +180,13 @@ fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
     };
-    let few: Vec<&Through> = report
-        .through
-        .iter()
-        .filter(|t| t.place.series != WHOLE)
-        .collect();
+    let few: Vec<&Through> = report.through.iter().filter(|t| t.place.series != WHOLE).collect();
     let mut out = vec![];
     for of in few.chunk_by(|a, b| a.place.series == b.place.series) {
         for baseline in &task.baselines {
             let theirs = table(&whole.scores, baseline, metric.name);
             let won = |t: &&&Through| {
-                wins(
-                    metric,
-                    &difference(&table(&t.scores, task.method, metric.name), &theirs),
-                )
+                wins(metric, &difference(&table(&t.scores, task.method, metric.name), &theirs))
             };
             let all = of.iter().filter(won).map(|t| t.place.value);
             let least = all.reduce(f64::min).map_or("none".to_owned(), |k| k.to_string());
@@ -265,11 +241,7 @@ pub fn axis(links: &Links) -> ChartAxis {
         Links::None | Links::Chain(_) => ("", false, vec![]),
         Links::Sweep(_, part, values) => {
             let names = || values.iter().map(|v| (*v, part.shown(*v))).collect();
-            let named = if *part == Part::Calibration {
-                names()
-            } else {
-                vec![]
-            };
+            let named = if *part == Part::Calibration { names() } else { vec![] };
             let log = matches!(part, Part::Photons | Part::Extinction);
             (part.label(), log, named)
         }
@@ -280,12 +252,7 @@ pub fn axis(links: &Links) -> ChartAxis {
             ("captures", false, whole.collect())
         }
     };
-    ChartAxis {
-        label: label.into(),
-        log,
-        named,
-        ..ChartAxis::default()
-    }
+    ChartAxis { label: label.into(), log, named, ..ChartAxis::default() }
 }
 
 /// Names the curve of each point: the method for a sweep, the choice for few captures. A method with all
@@ -316,9 +283,7 @@ pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point
     let finite = || points.iter().filter(|(_, p)| p.value.is_finite());
     let ends = finite()
         .map(|(_, p)| p.value)
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-            [a.min(v), b.max(v)]
-        });
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
     let mut names: Vec<&String> = vec![];
     for (name, _) in finite() {
         if !names.contains(&name) {
@@ -334,27 +299,14 @@ pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point
             _ => (own.iter().map(|p| of(p, p.value)).collect(), SeriesStyle::Band),
         };
         let (points, errors) = all.into_iter().unzip();
-        series.push(Series {
-            name: name.clone(),
-            points,
-            errors: Some(errors),
-            style,
-            colour,
-        });
+        series.push(Series { name: name.clone(), points, errors: Some(errors), style, colour });
     }
-    let unit = if metric.unit.is_empty() {
-        String::new()
-    } else {
-        format!(" [{}]", metric.unit)
-    };
+    let unit = if metric.unit.is_empty() { String::new() } else { format!(" [{}]", metric.unit) };
     let left_out = points.iter().any(|(_, p)| p.value.is_infinite());
     Chart {
         title: title.into(),
         x,
-        y: ChartAxis {
-            label: format!("{}{unit}", metric.name),
-            ..ChartAxis::default()
-        },
+        y: ChartAxis { label: format!("{}{unit}", metric.name), ..ChartAxis::default() },
         series,
         notes: left_out
             .then(|| "errors of 0 have infinite parts and appear only in the table".into())
@@ -370,11 +322,7 @@ mod tests {
     const METRIC: Metric = Metric::new("m", "", true);
 
     fn point(value: f64, method: &str, less: Option<[f64; 2]>) -> Point {
-        let estimate = |[mean, error]: [f64; 2]| Estimate {
-            mean,
-            error,
-            counts: [3, 2],
-        };
+        let estimate = |[mean, error]: [f64; 2]| Estimate { mean, error, counts: [3, 2] };
         Point {
             series: "nominal".into(),
             value,
@@ -389,11 +337,9 @@ mod tests {
     #[test]
     fn verdicts_say_where_ours_wins_beyond_doubt() {
         let mut all = vec![];
-        for (value, a, b, c, d) in [
-            (10.0, 0.2, 0.3, 0.1, -0.3),
-            (100.0, 0.2, 0.21, 0.3, -0.3),
-            (1000.0, 0.21, 0.3, 0.1, -0.3),
-        ] {
+        for (value, a, b, c, d) in
+            [(10.0, 0.2, 0.3, 0.1, -0.3), (100.0, 0.2, 0.21, 0.3, -0.3), (1000.0, 0.21, 0.3, 0.1, -0.3)]
+        {
             all.push(point(value, "ours", None));
             for (name, less) in [("a", a), ("b", b), ("c", c), ("d", d)] {
                 all.push(point(value, name, Some([less, 0.1])));
@@ -407,11 +353,7 @@ mod tests {
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
         describe(METRIC, Part::Photons, photons);
         // For axes, small errors come first.
-        describe(
-            METRIC,
-            Part::Axis,
-            ["at 1000° alone", "always", "at 100° alone", "never"],
-        );
+        describe(METRIC, Part::Axis, ["at 1000° alone", "always", "at 100° alone", "never"]);
         let less = Metric::new("m", "", false);
         describe(less, Part::Photons, ["never", "never", "never", "always"]);
     }
@@ -428,10 +370,7 @@ mod tests {
         let links = Links::Few(chain, 1..=2);
         let drawn = named(all, &links);
         let message: Vec<(&str, f64)> = drawn.iter().map(|(name, p)| (name.as_str(), p.value)).collect();
-        assert_eq!(
-            message,
-            [("theirs, all captures", 1.0), ("nominal", 2.0), ("nominal", 1.0)]
-        );
+        assert_eq!(message, [("theirs, all captures", 1.0), ("nominal", 2.0), ("nominal", 1.0)]);
         assert_eq!(axis(&links).named, [(1.0, "1".to_owned()), (2.0, "2".to_owned())]);
         let chart = chart("", METRIC, axis(&links), &drawn);
         let [across, ours] = &chart.series[..] else {

@@ -44,13 +44,8 @@ pub enum Part {
 }
 
 impl Part {
-    pub const ALL: [Self; 5] = [
-        Self::Photons,
-        Self::Extinction,
-        Self::Retardance,
-        Self::Axis,
-        Self::Calibration,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Photons, Self::Extinction, Self::Retardance, Self::Axis, Self::Calibration];
 
     /// Returns the name on the command line.
     #[must_use]
@@ -93,9 +88,7 @@ impl Part {
     /// # Errors
     /// A message.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
-        let (name, values) = text
-            .split_once('=')
-            .map_or((text, None), |(name, values)| (name, Some(values)));
+        let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
             format!("unknown part `{name}`; use {known}")
@@ -109,18 +102,12 @@ impl Part {
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();
             found.filter(|x| part.takes(*x)).ok_or_else(|| {
-                format!(
-                    "`{v}` is not a value of `{name}`; write for example {name}={}",
-                    part.values()[1]
-                )
+                format!("`{v}` is not a value of `{name}`; write for example {name}={}", part.values()[1])
             })
         };
         let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
         if values.len() > MOST_VALUES {
-            return Err(format!(
-                "{} values for `{name}`; use at most {MOST_VALUES}",
-                values.len()
-            ));
+            return Err(format!("{} values for `{name}`; use at most {MOST_VALUES}", values.len()));
         }
         if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
             return Err(format!("`{name}` lists {v} twice; list each value once"));
@@ -191,11 +178,9 @@ const MOST_CAPTURES: usize = 64;
 pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
-    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES)
-        .map(|(a, b)| a..=b)
-        .ok_or_else(|| {
-            format!("expected a range of numbers of captures within 1-{MOST_CAPTURES}, such as 1-16")
-        })
+    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES).map(|(a, b)| a..=b).ok_or_else(|| {
+        format!("expected a range of numbers of captures within 1-{MOST_CAPTURES}, such as 1-16")
+    })
 }
 
 const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
@@ -250,13 +235,7 @@ pub(super) struct Running {
 impl Running {
     fn new(label: String, chain: Chain, belief: Belief, place: Place) -> Self {
         Self {
-            link: Link {
-                label,
-                chain,
-                belief,
-                prior: None,
-                only: None,
-            },
+            link: Link { label, chain, belief, prior: None, only: None },
             place,
             task: None,
             scores: vec![],
@@ -308,13 +287,8 @@ pub(super) fn capture(
         let (train, test) = (captured(train)?, captured(test)?);
         let outcome = application
             .run(&train, &test)
-            .map_err(|cause| LinksError::Captured {
-                label: running.link.label.clone(),
-                cause,
-            })?;
-        running
-            .scores
-            .extend(outcome.scores.into_iter().map(|s| (seed, s)));
+            .map_err(|cause| LinksError::Captured { label: running.link.label.clone(), cause })?;
+        running.scores.extend(outcome.scores.into_iter().map(|s| (seed, s)));
     }
     Ok(())
 }
@@ -331,10 +305,7 @@ impl Links {
                 .beliefs
                 .iter()
                 .map(|b| {
-                    let place = Place {
-                        series: "belief".into(),
-                        value: f64::NAN,
-                    };
+                    let place = Place { series: "belief".into(), value: f64::NAN };
                     Running::new(b.name().into(), chain.clone(), *b, place)
                 })
                 .collect()),
@@ -354,10 +325,7 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     let mut out = vec![];
     if part == Part::Calibration {
         for (i, belief) in BELIEFS.into_iter().enumerate() {
-            let place = Place {
-                series: part.label().into(),
-                value: i as f64,
-            };
+            let place = Place { series: part.label().into(), value: i as f64 };
             out.push(Running::new(belief.name().into(), chain.clone(), belief, place));
         }
         return out;
@@ -367,10 +335,7 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
             let Some(with) = part.with(chain, *value) else {
                 continue;
             };
-            let place = Place {
-                series: belief.name().into(),
-                value: *value,
-            };
+            let place = Place { series: belief.name().into(), value: *value };
             let label = format!("{}, {}", belief.name(), part.shown(*value));
             out.push(Running::new(label, with, *belief, place));
         }
@@ -398,10 +363,7 @@ fn few(
     let calibrated = chain.beliefs.contains(&Belief::Calibrated);
     let belief = calibrated.then_some(Belief::Calibrated);
     let belief = belief.or(chain.beliefs.first().copied()).unwrap_or(Belief::Exact);
-    let place = |series: &str, value| Place {
-        series: series.into(),
-        value,
-    };
+    let place = |series: &str, value| Place { series: series.into(), value };
     let own = chain.nominal.captures();
     let mut whole = Running::new(
         format!("{} ({belief})", chain.nominal.name, belief = belief.name()),
@@ -424,10 +386,7 @@ fn few(
         for k in range.clone() {
             let scheme = chosen(choice, k, &task, &expected, sigma, chain.seed);
             let scheme = scheme.map_err(|e| ApplyError::Empty(e.to_string()))?;
-            let chain = Chain {
-                nominal: scheme,
-                ..chain.clone()
-            };
+            let chain = Chain { nominal: scheme, ..chain.clone() };
             let mut running = Running::new(
                 format!("{k} captures, {}", choice.name()),
                 chain,

@@ -43,11 +43,9 @@ pub fn write(
     };
     std::fs::create_dir_all(folder).map_err(failed(folder))?;
     let text = serde_json::to_string_pretty(&document(application, report)).unwrap_or_default();
-    for (name, text) in [
-        ("table.csv", table_csv(report)),
-        ("scores.csv", scores_csv(report)),
-        ("report.json", text + "\n"),
-    ] {
+    for (name, text) in
+        [("table.csv", table_csv(report)), ("scores.csv", scores_csv(report)), ("report.json", text + "\n")]
+    {
         let path = folder.join(name);
         whole_file::write(&path, text.as_bytes()).map_err(failed(&path))?;
     }
@@ -104,11 +102,7 @@ fn curve(
 
 /// Formats a number for a table; unknown values are empty.
 fn cell(v: f64) -> String {
-    if v.is_finite() {
-        format!("{v}")
-    } else {
-        String::new()
-    }
+    if v.is_finite() { format!("{v}") } else { String::new() }
 }
 
 /// Returns the rows of the rendered slices, then those of every link.
@@ -149,11 +143,7 @@ fn scores_csv(report: &Report) -> String {
     let others = through.flat_map(|t| t.scores.iter().map(|s| (t.label.as_str(), s)));
     for (label, (seed, s)) in own.chain(others) {
         let [metric, method, label] = [quoted(s.metric), quoted(s.method), quoted(label)];
-        out += &format!(
-            "{metric},{method},{},{seed},{},{label}\n",
-            s.variant,
-            cell(s.value)
-        );
+        out += &format!("{metric},{method},{},{seed},{},{label}\n", s.variant, cell(s.value));
     }
     out
 }
@@ -209,11 +199,7 @@ fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     all.into_iter()
         .map(|((name, page), list)| {
             let plain = |c: char| {
-                if c.is_ascii_alphanumeric() {
-                    c.to_ascii_lowercase()
-                } else {
-                    '_'
-                }
+                if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }
             };
             let file = format!("{name}_{page}").chars().map(plain).collect();
             (file, format!("{name}: {page}"), list)
@@ -230,31 +216,18 @@ fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), Rep
         let apart = picture.variant.is_none() && channels > 1;
         for channel in 0..if apart { channels } else { 1 } {
             let value = |pixel: &[f64]| {
-                let v = if apart {
-                    pixel[channel]
-                } else {
-                    pixel.iter().sum::<f64>() / channels as f64
-                };
+                let v = if apart { pixel[channel] } else { pixel.iter().sum::<f64>() / channels as f64 };
                 v as f32
             };
             drawn.push(maps::Map {
-                label: if apart {
-                    format!("wavelength {}", channel + 1)
-                } else {
-                    label.clone()
-                },
+                label: if apart { format!("wavelength {}", channel + 1) } else { label.clone() },
                 caption: String::new(),
                 width: map.width,
                 data: map.data.chunks_exact(channels).map(value).collect(),
             });
         }
     }
-    let values = || {
-        drawn
-            .iter()
-            .flat_map(|m| m.data.iter().copied())
-            .filter(|v| v.is_finite())
-    };
+    let values = || drawn.iter().flat_map(|m| m.data.iter().copied()).filter(|v| v.is_finite());
     let most = values().fold(0.0, |m: f32, v| m.max(v.abs()));
     let quantity = if values().any(|v| v < 0.0) && most > 0.0 {
         Quantity::Signed { limit: most }

@@ -31,8 +31,7 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
     let is_one = |at| {
         let name = names.material(viewer.look(at, true)?.material)?;
-        of.contains(&names.materials.get(name as usize)?.as_str())
-            .then_some(())
+        of.contains(&names.materials.get(name as usize)?.as_str()).then_some(())
     };
     Map::from_fn(w, h, 1, |x, y, out| {
         let within = |n: u32| (f64::from(n) + 0.5) / f64::from(GRID);
@@ -54,9 +53,7 @@ pub fn object(scene: &Scene) -> Map {
 #[must_use]
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |sight, out| {
-        out.iter_mut()
-            .zip(sight.surface.uv)
-            .for_each(|(o, uv)| *o = f64::from(uv));
+        out.iter_mut().zip(sight.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
     })
 }
 
@@ -79,10 +76,7 @@ pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
 /// Returns the camera and the projector of a scene as a calibrated rig without calibration error.
 #[must_use]
 pub fn rig(scene: &Scene) -> Option<Rig> {
-    Some(Rig {
-        camera: pinhole(&scene.camera),
-        projector: pinhole(&scene.projector.as_ref()?.pinhole),
-    })
+    Some(Rig { camera: pinhole(&scene.camera), projector: pinhole(&scene.projector.as_ref()?.pinhole) })
 }
 
 fn pinhole(device: &Device) -> Pinhole {

@@ -56,12 +56,7 @@ impl<'a> Applications<'a> {
         settings: &'a Settings,
         watch: &'a dyn Watch,
     ) -> Result<Self, FigureFileError> {
-        let mut out = Self {
-            source,
-            settings,
-            watch,
-            all: BTreeMap::new(),
-        };
+        let mut out = Self { source, settings, watch, all: BTreeMap::new() };
         for (name, entry) in &source.file.applications {
             if catalog::find(name).is_none() {
                 return Err(unknown(source, entry, name).into());
@@ -103,9 +98,8 @@ impl<'a> Applications<'a> {
             let help = format!("use one of: {}", list(&plan.test));
             return Err(source.error(at, message, help).into());
         }
-        if let Some([low, high]) = view
-            .limits
-            .filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
+        if let Some([low, high]) =
+            view.limits.filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
         {
             let message = format!("limits = [{low}, {high}] is not a valid range");
             return Err(source.error(at, message, "write the smaller limit first").into());
@@ -135,10 +129,7 @@ impl<'a> Applications<'a> {
             .or_else(|| find_scenes(&std::env::current_dir().ok()?, plan.scene))
             .filter(|s| s.join(plan.scene).is_file());
         let Some(scenes) = scenes else {
-            let message = format!(
-                "scenes/{} not found in the parent folders of the figure file",
-                plan.scene
-            );
+            let message = format!("scenes/{} not found in the parent folders of the figure file", plan.scene);
             let help = "set --scenes to the folder of the scenes shipped with Sunstone";
             return Err(source.error(at, message, help).into());
         };
@@ -171,11 +162,7 @@ impl<'a> Applications<'a> {
             let mut inputs = now.inputs()?;
             run.rendered = now.rendered();
             let Size { pixels, spp } = run.size(preview);
-            let mut name = format!(
-                "{}_{pixels}px_{spp}spp_{}seeds",
-                run.application.name(),
-                run.seeds
-            );
+            let mut name = format!("{}_{pixels}px_{spp}spp_{}seeds", run.application.name(), run.seeds);
             if run.links != Links::None {
                 // The whole content of the chain file.
                 let links = format!("{:?}", run.links);
@@ -291,12 +278,8 @@ impl<'a> Applications<'a> {
     /// Returns the size of the renders as values for captions.
     fn sizes(&self, run: &Run) -> [(String, Value); 3] {
         let Size { pixels, spp } = run.size(self.settings.preview);
-        [
-            ("seeds", run.seeds as f64),
-            ("pixels", f64::from(pixels)),
-            ("spp", f64::from(spp)),
-        ]
-        .map(|(name, v)| (name.to_owned(), Value::Number(v)))
+        [("seeds", run.seeds as f64), ("pixels", f64::from(pixels)), ("spp", f64::from(spp))]
+            .map(|(name, v)| (name.to_owned(), Value::Number(v)))
     }
 
     fn values(
@@ -306,10 +289,8 @@ impl<'a> Applications<'a> {
         fit: &Fit,
     ) -> Result<Vec<(String, Value)>, FigureFileError> {
         let number = |name: String, v: f64| (name, Value::Number(v));
-        let mut out = vec![
-            ("method".to_owned(), Value::Text(view.method.clone())),
-            number("seed".into(), 1.0),
-        ];
+        let mut out =
+            vec![("method".to_owned(), Value::Text(view.method.clone())), number("seed".into(), 1.0)];
         out.extend(self.sizes(run));
         for s in &fit.scores {
             if s.seed == 1 && s.method == view.method && Some(s.variant) == view.variant {
@@ -359,9 +340,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
     let shown = match (view.channel, channels) {
         (Some(c), _) if c < channels => Shown::One(c),
         (Some(c), _) => {
-            return Err(format!(
-                "the picture has {channels} channels, counted from 0, and no channel {c}"
-            ));
+            return Err(format!("the picture has {channels} channels, counted from 0, and no channel {c}"));
         }
         (None, 1) => Shown::One(0),
         // Wavelengths ascend: blue comes first.
@@ -385,9 +364,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
         Shown::One(channel) => {
             let values = |p: &Picture| -> Vec<f32> {
                 let pixels = p.data.chunks_exact(p.shape[2].max(1));
-                pixels
-                    .map(|c| c.get(channel).map_or(f32::NAN, |v| *v as f32))
-                    .collect()
+                pixels.map(|c| c.get(channel).map_or(f32::NAN, |v| *v as f32)).collect()
             };
             let all: Vec<f32> = shared.iter().flat_map(|p| values(p)).collect();
             let negative = all.iter().any(|v| *v < 0.0);
@@ -402,11 +379,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
                 None if negative => Scale::Signed { limit: most },
                 None => Scale::Linear { low: 0.0, high: most },
             };
-            let label = if view.label.is_empty() {
-                &picture.name
-            } else {
-                &view.label
-            };
+            let label = if view.label.is_empty() { &picture.name } else { &view.label };
             tile::of_values(label, width, &values(picture), scale).map(|t| t.with_white(white))
         }
     }

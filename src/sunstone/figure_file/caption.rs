@@ -112,19 +112,9 @@ mod tests {
             ("nothing".to_owned(), Value::Number(f64::NAN)),
         ];
         let say = |text: &str| fill(text, &known);
-        assert_eq!(
-            say("{method}: {area under the curve:.2} {{x}}").as_deref(),
-            Ok("ours: 0.99 {x}")
-        );
+        assert_eq!(say("{method}: {area under the curve:.2} {{x}}").as_deref(), Ok("ours: 0.99 {x}"));
         assert_eq!(say("{nothing:.1} plain").as_deref(), Ok("– plain"));
-        for bad in [
-            "{metod}",
-            "{method",
-            "method}",
-            "{method:.x}",
-            "{{method}",
-            "{a{b}}",
-        ] {
+        for bad in ["{metod}", "{method", "method}", "{method:.x}", "{{method}", "{a{b}}"] {
             assert!(say(bad).is_err(), "{bad}");
         }
         assert!(say("{metod}").is_err_and(|e| e.help.contains("area under the curve")));

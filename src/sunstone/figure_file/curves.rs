@@ -54,10 +54,8 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
             let help = "use the syntax of sunstone apply --sweep";
             let (part, values) = Part::parse(text).map_err(|e| (e, help.to_owned()))?;
             if values.iter().any(|v| part.with(&chain, *v).is_none()) {
-                let message = format!(
-                    "the optics of the chain come from a file, so `{}` cannot be swept",
-                    part.name()
-                );
+                let message =
+                    format!("the optics of the chain come from a file, so `{}` cannot be swept", part.name());
                 return fault(
                     message,
                     "set optics = { axis_error_deg, retardance_error_deg, extinction } in the chain",
@@ -65,10 +63,9 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
             }
             Ok(Links::Sweep(chain, part, values))
         }
-        (None, Some(_)) if view.difference => fault(
-            "`difference` cannot be combined with `captures`".into(),
-            "remove `difference`",
-        ),
+        (None, Some(_)) if view.difference => {
+            fault("`difference` cannot be combined with `captures`".into(), "remove `difference`")
+        }
         (None, Some(text)) => {
             let help = "use the syntax of sunstone apply --captures";
             let range = links::captures(text).map_err(|e| (e, help.to_owned()))?;
@@ -100,11 +97,7 @@ fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fa
 /// Returns a point to draw; its value is the difference if requested.
 fn drawn(p: &Point, difference: bool) -> curves::Point {
     let [mean, error, less, less_error] = p.numbers;
-    let estimate = |mean, error| Estimate {
-        mean,
-        error,
-        counts: [0; 2],
-    };
+    let estimate = |mean, error| Estimate { mean, error, counts: [0; 2] };
     let less = estimate(less, less_error);
     curves::Point {
         series: p.series.clone(),
@@ -155,9 +148,7 @@ pub fn tile(
     if view.difference {
         chart.y.label = format!("{} of {ours}, minus others", chart.y.label);
         let values = chart.series.iter().flat_map(|s| &s.points).map(|p| p.0);
-        let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-            [a.min(v), b.max(v)]
-        });
+        let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
         let level = Series {
             points: vec![(low, 0.0), (high, 0.0)],
             style: SeriesStyle::Dashed,
@@ -166,12 +157,8 @@ pub fn tile(
         };
         chart.series.insert(0, level);
     }
-    let tile = tile::of_chart(&chart, view.legend).map_err(|e| {
-        (
-            e.to_string(),
-            "correct the view, or sweep other values".to_owned(),
-        )
-    })?;
+    let tile = tile::of_chart(&chart, view.legend)
+        .map_err(|e| (e.to_string(), "correct the view, or sweep other values".to_owned()))?;
     let mut values = vec![("metric".to_owned(), Value::Text(metric.name.to_owned()))];
     let answer = || fit.verdicts.iter().filter(|v| v.metric == metric.name);
     let first = answer().next().map(|v| v.series.clone());

@@ -140,12 +140,7 @@ impl Fit {
             error: r.value.error,
         });
         let pictures = report.first.pictures.into_iter().map(|p| {
-            let Map {
-                width,
-                height,
-                channels,
-                data,
-            } = p.map;
+            let Map { width, height, channels, data } = p.map;
             Picture {
                 method: p.method.to_owned(),
                 name: p.name.to_owned(),
@@ -188,11 +183,7 @@ pub fn digest(bytes: &[u8]) -> String {
 pub fn program() -> Option<String> {
     // This link is valid even if another build replaced the file.
     let own = Path::new("/proc/self/exe");
-    let path = if own.exists() {
-        own.to_owned()
-    } else {
-        std::env::current_exe().ok()?
-    };
+    let path = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
     Some(digest(&std::fs::read(path).ok()?))
 }
 
@@ -281,12 +272,7 @@ mod tests {
                 variant: 3,
                 value: 0.1 + 0.2,
             }],
-            rows: vec![Row {
-                method: words("a"),
-                metric: words("m"),
-                mean: -0.0,
-                error: f64::INFINITY,
-            }],
+            rows: vec![Row { method: words("a"), metric: words("m"), mean: -0.0, error: f64::INFINITY }],
             pictures: vec![Picture {
                 method: words("a\nb"),
                 name: words("score"),

@@ -28,11 +28,7 @@ impl Source {
     /// # Errors
     /// [`InputError`] at the location of an error that does not depend on its scenes and applications.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let text = document::read(
-            path,
-            "figure file",
-            "pass a figure file, or the store of a render",
-        )?;
+        let text = document::read(path, "figure file", "pass a figure file, or the store of a render")?;
         Self::of_text(path, &text)
     }
 
@@ -48,11 +44,7 @@ impl Source {
                 "docs/figures.md describes figure files".to_owned()
             }
         })?;
-        let source = Self {
-            path: path.to_owned(),
-            text: text.into(),
-            file,
-        };
+        let source = Self { path: path.to_owned(), text: text.into(), file };
         source.check()?;
         Ok(source)
     }
@@ -108,10 +100,7 @@ impl Source {
         if file.column_headings.len() > columns {
             return Err(self.error(
                 &file.columns,
-                format!(
-                    "{} column_headings for {columns} columns",
-                    file.column_headings.len()
-                ),
+                format!("{} column_headings for {columns} columns", file.column_headings.len()),
                 "set at most one per column",
             ));
         }
@@ -219,15 +208,8 @@ impl Source {
             let help = "use upper left, upper right, lower left or lower right";
             self.error(at, format!("unknown corner `{}`", at.at), help)
         })?;
-        let inset = Inset {
-            crop: at.crop,
-            magnify: at.magnify,
-            corner,
-            ink: self.ink(at, &at.colour)?,
-        };
-        inset
-            .check()
-            .map_err(|e| self.error(at, e.to_string(), "correct the inset"))?;
+        let inset = Inset { crop: at.crop, magnify: at.magnify, corner, ink: self.ink(at, &at.colour)? };
+        inset.check().map_err(|e| self.error(at, e.to_string(), "correct the inset"))?;
         Ok(inset)
     }
 
@@ -236,19 +218,11 @@ impl Source {
     /// # Errors
     /// [`InputError`] at its location.
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
-        let arrow = Arrow {
-            from: at.from,
-            to: at.to,
-            ink: self.ink(at, &at.colour)?,
-        };
+        let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
         if !near(arrow.from) || !near(arrow.to) || arrow.from == arrow.to {
             let help = "set different points from and to, as [x, y] fractions of the picture, 0 to 1";
-            return Err(self.error(
-                at,
-                "the arrow has no length, or a point far outside the picture",
-                help,
-            ));
+            return Err(self.error(at, "the arrow has no length, or a point far outside the picture", help));
         }
         Ok(arrow)
     }

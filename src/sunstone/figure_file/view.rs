@@ -36,9 +36,7 @@ fn plain(view: &ViewFile) -> Option<View> {
 /// Checks before rendering that a panel can be drawn from its scene.
 pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     let Some(view) = &panel.view else { return Ok(()) };
-    let slice = view
-        .slice()
-        .and_then(|name| scene.slices.iter().find(|s| s.name == name));
+    let slice = view.slice().and_then(|name| scene.slices.iter().find(|s| s.name == name));
     if let (Some(plain), Some(slice)) = (plain(view), slice) {
         return figure::check(&plain, slice, scene.wavelengths.nm()).map_err(|e| e.to_string());
     }
@@ -56,11 +54,7 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
             if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
                 return Err(format!("slice `{}` has no travel time axis", slice.name));
             }
-            if v.element.at == [0, 0] {
-                Ok(())
-            } else {
-                mueller(slice)
-            }
+            if v.element.at == [0, 0] { Ok(()) } else { mueller(slice) }
         }
         (ViewFile::Decomposition(v), Some(slice)) => {
             scale(v).map(|_| ())?;
@@ -73,21 +67,14 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
             if known.contains(&v.layer.as_str()) {
                 return Ok(());
             }
-            Err(format!(
-                "unknown layer `{}`; available: {}",
-                v.layer,
-                known.join(", ")
-            ))
+            Err(format!("unknown layer `{}`; available: {}", v.layer, known.join(", ")))
         }
         _ => Ok(()),
     }
 }
 
 fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static str] {
-    let options = layers::Options {
-        side: 1,
-        ..layers::Options::default()
-    };
+    let options = layers::Options { side: 1, ..layers::Options::default() };
     room.extend(layers::layers(scene, options).layers.iter().map(|l| l.name));
     room
 }
@@ -112,11 +99,7 @@ pub fn tile(
         drawn.then(|| stored.read_all(field)).transpose()
     };
     let (std_error, overflow) = (of(Field::StdError)?, of(Field::Overflow)?);
-    let panel = Panel {
-        mean: &mean,
-        std_error: std_error.as_ref(),
-        overflow: overflow.as_ref(),
-    };
+    let panel = Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() };
     if let Some(plain) = plain(view) {
         return tile::of_view(&plain, &panel).map_err(bad);
     }
@@ -183,14 +166,9 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
 }
 
 fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
-    let options = layers::Options {
-        through: view.through,
-        ..layers::Options::default()
-    };
+    let options = layers::Options { through: view.through, ..layers::Options::default() };
     let set = layers::layers(scene, options);
-    let layer = set
-        .get(&view.layer)
-        .ok_or_else(|| format!("unknown layer `{}`", view.layer))?;
+    let layer = set.get(&view.layer).ok_or_else(|| format!("unknown layer `{}`", view.layer))?;
     let width = set.size[0] as usize;
     let name = match layer.units {
         "1" | "" => view.layer.replace('_', " "),
@@ -203,20 +181,15 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
         }
         (LayerValues::Real(all), Parts::One) => {
             let finite = || all.iter().copied().filter(|v| v.is_finite());
-            let [low, high] = view.limits.unwrap_or_else(|| {
-                [
-                    finite().fold(f32::MAX, f32::min),
-                    finite().fold(f32::MIN, f32::max),
-                ]
-            });
+            let [low, high] = view
+                .limits
+                .unwrap_or_else(|| [finite().fold(f32::MAX, f32::min), finite().fold(f32::MIN, f32::max)]);
             let high = if high > low { high } else { low + 1.0 };
             tile::of_values(&name, width, all, Scale::Linear { low, high })
         }
         // The usual colours of normals: (1 + n) / 2 in 0 to 1.
         (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
-            let colours = all
-                .chunks_exact(3)
-                .map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v));
+            let colours = all.chunks_exact(3).map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v));
             tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
         }
         (LayerValues::Real(all), Parts::Wavelengths) if set.channels(layer) == 3 => {
@@ -248,14 +221,8 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     let share = bar.length_mm / 1000.0 / depth * camera.focal.x / w;
     if !(0.001..=0.9).contains(&share) {
         return Err((
-            format!(
-                "{} mm at this depth correspond to {share:.3e} of the picture's width",
-                bar.length_mm
-            ),
-            format!(
-                "use a {} length_mm",
-                if share > 0.9 { "shorter" } else { "longer" }
-            ),
+            format!("{} mm at this depth correspond to {share:.3e} of the picture's width", bar.length_mm),
+            format!("use a {} length_mm", if share > 0.9 { "shorter" } else { "longer" }),
         ));
     }
     let label = if bar.length_mm >= 1000.0 {

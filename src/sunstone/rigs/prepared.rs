@@ -68,17 +68,10 @@ impl Prepared {
     pub fn load(path: &Path, rig: Option<&PathBuf>) -> Result<Self, PrepareError> {
         let plan = plan::load(path)?;
         let named = rig.or(plan.rig.as_ref()).cloned().ok_or_else(|| {
-            wrong(format!(
-                "{}: the plan has no rig; add rig = \"rig.toml\", or pass --rig",
-                path.display()
-            ))
+            wrong(format!("{}: the plan has no rig; add rig = \"rig.toml\", or pass --rig", path.display()))
         })?;
         let rig = rig_file::load(&named)?;
-        Ok(Self {
-            plan,
-            rig,
-            inputs: vec![path.to_owned(), named],
-        })
+        Ok(Self { plan, rig, inputs: vec![path.to_owned(), named] })
     }
 
     /// Puts a known sample (air, mirror, polarizer) on a simulated bench, with another noise seed.

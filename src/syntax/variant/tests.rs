@@ -82,11 +82,7 @@ values = [1.1, 1.2, 1.3]
 every = 2
 "#;
     let got: Vec<_> = (0..6).map(|k| read(vary, k).expect("a variant").values).collect();
-    let list = |name: &str| {
-        got.iter()
-            .map(|v| v[name].as_float().expect("a number"))
-            .collect::<Vec<_>>()
-    };
+    let list = |name: &str| got.iter().map(|v| v[name].as_float().expect("a number")).collect::<Vec<_>>();
     assert_eq!(list("a"), [0.1, 0.2, 0.1, 0.2, 0.1, 0.2]);
     assert_eq!(list("b"), [1.1, 1.1, 1.2, 1.2, 1.3, 1.3]);
     assert!(read(vary, 6).is_err());
@@ -103,11 +99,7 @@ fn draws_are_even_fixed_and_their_own() {
     let alone = range("");
     let beside = range("[vary.a]\npath = \"media.milk.milk.concentration\"\nrange = { min = 0, max = 1 }\n");
     let draws: Vec<f64> = (0..4000)
-        .map(|k| {
-            read(&alone, k).expect("a variant").values["x"]
-                .as_float()
-                .expect("a number")
-        })
+        .map(|k| read(&alone, k).expect("a variant").values["x"].as_float().expect("a number"))
         .collect();
     for k in [0, 7, 3999] {
         let other = read(&beside, k).expect("a variant");
@@ -124,10 +116,7 @@ fn draws_are_even_fixed_and_their_own() {
     let mut sorted = draws.clone();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len() as f64;
-    let d = sorted
-        .iter()
-        .enumerate()
-        .map(|(i, x)| ((x + 1.0) / 4.0 - (i as f64 + 0.5) / n).abs());
+    let d = sorted.iter().enumerate().map(|(i, x)| ((x + 1.0) / 4.0 - (i as f64 + 0.5) / n).abs());
     assert!(d.fold(0.0, f64::max) * n.sqrt() < 2.8);
     // Regression test: the stream must not change.
     assert_eq!(draws[..3], PINNED);
@@ -143,21 +132,9 @@ fn mistakes_are_told_where_they_stand() {
     let ranged = |path: &str, range: &str| format!("[vary.p]\npath = \"{path}\"\nrange = {range}");
     let at = |path: &str| format!("[vary.p]\npath = '{path}'\nvalues = [1]");
     let cases: Vec<(String, &str, &str)> = vec![
-        (
-            at("materials.wal.diffuse.albedo"),
-            "known keys: glass, wall",
-            "'materials.wal.diffuse.albedo'",
-        ),
-        (
-            at("materials.wall.diffuse.albedo.0"),
-            "which has no keys",
-            "'materials.wall.diffuse.albedo.0'",
-        ),
-        (
-            at("objects.doll.material"),
-            "known keys: the doll",
-            "'objects.doll.material'",
-        ),
+        (at("materials.wal.diffuse.albedo"), "known keys: glass, wall", "'materials.wal.diffuse.albedo'"),
+        (at("materials.wall.diffuse.albedo.0"), "which has no keys", "'materials.wall.diffuse.albedo.0'"),
+        (at("objects.doll.material"), "known keys: the doll", "'objects.doll.material'"),
         (at("nothing"), "known keys: camera", "'nothing'"),
         (at("vary.p.path"), "affects the rendered scene", "'vary.p.path'"),
         (at("a = 1 #"), "separated by dots", "'a = 1 #'"),
@@ -183,32 +160,12 @@ fn mistakes_are_told_where_they_stand() {
             "the same shape",
             "{ min = [1], max = [2] }",
         ),
-        (
-            ranged("objects.0.material", "{ min = 1, max = 2 }"),
-            "`values`",
-            "{ min = 1, max = 2 }",
-        ),
-        (
-            ranged("objects.0.material", "{ min = \"a\", max = 2 }"),
-            "`values`",
-            "{ min = \"a\", max = 2 }",
-        ),
+        (ranged("objects.0.material", "{ min = 1, max = 2 }"), "`values`", "{ min = 1, max = 2 }"),
+        (ranged("objects.0.material", "{ min = \"a\", max = 2 }"), "`values`", "{ min = \"a\", max = 2 }"),
         (format!("[vary.p]\n{path}"), "values = [..]", ""),
-        (
-            format!("[vary.p]\n{path}\nvalues = [1]\nevery = 0"),
-            "at least 1",
-            "0",
-        ),
-        (
-            format!("[vary.p]\n{path}\nvalues = [1]\nmost = 0"),
-            "listed names",
-            "most",
-        ),
-        (
-            "[vary.p]\npath = []\nvalues = [1]".into(),
-            "path of the value",
-            "[]",
-        ),
+        (format!("[vary.p]\n{path}\nvalues = [1]\nevery = 0"), "at least 1", "0"),
+        (format!("[vary.p]\n{path}\nvalues = [1]\nmost = 0"), "listed names", "most"),
+        ("[vary.p]\npath = []\nvalues = [1]".into(), "path of the value", "[]"),
         (
             format!(
                 "[vary.p]\n{path}\nvalues = [0, 1]\n[vary.q]\npath = \"media.milk.milk.concentration\"\nvalues = [0, 0.1, 0.2]"
@@ -229,16 +186,8 @@ fn mistakes_are_told_where_they_stand() {
             continue;
         };
         assert!(e.help.as_deref().unwrap_or("").contains(fix), "{e}\n{vary}");
-        assert!(
-            at.is_empty() || place(&e) == at,
-            "`{}` instead of `{at}`: {e}",
-            place(&e)
-        );
-        assert!(
-            e.line_column()
-                .is_some_and(|(line, _)| line > SCENE.lines().count()),
-            "{e}"
-        );
+        assert!(at.is_empty() || place(&e) == at, "`{}` instead of `{at}`: {e}", place(&e));
+        assert!(e.line_column().is_some_and(|(line, _)| line > SCENE.lines().count()), "{e}");
     }
     let e = super::read(Path::new("s"), SCENE, 0).expect_err("no variants");
     assert!(e.message.contains("no [vary]"), "{e}");

@@ -14,9 +14,7 @@ impl Image {
     fn new(between: f64, within: f64) -> Self {
         let mut state = 7_u64;
         let mut uniform = move || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
         };
         let mut normal = move || (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
@@ -27,31 +25,16 @@ impl Image {
                 variances.push((tile, (2.0 * (level + within * normal())).exp()));
             }
         }
-        Self {
-            variances,
-            samples: vec![64; (EDGE * EDGE) as usize],
-        }
+        Self { variances, samples: vec![64; (EDGE * EDGE) as usize] }
     }
 
     fn survey(&self) -> Survey {
         let lit = self.variances.iter().map(|(tile, v)| {
             let samples = f64::from(self.samples[*tile as usize]);
-            Lit {
-                tile: *tile,
-                samples,
-                error: (v / samples).sqrt(),
-            }
+            Lit { tile: *tile, samples, error: (v / samples).sqrt() }
         });
-        let tile = |samples: &u32| Tile {
-            pixels: 256,
-            samples: *samples,
-            kept: true,
-        };
-        Survey {
-            lit: lit.collect(),
-            tiles: self.samples.iter().map(tile).collect(),
-            across: EDGE,
-        }
+        let tile = |samples: &u32| Tile { pixels: 256, samples: *samples, kept: true };
+        Survey { lit: lit.collect(), tiles: self.samples.iter().map(tile).collect(), across: EDGE }
     }
 
     /// Renders rounds until the goal is reached, and returns their number.
@@ -68,13 +51,7 @@ impl Image {
 }
 
 fn goal(error: f64, share: f64) -> Goal {
-    Goal {
-        slice: "s".into(),
-        error,
-        share,
-        first: 64,
-        most: 1 << 20,
-    }
+    Goal { slice: "s".into(), error, share, first: 64, most: 1 << 20 }
 }
 
 /// If variances differ between tiles, the goal is reached with fewer samples than uniform sampling needs. The
@@ -88,10 +65,7 @@ fn the_goal_is_reached_with_fewer_samples() {
         let reached = survey.reached(share);
         assert!(reached <= 0.03 && reached > 0.028, "{reached}");
         let saved = survey.mean_samples() / survey.uniform(share);
-        assert!(
-            (2..=5).contains(&rounds) && (least..most).contains(&saved),
-            "{rounds} {saved}"
-        );
+        assert!((2..=5).contains(&rounds) && (least..most).contains(&saved), "{rounds} {saved}");
     }
 }
 
@@ -116,11 +90,7 @@ fn no_pixel_decides_alone() {
             seen += u32::from(*tile == 20);
             *tile != 20 || seen == 1
         });
-        image
-            .variances
-            .iter_mut()
-            .filter(|p| p.0 == 20)
-            .for_each(|p| p.1 = variance);
+        image.variances.iter_mut().filter(|p| p.0 == 20).for_each(|p| p.1 = variance);
         let Next::Round(counts) = image.survey().next(&goal(0.1, 0.9)) else {
             panic!("no round");
         };
@@ -131,29 +101,19 @@ fn no_pixel_decides_alone() {
     let all: u32 = low.iter().sum();
     // Tile 20, and tiles close to a threshold, may change by a step or two.
     let own = f64::from(low[20]) / f64::from(high[20]);
-    assert!(
-        moved * 200 < all && (0.9..1.1).contains(&own),
-        "{moved} of {all}, {own}"
-    );
+    assert!(moved * 200 < all && (0.9..1.1).contains(&own), "{moved} of {all}, {own}");
     // Control: if a single pixel decides, its error does change the count.
     let mut image = Image::new(0.5, 0.3);
     let alone = |image: &Image| image.survey().next_by(&goal(0.1, 0.9), 1);
     let before = alone(&image);
-    image
-        .variances
-        .iter_mut()
-        .filter(|p| p.0 == 20)
-        .for_each(|p| p.1 = 1e-3);
+    image.variances.iter_mut().filter(|p| p.0 == 20).for_each(|p| p.1 = 1e-3);
     assert!(alone(&image) != before);
 }
 
 #[test]
 fn rounds_end_at_the_most_samples() {
     let mut image = Image::new(0.5, 0.3);
-    let goal = Goal {
-        most: 100,
-        ..goal(0.001, 0.5)
-    };
+    let goal = Goal { most: 100, ..goal(0.001, 0.5) };
     let Next::Round(more) = image.survey().next(&goal) else {
         panic!("no round");
     };
@@ -166,10 +126,7 @@ fn rounds_end_at_the_most_samples() {
 #[test]
 fn counts_are_of_whole_groups() {
     assert_eq!([0.0, 8.0, 8.1, 33.0].map(round_count), [0, 0, 16, 33]);
-    assert_eq!(
-        [64.5, 127.0, 128.5, 5000.0].map(round_count),
-        [66, 128, 132, 5056]
-    );
+    assert_eq!([64.5, 127.0, 128.5, 5000.0].map(round_count), [66, 128, 132, 5056]);
 }
 
 #[test]
@@ -178,13 +135,7 @@ fn goals_that_make_no_sense_are_refused() {
     for wrong in [goal(0.0, 0.5), goal(f64::NAN, 0.5), goal(0.1, 1.0)] {
         assert!(wrong.fault("--").is_some_and(|m| m.contains("--target-")));
     }
-    let few = Goal {
-        first: 8,
-        ..goal(0.1, 0.5)
-    };
-    let less = Goal {
-        most: 32,
-        ..goal(0.1, 0.5)
-    };
+    let few = Goal { first: 8, ..goal(0.1, 0.5) };
+    let less = Goal { most: 32, ..goal(0.1, 0.5) };
     assert!(few.fault("").is_some() && less.fault("").is_some());
 }

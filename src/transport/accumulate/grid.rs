@@ -12,10 +12,7 @@ pub(super) struct Grid {
 impl Grid {
     pub fn new(layout: &SliceLayout, axes: std::ops::Range<usize>) -> Self {
         let axes: Vec<_> = layout.axes[axes].iter().map(|a| [a.len(), a.chunk]).collect();
-        Self {
-            chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(),
-            axes,
-        }
+        Self { chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(), axes }
     }
 
     /// Returns the chunk of a cell (row-major over the axes), the position in it, and its volume.
@@ -58,10 +55,7 @@ mod tests {
     /// Every cell of uneven axes has a distinct position that agrees with its chunk's box.
     #[test]
     fn places_are_those_of_the_chunks_boxes() {
-        let grid = Grid {
-            axes: vec![[5, 2], [3, 3], [7, 4]],
-            chunks: 6,
-        };
+        let grid = Grid { axes: vec![[5, 2], [3, 3], [7, 4]], chunks: 6 };
         let mut seen = std::collections::HashSet::new();
         for cell in 0..5 * 3 * 7 {
             let (chunk, at, volume) = grid.place(cell);

@@ -50,11 +50,7 @@ struct Sums {
 }
 
 impl Sums {
-    const ZERO: Self = Self {
-        pending: Spectral::ZERO,
-        sum: f64x4::ZERO,
-        square: f64x4::ZERO,
-    };
+    const ZERO: Self = Self { pending: Spectral::ZERO, sum: f64x4::ZERO, square: f64x4::ZERO };
 
     /// Moves the pending group of samples into the sums.
     #[inline]
@@ -107,9 +103,7 @@ impl PixelSums {
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];
         let larger = cell.extent.with(extent);
-        cell.first = cell
-            .extent
-            .enlarge(&mut self.sums, cell.first, larger, Sums::ZERO);
+        cell.first = cell.extent.enlarge(&mut self.sums, cell.first, larger, Sums::ZERO);
         cell.extent = larger;
     }
 
@@ -122,16 +116,8 @@ impl PixelSums {
         };
         if *entry == u32::MAX {
             *entry = self.cells.len() as u32;
-            self.cells.push(Cell {
-                key,
-                group,
-                first: self.sums.len() as u32,
-                extent,
-            });
-            self.sums.extend(values.iter().map(|value| Sums {
-                pending: *value * w,
-                ..Sums::ZERO
-            }));
+            self.cells.push(Cell { key, group, first: self.sums.len() as u32, extent });
+            self.sums.extend(values.iter().map(|value| Sums { pending: *value * w, ..Sums::ZERO }));
             return;
         }
         let slot = *entry as usize;
@@ -180,14 +166,12 @@ impl PixelSums {
         for cell in &self.cells {
             let first = cell.first as usize;
             let key = local * plan.cells() + cell.key;
-            let finished = self.sums[first..first + cell.extent.count()]
-                .iter_mut()
-                .map(|sums| {
-                    sums.fold();
-                    let mean = sums.sum * per_sample;
-                    let spread = (sums.square - sums.sum * (sums.sum * per_group)).max(f64x4::ZERO);
-                    [narrow(mean * share), narrow(spread * per_degree * share2)]
-                });
+            let finished = self.sums[first..first + cell.extent.count()].iter_mut().map(|sums| {
+                sums.fold();
+                let mean = sums.sum * per_sample;
+                let spread = (sums.square - sums.sum * (sums.sum * per_group)).max(f64x4::ZERO);
+                [narrow(mean * share), narrow(spread * per_degree * share2)]
+            });
             tile.add(key, cell.extent, finished);
         }
         let total = self.total.finish(n, plan.wavelengths);
@@ -281,10 +265,7 @@ impl<'a> TileAccumulator<'a> {
     pub fn begin_tile(&mut self, tile: u32, [x0, y0]: [u32; 2], [x1, y1]: [u32; 2]) {
         self.tile.pixels = [[x0, y0], [x1, y1]];
         self.tile.counts.clear();
-        self.tile.record = TileRecord {
-            tile,
-            ..TileRecord::default()
-        };
+        self.tile.record = TileRecord { tile, ..TileRecord::default() };
         for (plan, tile) in self.plans.iter().zip(&mut self.tile.slices) {
             let range = |table: &[u32], a: u32, b: u32| {
                 let kept = || table[a as usize..b as usize].iter().filter(|i| **i != DROPPED);

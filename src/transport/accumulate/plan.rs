@@ -43,11 +43,7 @@ pub struct Contributions<'a> {
 impl<'a> Contributions<'a> {
     #[inline(always)]
     pub fn new(list: &'a mut Vec<Contribution>, elements: &'a mut Vec<Spectral>, labelled: bool) -> Self {
-        Self {
-            list,
-            elements,
-            labelled,
-        }
+        Self { list, elements, labelled }
     }
 
     /// Appends a contribution whose elements are the last ones in the list of elements.
@@ -131,10 +127,7 @@ impl SlicePlan {
             CameraSelect::All => [index_table(h, None, 0, h, 1), index_table(w, None, 0, w, 1)],
             CameraSelect::Rows(r) => [index_table(h, Some(r), 0, 0, 1), index_table(w, None, 0, w, 1)],
             CameraSelect::Columns(c) => [index_table(h, None, 0, h, 1), index_table(w, Some(c), 0, 0, 1)],
-            CameraSelect::Block(b) => [
-                index_table(h, None, b.y, b.h, 1),
-                index_table(w, None, b.x, b.w, 1),
-            ],
+            CameraSelect::Block(b) => [index_table(h, None, b.y, b.h, 1), index_table(w, None, b.x, b.w, 1)],
             CameraSelect::Binned { nx, ny } => {
                 [index_table(h, None, 0, h, *ny), index_table(w, None, 0, w, *nx)]
             }
@@ -155,14 +148,12 @@ impl SlicePlan {
             ProjectorSelect::Columns(c) => {
                 [index_table(ph, None, 0, ph, 1), index_table(pw, Some(c), 0, 0, 1)]
             }
-            ProjectorSelect::Block(b) => [
-                index_table(ph, None, b.y, b.h, 1),
-                index_table(pw, None, b.x, b.w, 1),
-            ],
-            ProjectorSelect::Binned { nx, ny } => [
-                index_table(ph, None, 0, ph, *ny),
-                index_table(pw, None, 0, pw, *nx),
-            ],
+            ProjectorSelect::Block(b) => {
+                [index_table(ph, None, b.y, b.h, 1), index_table(pw, None, b.x, b.w, 1)]
+            }
+            ProjectorSelect::Binned { nx, ny } => {
+                [index_table(ph, None, 0, ph, *ny), index_table(pw, None, 0, pw, *nx)]
+            }
             _ => [vec![], vec![]],
         };
         let layout = SliceLayout::new(slice, extents);
@@ -188,11 +179,7 @@ impl SlicePlan {
             labels,
             inner,
             overflow: if layout.time.is_some() { inner / bins } else { 0 },
-            elements: if slice.polarization == Polarization::Mueller {
-                16
-            } else {
-                1
-            },
+            elements: if slice.polarization == Polarization::Mueller { 16 } else { 1 },
             wavelengths: extents.wavelengths_nm.len(),
             layout,
         }
@@ -234,11 +221,7 @@ impl SlicePlan {
         match &self.selected {
             Some(selected) if c.rival > 0.0 => {
                 let rival = selected.chance(c.pixel, in_band) * c.rival;
-                if c.slice == EVERY {
-                    1.0 / (1.0 + rival)
-                } else {
-                    1.0 / (1.0 + 1.0 / rival)
-                }
+                if c.slice == EVERY { 1.0 / (1.0 + rival) } else { 1.0 / (1.0 + 1.0 / rival) }
             }
             _ => 1.0,
         }

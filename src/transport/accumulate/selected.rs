@@ -36,11 +36,7 @@ pub enum Selected {
 #[inline]
 #[must_use]
 pub fn chance_in(band: &[u32]) -> f32 {
-    if band.is_empty() {
-        0.0
-    } else {
-        1.0 / band.len() as f32
-    }
+    if band.is_empty() { 0.0 } else { 1.0 / band.len() as f32 }
 }
 
 impl Selected {
@@ -76,10 +72,8 @@ impl Selected {
                 let most = MOST_OF_BAND * f64::from(w) * f64::from(h);
                 // Number of pixels of a band that crosses the shorter side.
                 let least = 2.0 * f64::from(*half_width_px) * f64::from(w.min(h));
-                return (least <= most).then_some(Self::Band {
-                    half_width_px: *half_width_px,
-                    most: most as usize,
-                });
+                return (least <= most)
+                    .then_some(Self::Band { half_width_px: *half_width_px, most: most as usize });
             }
             _ => return None,
         };
@@ -120,9 +114,9 @@ impl Selected {
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
         match self {
             Self::Own => 1.0,
-            Self::Listed { pixels, cumulative } => pixels.binary_search(&pixel).map_or(0.0, |i| {
-                cumulative[i] - if i == 0 { 0.0 } else { cumulative[i - 1] }
-            }),
+            Self::Listed { pixels, cumulative } => pixels
+                .binary_search(&pixel)
+                .map_or(0.0, |i| cumulative[i] - if i == 0 { 0.0 } else { cumulative[i - 1] }),
             Self::Band { .. } => in_band,
         }
     }
@@ -184,13 +178,7 @@ mod tests {
     #[test]
     fn few_are_chosen_and_many_are_not() {
         let coaxial = of(ProjectorSelect::Coaxial).expect("one pixel is few");
-        assert_eq!(
-            (
-                coaxial.draw(9, &[], &mut Stream::new(1, 2, 3)),
-                coaxial.chance(9, 0.0)
-            ),
-            (9, 1.0)
-        );
+        assert_eq!((coaxial.draw(9, &[], &mut Stream::new(1, 2, 3)), coaxial.chance(9, 0.0)), (9, 1.0));
         let band = |half_width_px, bounces| told_apart(ProjectorSelect::Epipolar { half_width_px }, bounces);
         // 1/128 of the pixels is two pixels; a line crosses 16.
         assert!(matches!(band(0.0625, true), Some(Selected::Band { most: 2, .. })));
@@ -198,12 +186,8 @@ mod tests {
         let block = |w, h| ProjectorSelect::Block(tensor::slice::Block { x: 14, y: 2, w, h });
         let four = of(block(2, 2)).expect("four pixels are few");
         assert_eq!([46, 47, 48].map(|p| four.chance(p, 0.0)), [0.25, 0.25, 0.0]);
-        for many in [
-            block(2, 3),
-            ProjectorSelect::Rows(vec![3]),
-            ProjectorSelect::All,
-            ProjectorSelect::Sum,
-        ] {
+        for many in [block(2, 3), ProjectorSelect::Rows(vec![3]), ProjectorSelect::All, ProjectorSelect::Sum]
+        {
             assert!(of(many).is_none());
         }
     }

@@ -237,30 +237,19 @@ impl TileValues {
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
         let (grid, placed) = self.placed(part);
         // A chunk contains all matrix elements or, where these are too many, some of its rows and columns.
-        let chunk = |kind| {
-            part.layout
-                .find(kind)
-                .map_or(1, |i| part.layout.axes[i].chunk as u32)
-        };
+        let chunk = |kind| part.layout.find(kind).map_or(1, |i| part.layout.axes[i].chunk as u32);
         let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
         for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
             let Sorted { extent, tall, wide } = self.sorted(group);
             for row in (0..extent.rows).step_by(block[0] as usize) {
                 for column in (0..extent.cols).step_by(block[1] as usize) {
-                    let matrix = Block {
-                        first: [row, column],
-                        shape: block,
-                    };
+                    let matrix = Block { first: [row, column], shape: block };
                     let group = match (row, column) {
                         (0, 0) => group,
                         (_, 0) => &tall,
                         _ => &wide,
                     };
-                    let cells = ChunkCells {
-                        grid: &grid,
-                        group,
-                        matrix,
-                    };
+                    let cells = ChunkCells { grid: &grid, group, matrix };
                     self.put_chunk(part, &cells, sink, scratch)?;
                 }
             }
@@ -270,9 +259,7 @@ impl TileValues {
 
     /// Returns the positions of a part's entries, sorted by chunk.
     fn placed(&self, part: &Part) -> (Grid, Vec<Placed>) {
-        let Part {
-            plan, layout, cells, ..
-        } = part;
+        let Part { plan, layout, cells, .. } = part;
         let trailing = if plan.elements == 16 { 3 } else { 1 };
         let grid = Grid::new(layout, 2..layout.axes.len() - trailing);
         let mut placed = Vec::with_capacity(self.entries.len());
@@ -281,11 +268,7 @@ impl TileValues {
             let cell = entry.key - local * plan.cells();
             if cells.contains(&cell) {
                 let (chunk, at, volume) = grid.place(cell - cells.start);
-                placed.push(Placed {
-                    chunk,
-                    at: local as usize * volume + at,
-                    entry: number as u32,
-                });
+                placed.push(Placed { chunk, at: local as usize * volume + at, entry: number as u32 });
             }
         }
         if grid.chunks > 1 {
@@ -302,9 +285,7 @@ impl TileValues {
             group.iter().filter(|p| more(extent_of(p))).copied().collect()
         };
         Sorted {
-            extent: group
-                .iter()
-                .fold(Extent { rows: 0, cols: 0 }, |e, p| e.with(extent_of(p))),
+            extent: group.iter().fold(Extent { rows: 0, cols: 0 }, |e, p| e.with(extent_of(p))),
             tall: having(|e| e.rows > 1),
             wide: having(|e| e.cols > 1),
         }
@@ -320,21 +301,18 @@ impl TileValues {
     ) -> Result<(), S::Error> {
         let (start, shape) = self.filled(part, cells, scratch);
         let length = shape.iter().product::<u64>() as usize;
-        let written = [
-            (part.fields[0], &scratch.means),
-            (part.fields[1], &scratch.errors),
-        ]
-        .into_iter()
-        .try_for_each(|(field, data)| {
-            sink.put(&Piece {
-                slice: part.number,
-                field,
-                start: &start,
-                shape: &shape,
-                data: &data[..length],
-                touched: &scratch.touched,
-            })
-        });
+        let written = [(part.fields[0], &scratch.means), (part.fields[1], &scratch.errors)]
+            .into_iter()
+            .try_for_each(|(field, data)| {
+                sink.put(&Piece {
+                    slice: part.number,
+                    field,
+                    start: &start,
+                    shape: &shape,
+                    data: &data[..length],
+                    touched: &scratch.touched,
+                })
+            });
         scratch.clear();
         written
     }

@@ -40,9 +40,7 @@ impl PointEmitter {
         let Some(slide) = &self.slide else {
             return even;
         };
-        slide.frustum.uv(dir).map_or(Spectral::ZERO, |uv| {
-            even * textures.eval(slide.texture, uv.to_array())
-        })
+        slide.frustum.uv(dir).map_or(Spectral::ZERO, |uv| even * textures.eval(slide.texture, uv.to_array()))
     }
 
     /// Returns the bounds for the light tree.

@@ -52,11 +52,7 @@ impl Square {
             }
         }
         let each = |f: fn(f32, f32) -> f32| [f(least[0], most[0]), f(least[1], most[1])];
-        Self {
-            middle: each(|lo, hi| 0.5 * (lo + hi)),
-            reach: each(|lo, hi| 0.5 * (hi - lo)),
-            steepest,
-        }
+        Self { middle: each(|lo, hi| 0.5 * (lo + hi)), reach: each(|lo, hi| 0.5 * (hi - lo)), steepest }
     }
 
     /// Returns false if none of its pixels is within `px` pixels of a line.
@@ -95,11 +91,7 @@ impl Epipolar {
             DVec3::new(b.y, -b.x, 0.0),
         );
         let columns = |p: &Pinhole| {
-            DMat3::from_cols(
-                p.axes.x_axis.as_dvec3(),
-                p.axes.y_axis.as_dvec3(),
-                p.axes.z_axis.as_dvec3(),
-            )
+            DMat3::from_cols(p.axes.x_axis.as_dvec3(), p.axes.y_axis.as_dvec3(), p.axes.z_axis.as_dvec3())
         };
         let essential = columns(projector).transpose() * cross * columns(camera);
         let [w, h] = projector.resolution;
@@ -113,15 +105,8 @@ impl Epipolar {
                 let det = a * d - b * c;
                 let f = projector.focal;
                 pixels.push(
-                    [
-                        n.x,
-                        n.y,
-                        d / det / f.x,
-                        -b / det / f.y,
-                        -c / det / f.x,
-                        a / det / f.y,
-                    ]
-                    .map(|x| x as f32),
+                    [n.x, n.y, d / det / f.x, -b / det / f.y, -c / det / f.x, a / det / f.y]
+                        .map(|x| x as f32),
                 );
             }
         }
@@ -220,12 +205,7 @@ mod tests {
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
-            let d = Opencv {
-                k1,
-                k2: 0.02,
-                p1: 0.001,
-                ..Opencv::default()
-            };
+            let d = Opencv { k1, k2: 0.02, p1: 0.001, ..Opencv::default() };
             Pinhole::new(
                 [640, 480],
                 DVec2::new(600.0, 610.0),
@@ -239,10 +219,7 @@ mod tests {
         let (camera, projector) = (device(0.0, 0.0, -0.2), device(0.3, -0.15, 0.1));
         let e = Epipolar::new(&camera, &projector).unwrap();
         let (mut seen, mut worst) = (0, 0.0_f32);
-        for (x, y) in (0..640)
-            .step_by(37)
-            .flat_map(|x| (0..480).step_by(31).map(move |y| (x, y)))
-        {
+        for (x, y) in (0..640).step_by(37).flat_map(|x| (0..480).step_by(31).map(move |y| (x, y))) {
             let line = e.line(&camera, x, y);
             let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             for t in [1.0_f32, 2.0, 5.0] {
@@ -283,21 +260,12 @@ mod tests {
                     DVec2::new(0.5 * w, 0.5 * h),
                     lens,
                     at,
-                    Mat3A::from_quat(Quat::from_euler(
-                        glam::EulerRot::XYZ,
-                        angles[0],
-                        angles[1],
-                        angles[2],
-                    )),
+                    Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, angles[0], angles[1], angles[2])),
                 )
                 .expect("a device")
             };
             let way = [Vec3A::X, Vec3A::Y, Vec3A::new(0.5, -0.4, 0.1)][case / 3 % 3];
-            let distorts = if case % 2 == 0 {
-                lens.into()
-            } else {
-                Distortion::default()
-            };
+            let distorts = if case % 2 == 0 { lens.into() } else { Distortion::default() };
             let camera = device([64, 48], Vec3A::ZERO, lens.into());
             let projector = device([75, 53], 0.3 * way, distorts);
             let epipolar = Epipolar::new(&camera, &projector).expect("two centres");
@@ -308,9 +276,8 @@ mod tests {
                     epipolar.list_within(line, half_width, &mut listed);
                     listed.sort_unstable();
                     let all = 0..75 * 53;
-                    let want: Vec<u32> = all
-                        .filter(|p| epipolar.distance_px(line, *p) <= half_width)
-                        .collect();
+                    let want: Vec<u32> =
+                        all.filter(|p| epipolar.distance_px(line, *p) <= half_width).collect();
                     assert_eq!(listed, want, "case {case}, line {line:?}");
                     let [a, b, _] = line.0;
                     kinds[usize::from(want.is_empty())] += 1;

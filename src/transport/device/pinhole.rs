@@ -26,10 +26,7 @@ pub struct Lens {
 
 impl Default for Lens {
     fn default() -> Self {
-        Self {
-            radius: 0.0,
-            focus: 1.0,
-        }
+        Self { radius: 0.0, focus: 1.0 }
     }
 }
 
@@ -192,9 +189,7 @@ impl Pinhole {
     #[must_use]
     pub fn field(&self) -> [DVec2; 2] {
         let points = self.probes().filter_map(|p| self.normalized(p));
-        points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| {
-            [lo.min(n), hi.max(n)]
-        })
+        points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| [lo.min(n), hi.max(n)])
     }
 
     /// Returns the unit world direction through a continuous pixel position.

@@ -55,13 +55,7 @@ impl Projector {
             }
             factor[i] = 1.0 / (z * z * (z / distance[i]));
         }
-        Arrivals {
-            pixel,
-            wi,
-            distance,
-            factor,
-            local,
-        }
+        Arrivals { pixel, wi, distance, factor, local }
     }
 }
 
@@ -84,11 +78,7 @@ mod tests {
             Mat3A::IDENTITY,
         )
         .unwrap();
-        let projector = Projector {
-            pinhole,
-            irradiance: Spectral::ONE,
-            coaxial: false,
-        };
+        let projector = Projector { pinhole, irradiance: Spectral::ONE, coaxial: false };
         let points = [(0.0, 0.0), (0.5, 0.3), (-0.6, 0.45), (0.7, 0.0)];
         let a = projector.arrivals(&[points.map(|p| p.0), points.map(|p| p.1), [1.0; 4]]);
         for (i, (x, y)) in points.into_iter().enumerate().take(3) {

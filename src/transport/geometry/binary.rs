@@ -42,11 +42,7 @@ impl Binary {
         bounds: &(impl Fn(usize) -> Aabb + Sync),
         fits: &(impl Fn(&[u32]) -> bool + Sync),
     ) -> Self {
-        if count < MANY {
-            Self::clustered(count, bounds)
-        } else {
-            Self::split(count, bounds, fits)
-        }
+        if count < MANY { Self::clustered(count, bounds) } else { Self::split(count, bounds, fits) }
     }
 
     /// Clusters boxes bottom-up; leaves contain one primitive each. It calls obvhs's steps, because obvhs's
@@ -56,10 +52,7 @@ impl Binary {
         let mut tree = Bvh2::zeroed(count);
         let mut ploc = PlocBuilder::new();
         let node = |i| Bvh2Node::new(bounds(i), 1, i as u32);
-        (0..count)
-            .into_par_iter()
-            .map(node)
-            .collect_into_vec(&mut ploc.current_nodes);
+        (0..count).into_par_iter().map(node).collect_into_vec(&mut ploc.current_nodes);
         let nodes = ploc.current_nodes.par_iter();
         let all = nodes.map(|n| *n.aabb()).reduce(Aabb::empty, |a, b| a.union(&b));
         ploc.build_ploc_from_leaves::<SEARCH, false>(
@@ -113,11 +106,7 @@ impl Binary {
                 order.extend(&indices[first..first + node.prim_count as usize]);
                 run[1] = order.len() as u32;
             } else {
-                todo.extend([
-                    (at, true),
-                    (node.first_index + 1, false),
-                    (node.first_index, false),
-                ]);
+                todo.extend([(at, true), (node.first_index + 1, false), (node.first_index, false)]);
             }
         }
         Self { nodes, order, runs }

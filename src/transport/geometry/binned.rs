@@ -46,10 +46,7 @@ struct Extent {
 }
 
 impl Extent {
-    const EMPTY: Self = Self {
-        lo: f32x4::new([f32::INFINITY; 4]),
-        hi: f32x4::new([f32::NEG_INFINITY; 4]),
-    };
+    const EMPTY: Self = Self { lo: f32x4::new([f32::INFINITY; 4]), hi: f32x4::new([f32::NEG_INFINITY; 4]) };
 
     #[inline(always)]
     fn add(&mut self, lo: f32x4, hi: f32x4) {
@@ -87,10 +84,7 @@ struct Entry {
 impl Entry {
     fn new(aabb: &Aabb, number: u32) -> Self {
         let lane = |v: Vec3A, last: f32| f32x4::new([v.x, v.y, v.z, last]);
-        Self {
-            lo: lane(aabb.min, f32::from_bits(number ^ NUMBER)),
-            hi: lane(aabb.max, 0.0),
-        }
+        Self { lo: lane(aabb.min, f32::from_bits(number ^ NUMBER)), hi: lane(aabb.max, 0.0) }
     }
 
     fn number(&self) -> u32 {
@@ -178,10 +172,7 @@ impl Cut {
 }
 
 impl Bins {
-    const EMPTY: Self = Self {
-        boxes: [[Extent::EMPTY; BINS]; 3],
-        counts: [[0; BINS]; 3],
-    };
+    const EMPTY: Self = Self { boxes: [[Extent::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
 
     /// Replaces the contents of the bins by those of `entries`.
     fn fill(&mut self, grid: &Grid, entries: &[Entry]) {
@@ -265,10 +256,7 @@ pub(super) fn grow(
     let mut entries: Vec<Entry> = all.map(|i| Entry::new(&bounds(i), i as u32)).collect();
     let whole = together(&entries, boxes);
     let part = part(&mut entries, 0, &whole, 0, fits);
-    Grown {
-        nodes: by_levels(&part),
-        order: entries.par_iter().map(Entry::number).collect(),
-    }
+    Grown { nodes: by_levels(&part), order: entries.par_iter().map(Entry::number).collect() }
 }
 
 /// Builds the tree over entries with bounds `extent`; `first` is the index of the first entry among all.
@@ -280,12 +268,8 @@ fn part(
     fits: &(impl Fn(&[u32]) -> bool + Sync),
 ) -> Part {
     if entries.len() <= GRAIN {
-        let mut task = Task {
-            nodes: vec![Bvh2Node::default()],
-            bins: Bins::EMPTY,
-            aside: entries.to_vec(),
-            fits,
-        };
+        let mut task =
+            Task { nodes: vec![Bvh2Node::default()], bins: Bins::EMPTY, aside: entries.to_vec(), fits };
         task.fill(0, entries, first, extent, depth);
         return Part::Whole(task.nodes);
     }

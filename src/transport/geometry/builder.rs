@@ -91,21 +91,13 @@ impl Leaves {
     fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
         let pack = |leaf: usize| {
             let first = self.firsts[leaf] as usize;
-            let last = self
-                .firsts
-                .get(leaf + 1)
-                .map_or(self.order.len(), |l| *l as usize);
+            let last = self.firsts.get(leaf + 1).map_or(self.order.len(), |l| *l as usize);
             let members: ArrayVec<Primitive, 8> = (first..last)
                 .map(|at| {
                     let t = &triangles[at];
                     let [v0, e1, e2] = [t.v0, t.e1, t.e2].map(vector);
                     let parallelogram = index(self.order[at]).1;
-                    Primitive {
-                        v0,
-                        e1,
-                        e2,
-                        parallelogram,
-                    }
+                    Primitive { v0, e1, e2, parallelogram }
                 })
                 .collect();
             let skin = skins[skins.partition_point(|(end, _)| *end <= leaf)].1;
@@ -162,10 +154,8 @@ impl GeometryBuilder {
         let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
         let first = self.triangle_count as u32;
         self.triangle_count += mesh.indices.len();
-        let (normal, uv) = (
-            begin(mesh.normals.is_empty(), self.normals.len()),
-            begin(mesh.uvs.is_empty(), self.uvs.len()),
-        );
+        let (normal, uv) =
+            (begin(mesh.normals.is_empty(), self.normals.len()), begin(mesh.uvs.is_empty(), self.uvs.len()));
         let group = begin(!self.in_group, self.groups.len().saturating_sub(1));
         let set = self.set();
         set.primitives.reserve(mesh.indices.len());
@@ -238,11 +228,7 @@ impl GeometryBuilder {
         let tree = self.tree(&world, &mut leaves);
         let bounds = tree.extent();
         let any = !world.primitives.is_empty();
-        let extent = if any {
-            (bounds.max - bounds.min).max_element()
-        } else {
-            1.0
-        };
+        let extent = if any { (bounds.max - bounds.min).max_element() } else { 1.0 };
         skins.push((leaves.firsts.len(), extent * SKIN));
         // To limit peak memory, data that only the trees need are dropped before the large tables are built;
         // the meshes are dropped between these.
@@ -270,11 +256,7 @@ impl GeometryBuilder {
             derivatives: false,
             avx2: avx2(),
             extent,
-            bounds: if any {
-                [bounds.min, bounds.max]
-            } else {
-                [Vec3A::ZERO; 2]
-            },
+            bounds: if any { [bounds.min, bounds.max] } else { [Vec3A::ZERO; 2] },
             least: rounding::SHARE * extent,
         }
     }
@@ -291,9 +273,7 @@ impl GeometryBuilder {
                     return (first ^ QUADRIC) << 1 | 1;
                 }
                 leaves.firsts.push(leaves.order.len() as u32);
-                leaves
-                    .order
-                    .extend(run.iter().map(|i| set.primitives[*i as usize]));
+                leaves.order.extend(run.iter().map(|i| set.primitives[*i as usize]));
                 (leaves.firsts.len() as u32 - 1) << 1
             },
         )
@@ -319,12 +299,7 @@ impl GeometryBuilder {
                     facets.add(at as u32, id - part.triangle, whole);
                 }
             }
-            facets.materials = self
-                .meshes
-                .iter()
-                .filter(|m| m.facets)
-                .map(|m| m.material)
-                .collect();
+            facets.materials = self.meshes.iter().filter(|m| m.facets).map(|m| m.material).collect();
         }
         facets
     }
@@ -366,11 +341,7 @@ impl GeometryBuilder {
         let (part, corners, [a, b, c, _]) = self.corners(primitive);
         let indices = |first: u32| {
             let [i, j, k] = corners;
-            if first == NONE {
-                [NONE; 3]
-            } else {
-                [first + i, first + j, first + k]
-            }
+            if first == NONE { [NONE; 3] } else { [first + i, first + j, first + k] }
         };
         let uv_indices = indices(part.uv);
         let uvs = (part.uv != NONE).then(|| uv_indices.map(|i| self.uvs[i as usize]));

@@ -105,13 +105,7 @@ impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
             }
             let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end);
             if t < end {
-                self.hit = Some(Hit {
-                    t,
-                    leaf: QUADRIC | index as u32,
-                    owner: Owner::WORLD,
-                    u: 0.0,
-                    v: 0.0,
-                });
+                self.hit = Some(Hit { t, leaf: QUADRIC | index as u32, owner: Owner::WORLD, u: 0.0, v: 0.0 });
             }
             return t.min(end);
         }
@@ -241,24 +235,14 @@ impl Geometry {
     /// The search, inlined to be compiled with the caller's target features; `WORLD`: with instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let mut nearest = Nearest::<WORLD> {
-            geometry: self,
-            ray,
-            wide: Wide::new(ray),
-            hit: None,
-        };
+        let mut nearest = Nearest::<WORLD> { geometry: self, ray, wide: Wide::new(ray), hit: None };
         self.tree.traverse::<true>(ray, tmax, &mut nearest);
         nearest.hit
     }
 
     #[inline(always)]
     pub(super) fn occluded_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> bool {
-        let mut any = Any::<WORLD> {
-            geometry: self,
-            ray,
-            wide: Wide::new(ray),
-            found: false,
-        };
+        let mut any = Any::<WORLD> { geometry: self, ray, wide: Wide::new(ray), found: false };
         self.tree.traverse::<false>(ray, tmax, &mut any);
         any.found
     }
@@ -315,11 +299,8 @@ impl Geometry {
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
             // Skip the arc tangents if nothing uses them.
             let uv = if self.textured { quadric.uv(p) } else { [0.0; 2] };
-            let [tangent, bitangent] = if self.derivatives {
-                quadric.derivatives(p)
-            } else {
-                [tangent, Vec3A::ZERO]
-            };
+            let [tangent, bitangent] =
+                if self.derivatives { quadric.derivatives(p) } else { [tangent, Vec3A::ZERO] };
             return Surface {
                 p,
                 ng: n,
@@ -332,13 +313,8 @@ impl Geometry {
             };
         }
         let tri = self.triangle(hit.leaf);
-        let [v0, e1, e2, ng, tangent] = [
-            vector(tri.v0),
-            vector(tri.e1),
-            vector(tri.e2),
-            vector(tri.normal),
-            vector(tri.tangent),
-        ];
+        let [v0, e1, e2, ng, tangent] =
+            [vector(tri.v0), vector(tri.e1), vector(tri.e2), vector(tri.normal), vector(tri.tangent)];
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
         let ns = match tri.normals() {
             None => ng,
@@ -356,11 +332,8 @@ impl Geometry {
                 [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
             }
         };
-        let [tangent, bitangent] = if self.derivatives {
-            tri.derivatives(&self.uvs)
-        } else {
-            [tangent, Vec3A::ZERO]
-        };
+        let [tangent, bitangent] =
+            if self.derivatives { tri.derivatives(&self.uvs) } else { [tangent, Vec3A::ZERO] };
         Surface {
             p: v0 + e1 * u + e2 * v,
             ng,
@@ -397,13 +370,7 @@ impl Geometry {
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
         if leaf & QUADRIC != 0 {
             let t = self.quadrics[(leaf ^ QUADRIC) as usize].intersect(ray.origin, ray.dir, f32::INFINITY);
-            return (t < f32::INFINITY).then_some(Hit {
-                t,
-                leaf,
-                owner: Owner::WORLD,
-                u: 0.0,
-                v: 0.0,
-            });
+            return (t < f32::INFINITY).then_some(Hit { t, leaf, owner: Owner::WORLD, u: 0.0, v: 0.0 });
         }
         let (bits, t, u, v) = self.packs[leaf as usize / 8].intersect(&Wide::new(ray), f32::INFINITY);
         let lane = leaf as usize & 7;
@@ -433,10 +400,7 @@ impl Geometry {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
             let (lo, hi) = quadric.bounds();
             return Some(quadric.ball().map_or(
-                Outline::Inside {
-                    centre: (lo + hi) * 0.5,
-                    radius: (hi - lo).length() * 0.5,
-                },
+                Outline::Inside { centre: (lo + hi) * 0.5, radius: (hi - lo).length() * 0.5 },
                 |(centre, radius)| Outline::Ball { centre, radius },
             ));
         }
@@ -446,12 +410,7 @@ impl Geometry {
         let used = e1 != Vec3A::ZERO || e2 != Vec3A::ZERO;
         let opposite = pack.parallelogram.bits() >> (leaf & 7) & 1 == 1;
         used.then_some(Outline::Flat {
-            corners: [
-                v0,
-                v0 + e1,
-                if opposite { v0 + e1 + e2 } else { v0 + e2 },
-                v0 + e2,
-            ],
+            corners: [v0, v0 + e1, if opposite { v0 + e1 + e2 } else { v0 + e2 }, v0 + e2],
         })
     }
 

@@ -20,13 +20,7 @@ struct All<'a> {
 
 impl<'a> All<'a> {
     fn new(geometry: &'a Geometry, ray: &'a Ray, owner: Owner) -> Self {
-        Self {
-            geometry,
-            ray,
-            wide: Wide::new(ray),
-            owner,
-            found: vec![],
-        }
+        Self { geometry, ray, wide: Wide::new(ray), owner, found: vec![] }
     }
 }
 
@@ -49,13 +43,7 @@ impl Visit for All<'_> {
         } else if let Some(quadric) = g.quadrics.get(index) {
             let t = quadric.intersect(self.ray.origin, self.ray.dir, end);
             if t < end {
-                self.found.push(Hit {
-                    t,
-                    leaf: QUADRIC | index as u32,
-                    owner: self.owner,
-                    u: 0.0,
-                    v: 0.0,
-                });
+                self.found.push(Hit { t, leaf: QUADRIC | index as u32, owner: self.owner, u: 0.0, v: 0.0 });
             }
         } else {
             let number = index - g.quadrics.len();
@@ -67,10 +55,7 @@ impl Visit for All<'_> {
             if end > 0.0 {
                 group.tree.traverse::<false>(&local.ray, end, &mut inside);
             }
-            let world = |hit: Hit| Hit {
-                t: local.world(hit.t),
-                ..hit
-            };
+            let world = |hit: Hit| Hit { t: local.world(hit.t), ..hit };
             self.found.extend(inside.found.into_iter().map(world));
         }
         end

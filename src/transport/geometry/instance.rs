@@ -103,14 +103,7 @@ impl Instance {
         let scale = dir.length();
         let dir = dir / scale;
         let start = (-origin.dot(dir) - reach).max(0.0);
-        Local {
-            ray: Ray {
-                origin: origin + dir * start,
-                dir,
-            },
-            start,
-            scale,
-        }
+        Local { ray: Ray { origin: origin + dir * start, dir }, start, scale }
     }
 
     /// Transforms a unit normal to the world.

@@ -77,10 +77,7 @@ fn things(at: Vec3) -> Things {
         at + Vec3::new(-0.6, 0.3, 0.2),
     ));
     let mut sheet = Mesh::rectangle();
-    sheet.transform(&Affine3A::from_rotation_translation(
-        Quat::from_rotation_y(0.5),
-        at - Vec3::Z,
-    ));
+    sheet.transform(&Affine3A::from_rotation_translation(Quat::from_rotation_y(0.5), at - Vec3::Z));
     let quadric = |kind, scale: [f32; 3], offset: [f32; 3], material| {
         let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.8, -0.4);
         let place = Affine3A::from_scale_rotation_translation(
@@ -117,11 +114,7 @@ fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
             }
             let at = DVec3::new(any(), any(), any()) * 8.0 - 4.0;
             let skew = DAffine3::from_quat(turn(any(), any(), any()));
-            let squeeze = if i % 4 == 3 {
-                DVec3::new(1.0, 0.5, 1.3)
-            } else {
-                DVec3::ONE
-            };
+            let squeeze = if i % 4 == 3 { DVec3::new(1.0, 0.5, 1.3) } else { DVec3::ONE };
             DAffine3::from_scale_rotation_translation(squeeze, turn(any(), any(), any()), at)
                 * skew
                 * DAffine3::from_scale(scale)
@@ -160,10 +153,7 @@ fn pair(groups: &[Things], places: &[DAffine3]) -> [Geometry; 2] {
 fn from_around(stream: &mut Stream, radius: f32) -> Ray {
     let origin = warp::sphere(stream.uniform2()) * radius * stream.uniform();
     let target = warp::sphere(stream.uniform2()) * 5.0;
-    Ray {
-        origin,
-        dir: (target - origin).normalize(),
-    }
+    Ray { origin, dir: (target - origin).normalize() }
 }
 
 fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
@@ -216,10 +206,7 @@ fn instances_are_copies() {
         }
         assert!(a.ns.dot(b.ns) > 0.9999, "{a:?} {b:?}");
         assert!(a.ng.dot(a.ns) >= 0.0 && (a.ng.length() - 1.0).abs() < 1e-5);
-        assert!(
-            a.tangent.normalize().dot(b.tangent.normalize()) > 0.999,
-            "{a:?} {b:?}"
-        );
+        assert!(a.tangent.normalize().dot(b.tangent.normalize()) > 0.999, "{a:?} {b:?}");
         let off = [0, 1].map(|k| (a.uv[k] - b.uv[k]).abs());
         assert!(off.iter().all(|d| d.min(1.0 - d) < 2e-3), "{a:?} {b:?}");
         let (ka, kb) = (one.bend(&ha, &a), two.bend(&hb, &b));
@@ -262,10 +249,7 @@ fn nothing_leaks() {
     let mut stream = Stream::new(23, 0, 0);
     let mut closed = Things::default();
     closed.meshes.push((ball(40), 0));
-    let sphere = Things {
-        quadrics: vec![(QuadricKind::Sphere, Affine3A::IDENTITY, 0)],
-        ..Things::default()
-    };
+    let sphere = Things { quadrics: vec![(QuadricKind::Sphere, Affine3A::IDENTITY, 0)], ..Things::default() };
     for (size, at) in [(1.0, 0.0), (1e-2, 3.0), (3.0, 1000.0), (100.0, 0.0)] {
         for thing in [&closed, &sphere] {
             for stretch in [DVec3::ONE, DVec3::new(1.0, -0.2, 3.0)] {
@@ -287,25 +271,16 @@ fn nothing_leaks() {
                     let around = warp::sphere(stream.uniform2()) * (1.5 + 10.0 * stream.uniform());
                     let inside = warp::sphere(stream.uniform2()) * 0.7 * stream.uniform();
                     let [origin, to] = [around, inside].map(|p| single(&place).transform_point3a(p));
-                    let ray = Ray {
-                        origin,
-                        dir: (to - origin).normalize(),
-                    };
+                    let ray = Ray { origin, dir: (to - origin).normalize() };
                     let Some((hit, s)) = met(&g, &ray) else {
                         missed += 1;
                         continue;
                     };
                     assert!(hit.t > 0.0 && s.ng.dot(ray.dir) < 1e-3, "outward");
-                    let away = Ray {
-                        origin: g.leave(&s, s.ng),
-                        dir: s.ng,
-                    };
+                    let away = Ray { origin: g.leave(&s, s.ng), dir: s.ng };
                     // The dents are shallow, so the ray leaves the object.
                     again += usize::from(g.occluded(&away, f32::INFINITY));
-                    let on = Ray {
-                        origin: g.leave(&s, ray.dir),
-                        dir: ray.dir,
-                    };
+                    let on = Ray { origin: g.leave(&s, ray.dir), dir: ray.dir };
                     lost += usize::from(met(&g, &on).is_none_or(|(_, s)| s.ng.dot(ray.dir) < -0.1));
                 }
                 assert_eq!([again, lost, missed], [0; 3], "{size} {at} {stretch}");
@@ -353,10 +328,7 @@ fn a_thousand_copies_in_the_memory_of_one() {
     let found: std::collections::BTreeSet<Owner> = (0..1000)
         .filter_map(|i| {
             let at = Vec3A::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 3.0;
-            let ray = Ray {
-                origin: at + Vec3A::new(0.1, 0.2, 1.4),
-                dir: -Vec3A::Z,
-            };
+            let ray = Ray { origin: at + Vec3A::new(0.1, 0.2, 1.4), dir: -Vec3A::Z };
             many.intersect(&ray, 1.0).map(|h| h.owner)
         })
         .collect();
@@ -385,10 +357,7 @@ fn views_know_of_instances() {
         for _ in 0..40_000 {
             let [u, v] = stream.uniform2();
             let d = lo + (hi - lo) * Vec2::new(u, v);
-            let ray = Ray {
-                origin,
-                dir: (axes * Vec3A::from(d.extend(1.0))).normalize(),
-            };
+            let ray = Ray { origin, dir: (axes * Vec3A::from(d.extend(1.0))).normalize() };
             let [cell] = view.cells_toward(&ray.dir.to_array().map(|v| [v]));
             let found = g.intersect(&ray, f32::INFINITY);
             if let Some(hit) = view.first_hit(cell, &g, &ray) {
@@ -404,18 +373,12 @@ fn views_know_of_instances() {
             let [cell] = view.cells(&local.to_array().map(|v| [v]));
             let start = g.leave(&s, origin - s.p);
             let to = origin - start;
-            let back = Ray {
-                origin: start,
-                dir: to.normalize(),
-            };
+            let back = Ray { origin: start, dir: to.normalize() };
             if let Some(seen) = view.sees(cell, local.z, &hit, &s) {
                 spoken += 1;
                 assert_eq!(seen, !g.occluded(&back, to.length() * (1.0 - 1e-5)), "{hit:?}");
             }
         }
     }
-    assert!(
-        views >= 3 && spoken > 1000 && firsts > 10_000,
-        "{views} {spoken} {firsts}"
-    );
+    assert!(views >= 3 && spoken > 1000 && firsts > 10_000, "{views} {spoken} {firsts}");
 }

@@ -29,11 +29,7 @@ pub enum MeshError {
     #[error("no triangles of non-zero area; export the mesh with faces, or remove it")]
     Empty,
     #[error("{found} {what} for {vertices} vertices; give one per vertex, or none")]
-    Length {
-        what: &'static str,
-        found: usize,
-        vertices: usize,
-    },
+    Length { what: &'static str, found: usize, vertices: usize },
     #[error("{what} of vertex {vertex} is not finite; correct the mesh and export it again")]
     NonFinite { what: &'static str, vertex: usize },
     #[error("the normal of vertex {vertex} is zero; correct it, or remove all normals for flat shading")]
@@ -41,11 +37,7 @@ pub enum MeshError {
     #[error(
         "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices"
     )]
-    Index {
-        triangle: usize,
-        index: u32,
-        vertices: usize,
-    },
+    Index { triangle: usize, index: u32, vertices: usize },
     #[error("{0} vertices exceed the range of 32-bit indices; split the mesh")]
     TooLarge(usize),
 }
@@ -66,11 +58,7 @@ impl Mesh {
         }
         for (what, found) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
             if found != 0 && found != vertices {
-                return Err(MeshError::Length {
-                    what,
-                    found,
-                    vertices,
-                });
+                return Err(MeshError::Length { what, found, vertices });
             }
         }
         let finite = |what, bad: Option<usize>| match bad {
@@ -107,11 +95,8 @@ impl Mesh {
             map.matrix3.y_axis.as_dvec3(),
             map.matrix3.z_axis.as_dvec3(),
         );
-        let cofactors = DMat3::from_cols(
-            m.y_axis.cross(m.z_axis),
-            m.z_axis.cross(m.x_axis),
-            m.x_axis.cross(m.y_axis),
-        );
+        let cofactors =
+            DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
         let reflects = m.determinant() < 0.0;
         let sign = if reflects { -1.0 } else { 1.0 };
         self.normals.par_iter_mut().with_min_len(SHARE).for_each(|n| {
@@ -215,8 +200,7 @@ impl Mesh {
     fn push_square(&mut self, centre: Vec3, u: Vec3, v: Vec3) {
         let first = self.positions.len() as u32;
         for (s, t) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-            self.positions
-                .push(centre + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
+            self.positions.push(centre + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
             self.normals.push(u.cross(v));
             self.uvs.push(Vec2::new(s, t));
         }
@@ -230,10 +214,7 @@ impl Mesh {
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
-    let longest_squared = ab
-        .length_squared()
-        .max(ac.length_squared())
-        .max(bc.length_squared());
+    let longest_squared = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
     twice_area <= (1e-12 * longest_squared).max(f64::from(f32::MIN_POSITIVE))
 }
 
@@ -302,18 +283,11 @@ mod tests {
         let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
         for scale in [vec3(1.0, 2.0, 0.5), vec3(-1.0, 1.0, 3.0), vec3(-1.0, -2.0, -1e-3)] {
             let mut c = Mesh::cube();
-            c.transform(&Affine3A::from_scale_rotation_translation(
-                scale,
-                turn,
-                vec3(1.0, 2.0, 3.0),
-            ));
+            c.transform(&Affine3A::from_scale_rotation_translation(scale, turn, vec3(1.0, 2.0, 3.0)));
             c.validate().unwrap();
             agree(&c);
             let expected = 8.0 * scale.x * scale.y * scale.z;
-            assert!(
-                (volume(&c) - expected.abs()).abs() < 1e-3,
-                "a reflection must not turn it inside out"
-            );
+            assert!((volume(&c) - expected.abs()).abs() < 1e-3, "a reflection must not turn it inside out");
         }
     }
 
@@ -354,32 +328,18 @@ mod tests {
         };
         assert_eq!(
             broken(|m| m.positions[2].x = f32::NAN),
-            MeshError::NonFinite {
-                what: "position",
-                vertex: 2
-            }
+            MeshError::NonFinite { what: "position", vertex: 2 }
         );
-        assert_eq!(
-            broken(|m| m.normals[1] = Vec3::ZERO),
-            MeshError::ZeroNormal { vertex: 1 }
-        );
+        assert_eq!(broken(|m| m.normals[1] = Vec3::ZERO), MeshError::ZeroNormal { vertex: 1 });
         assert!(matches!(
             broken(|m| {
                 m.uvs.pop();
             }),
-            MeshError::Length {
-                what: "uvs",
-                found: 3,
-                ..
-            }
+            MeshError::Length { what: "uvs", found: 3, .. }
         ));
         assert!(matches!(
             broken(|m| m.indices[1][0] = 4),
-            MeshError::Index {
-                triangle: 1,
-                index: 4,
-                vertices: 4
-            }
+            MeshError::Index { triangle: 1, index: 4, vertices: 4 }
         ));
     }
 

@@ -26,11 +26,7 @@ impl Primitive {
         let longest = e1.length().max(e2.length()).max((e2 - e1).length());
         let height = e1.cross(e2).length() / longest;
         // A sliver is widened by at most its own width.
-        if height > 0.0 {
-            (width / height).min(0.5)
-        } else {
-            0.0
-        }
+        if height > 0.0 { (width / height).min(0.5) } else { 0.0 }
     }
 }
 
@@ -54,20 +50,13 @@ pub(super) struct Wide {
 impl Wide {
     #[inline(always)]
     pub(super) fn new(ray: &Ray) -> Self {
-        Self {
-            o: ray.origin.to_array().map(Eight::splat),
-            d: ray.dir.to_array().map(Eight::splat),
-        }
+        Self { o: ray.origin.to_array().map(Eight::splat), d: ray.dir.to_array().map(Eight::splat) }
     }
 }
 
 #[inline(always)]
 fn cross(a: &[Eight; 3], b: &[Eight; 3]) -> [Eight; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
@@ -102,11 +91,7 @@ impl Pack {
     pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
         let p = cross(&ray.d, &self.e2);
         let inverse = dot(&self.e1, &p).recip();
-        let s = [
-            ray.o[0] - self.v0[0],
-            ray.o[1] - self.v0[1],
-            ray.o[2] - self.v0[2],
-        ];
+        let s = [ray.o[0] - self.v0[0], ray.o[1] - self.v0[1], ray.o[2] - self.v0[2]];
         let u = dot(&s, &p) * inverse;
         let q = cross(&s, &self.e1);
         let v = dot(&ray.d, &q) * inverse;

@@ -65,11 +65,7 @@ impl Quadric {
     #[must_use]
     pub fn new(kind: QuadricKind, to_world: Affine3A, material: u32) -> Self {
         let to_object = to_world.inverse();
-        let radius = if kind == QuadricKind::Sphere {
-            similarity(to_world.matrix3)
-        } else {
-            0.0
-        };
+        let radius = if kind == QuadricKind::Sphere { similarity(to_world.matrix3) } else { 0.0 };
         let [out, back] = [to_world, to_object].map(|m| stretch(m.matrix3));
         Self {
             kind,
@@ -80,11 +76,7 @@ impl Quadric {
             facing: 1.0,
             centre: to_world.translation,
             radius,
-            rounding: if radius > 0.0 {
-                rounding::BALL
-            } else {
-                rounding::placed(rounding::BALL, out, back)
-            },
+            rounding: if radius > 0.0 { rounding::BALL } else { rounding::placed(rounding::BALL, out, back) },
             turn: to_world.matrix3.z_axis * to_world.matrix3.determinant().signum(),
         }
     }
@@ -172,11 +164,7 @@ impl Quadric {
             QuadricKind::Disk => {
                 let t = -o.z / d.z;
                 let (x, y) = (o.x + t * d.x, o.y + t * d.y);
-                if inside(t) && x * x + y * y <= 1.0 {
-                    t
-                } else {
-                    f32::INFINITY
-                }
+                if inside(t) && x * x + y * y <= 1.0 { t } else { f32::INFINITY }
             }
             QuadricKind::Cylinder => {
                 let a = d.x * d.x + d.y * d.y;
@@ -242,10 +230,9 @@ impl Quadric {
         let (n, slope) = match self.kind {
             QuadricKind::Sphere => (o, Mat3A::IDENTITY),
             QuadricKind::Disk => return Mat3A::ZERO,
-            QuadricKind::Cylinder => (
-                Vec3A::new(o.x, o.y, 0.0),
-                Mat3A::from_diagonal(glam::Vec3::new(1.0, 1.0, 0.0)),
-            ),
+            QuadricKind::Cylinder => {
+                (Vec3A::new(o.x, o.y, 0.0), Mat3A::from_diagonal(glam::Vec3::new(1.0, 1.0, 0.0)))
+            }
         };
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
@@ -259,10 +246,7 @@ impl Quadric {
         if r == 0.0 {
             return [Vec3A::ZERO; 2];
         }
-        let (out, around) = (
-            Vec3A::new(o.x / r, o.y / r, 0.0),
-            Vec3A::new(-o.y, o.x, 0.0) * TAU,
-        );
+        let (out, around) = (Vec3A::new(o.x / r, o.y / r, 0.0), Vec3A::new(-o.y, o.x, 0.0) * TAU);
         let own = match self.kind {
             QuadricKind::Sphere => [around, (out * o.z - Vec3A::Z * r) * PI],
             QuadricKind::Disk => [Vec3A::X, Vec3A::ZERO],
@@ -384,11 +368,7 @@ pub(super) fn similarity(m: Mat3A) -> f32 {
         m.y_axis.dot(m.z_axis) / r,
         m.z_axis.dot(m.x_axis) / r,
     ];
-    if uneven.iter().all(|u| u.abs() <= 1e-6 * r) {
-        r
-    } else {
-        0.0
-    }
+    if uneven.iter().all(|u| u.abs() <= 1e-6 * r) { r } else { 0.0 }
 }
 
 /// Returns the length of every matrix row over all three, or the first two, columns.
@@ -463,10 +443,7 @@ mod tests {
                 let (a, b) = (q.surface(p + along), q.surface(p - along));
                 let want = (a.1 - b.1) / 2e-2;
                 let got = q.bend(p) * ((a.0 - b.0) / 2e-2);
-                assert!(
-                    (got - want).length() < 2e-3 * (1.0 + want.length()),
-                    "{got} {want}"
-                );
+                assert!((got - want).length() < 2e-3 * (1.0 + want.length()), "{got} {want}");
                 assert!(got.dot(n).abs() < 1e-4);
             }
         }

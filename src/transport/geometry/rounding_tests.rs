@@ -35,11 +35,7 @@ fn ball(n: u32) -> Mesh {
     }
     let at = |i: u32, j: u32| {
         // One vertex at each pole.
-        if i == 0 || i == n {
-            i * 2 * n
-        } else {
-            i * 2 * n + j % (2 * n)
-        }
+        if i == 0 || i == n { i * 2 * n } else { i * 2 * n + j % (2 * n) }
     };
     for i in 0..n {
         for j in 0..2 * n {
@@ -70,10 +66,7 @@ fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
 fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(Ray, Hit, Surface)> {
     let target = centre + warp::sphere(stream.uniform2()) * (size * stream.uniform());
     let origin = centre + warp::sphere(stream.uniform2()) * (size * (0.1 + 5.0 * stream.uniform()));
-    let ray = Ray {
-        origin,
-        dir: (target - origin).try_normalize()?,
-    };
+    let ray = Ray { origin, dir: (target - origin).try_normalize()? };
     let hit = g.intersect(&ray, f32::INFINITY)?;
     Some((ray, hit, g.surface(&ray, &hit)))
 }
@@ -126,10 +119,7 @@ fn nothing_meets_itself() {
             };
             for n in [s.ng, -s.ng] {
                 let dir = away(n, &mut stream);
-                let on = Ray {
-                    origin: g.leave(&s, dir),
-                    dir,
-                };
+                let on = Ray { origin: g.leave(&s, dir), dir };
                 left += 1;
                 // On a flat surface nothing is hit again; on a convex surface, nothing from outside.
                 let flat = matches!(shape, 0 | 1 | 3);
@@ -149,10 +139,7 @@ fn nothing_meets_itself() {
             let to = aim - ray.origin;
             let whole = to.length();
             lines += 1;
-            let line = Ray {
-                origin: ray.origin,
-                dir: to / whole,
-            };
+            let line = Ray { origin: ray.origin, dir: to / whole };
             if s.ng.dot(line.dir).abs() > 1e-3 && hit.t > 0.0 {
                 blocked[shape] += u32::from(g.occluded(&line, whole * (1.0 - END_GAP)));
             }
@@ -214,10 +201,7 @@ fn closed_rooms_lose_no_light() {
             let g = builder.build();
             let (mut rays, mut lost, mut back) = (0, 0, 0);
             while rays < 60_000 {
-                let mut ray = Ray {
-                    origin: centre,
-                    dir: warp::sphere(stream.uniform2()),
-                };
+                let mut ray = Ray { origin: centre, dir: warp::sphere(stream.uniform2()) };
                 for _ in 0..100 {
                     rays += 1;
                     let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
@@ -261,10 +245,7 @@ fn round_rooms_are_closed_to_grazing_rays() {
         let g = builder.build();
         let middle = place.transform_point3a(Vec3A::new(0.0, 0.0, 0.5));
         for _ in 0..100_000 {
-            let ray = Ray {
-                origin: middle,
-                dir: warp::sphere(stream.uniform2()),
-            };
+            let ray = Ray { origin: middle, dir: warp::sphere(stream.uniform2()) };
             // A tube has open ends.
             let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
                 continue;
@@ -277,10 +258,7 @@ fn round_rooms_are_closed_to_grazing_rays() {
             };
             let cos = 1e-3 * stream.uniform().powi(3);
             let dir = (round - s.ng * cos).normalize();
-            let on = Ray {
-                origin: g.leave(&s, -s.ng),
-                dir,
-            };
+            let on = Ray { origin: g.leave(&s, -s.ng), dir };
             let next = g.intersect(&on, f32::INFINITY);
             assert!(next.is_some(), "{kind:?} {scale} at {offset}: {cos}");
         }
@@ -301,10 +279,7 @@ fn a_micrometre_is_seen_at_a_metre() {
         for (z, size, material) in [(1.0, 0.5, 0), (1.0 - 1e-6, 0.3, 1)] {
             let mut mesh = Mesh::rectangle();
             let frame = Mat3A::from_cols(turn.x_axis * size, turn.y_axis * size, turn.z_axis);
-            mesh.transform(&Affine3A {
-                matrix3: frame,
-                translation: turn.z_axis * z,
-            });
+            mesh.transform(&Affine3A { matrix3: frame, translation: turn.z_axis * z });
             builder.mesh(&mesh, material);
         }
         let g = builder.build();
@@ -313,25 +288,16 @@ fn a_micrometre_is_seen_at_a_metre() {
             let [x, y] = stream.uniform2().map(|u| (2.0 * u - 1.0) * 0.29);
             let target = turn.x_axis * x + turn.y_axis * y + turn.z_axis;
             let dir = target.normalize();
-            let ray = Ray {
-                origin: Vec3A::ZERO,
-                dir,
-            };
+            let ray = Ray { origin: Vec3A::ZERO, dir };
             let hit = g.intersect(&ray, f32::INFINITY).expect("the sheet");
             let s = g.surface(&ray, &hit);
             counts[0] += u32::from(s.material == 1);
-            let on = Ray {
-                origin: g.leave(&s, dir),
-                dir,
-            };
+            let on = Ray { origin: g.leave(&s, dir), dir };
             let Some(hit) = g.intersect(&on, f32::INFINITY) else {
                 continue;
             };
             let wall = g.surface(&on, &hit);
-            let back = Ray {
-                origin: g.leave(&wall, -dir),
-                dir: away(-turn.z_axis, &mut stream),
-            };
+            let back = Ray { origin: g.leave(&wall, -dir), dir: away(-turn.z_axis, &mut stream) };
             let sheet = g.intersect(&back, f32::INFINITY).map(|h| g.surface(&back, &h));
             // Grazing rays may pass the rim of the sheet.
             let near = sheet.is_some_and(|s| s.material == 1) || back.dir.dot(turn.z_axis).abs() < 1e-3;
@@ -339,10 +305,7 @@ fn a_micrometre_is_seen_at_a_metre() {
             let stops = |at: &Surface| {
                 let to = g.reach(at, -dir, at.p.length());
                 let length = to.length();
-                let line = Ray {
-                    origin: Vec3A::ZERO,
-                    dir: to / length,
-                };
+                let line = Ray { origin: Vec3A::ZERO, dir: to / length };
                 g.occluded(&line, length * (1.0 - END_GAP))
             };
             counts[1] += u32::from(wall.material == 0 && near && stops(&wall) && !stops(&s));

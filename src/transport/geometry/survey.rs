@@ -50,12 +50,8 @@ pub(super) struct Bounds {
 
 impl Bounds {
     /// The bounds of an empty pyramid.
-    const NOTHING: Self = Self {
-        leaf: NOTHING,
-        nearest: f32::INFINITY,
-        others: f32::INFINITY,
-        cover: f32::INFINITY,
-    };
+    const NOTHING: Self =
+        Self { leaf: NOTHING, nearest: f32::INFINITY, others: f32::INFINITY, cover: f32::INFINITY };
 }
 
 /// The division of directions into pyramids.
@@ -82,14 +78,8 @@ struct Window {
 
 impl Window {
     fn about(points: &[Vec2]) -> Self {
-        let nothing = Self {
-            lo: Vec2::INFINITY,
-            hi: Vec2::NEG_INFINITY,
-        };
-        points.iter().fold(nothing, |w, p| Self {
-            lo: w.lo.min(*p),
-            hi: w.hi.max(*p),
-        })
+        let nothing = Self { lo: Vec2::INFINITY, hi: Vec2::NEG_INFINITY };
+        points.iter().fold(nothing, |w, p| Self { lo: w.lo.min(*p), hi: w.hi.max(*p) })
     }
 
     fn corners(&self) -> [Vec2; 4] {
@@ -102,10 +92,7 @@ impl Survey {
     /// Enters all primitives of a geometry, seen from `origin` with world directions rotated by `to_local`.
     /// Returns `None` if a primitive is so close that the view would be useless.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
-        let mut survey = Self {
-            grid,
-            bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize],
-        };
+        let mut survey = Self { grid, bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize] };
         let near = NEAR * geometry.extent();
         let place = |p| to_local * (p - origin);
         if geometry.counts().0 < MANY {
@@ -265,10 +252,7 @@ impl Survey {
     fn window(&self, column: u32, row: u32, more: f32) -> Window {
         let (a, n) = (Vec2::new(column as f32, row as f32), self.grid.density);
         let wider = Vec2::splat(MARGIN) + n * more;
-        Window {
-            lo: self.grid.first + (a - wider) / n,
-            hi: self.grid.first + (a + Vec2::ONE + wider) / n,
-        }
+        Window { lo: self.grid.first + (a - wider) / n, hi: self.grid.first + (a + Vec2::ONE + wider) / n }
     }
 
     /// Enters a flat primitive. A primitive of an instance has no index and does not hide anything.
@@ -296,15 +280,10 @@ impl Survey {
         let fold = |f: fn(f32, f32) -> f32, start: f32| polygon.iter().fold(start, |m, c| f(m, c.z));
         let (least, greatest) = (fold(f32::min, f32::INFINITY), fold(f32::max, 0.0));
         let bounds = Window::about(&points);
-        let area: f32 = (1..points.len())
-            .map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0]))
-            .sum();
+        let area: f32 =
+            (1..points.len()).map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0])).sum();
         // The orientation of a sliver is unknown, so its bounding box is used.
-        let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() {
-            area.signum()
-        } else {
-            0.0
-        };
+        let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() { area.signum() } else { 0.0 };
         let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
         let height = normal.dot(corners[0]);
         // The depth of a plane that is seen edge-on is also unknown.
@@ -327,19 +306,11 @@ impl Survey {
                     continue;
                 }
                 // 1/z is linear over the image, so its extremes are at the corners.
-                let inverse = window
-                    .corners()
-                    .map(|p| normal.dot(p.extend(1.0).into()) / height);
+                let inverse = window.corners().map(|p| normal.dot(p.extend(1.0).into()) / height);
                 let (lo, hi) = inverse
                     .iter()
-                    .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| {
-                        (lo.min(*v), hi.max(*v))
-                    });
-                let depth = if sloped && hi > 0.0 {
-                    least.max(1.0 / hi)
-                } else {
-                    least
-                };
+                    .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+                let depth = if sloped && hi > 0.0 { least.max(1.0 / hi) } else { least };
                 let cover = if !inside || leaf.is_none() {
                     f32::INFINITY
                 } else if sloped && lo > 0.0 {
@@ -368,22 +339,16 @@ impl Survey {
             return None;
         }
         let ([left, right], [top, bottom]) = (shadow(c.x, c.z, radius), shadow(c.y, c.z, radius));
-        let bounds = Window {
-            lo: Vec2::new(left, top),
-            hi: Vec2::new(right, bottom),
-        };
+        let bounds = Window { lo: Vec2::new(left, top), hi: Vec2::new(right, bottom) };
         let [columns, rows] = self.touched(bounds, 0.0);
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, 0.0);
                 let middle = ((window.lo + window.hi) * 0.5).extend(1.0);
                 let middle = Vec3A::from(middle).normalize();
-                let half = window
-                    .corners()
-                    .iter()
-                    .map(|p| angle(p.extend(1.0).into(), middle))
-                    .fold(0.0, f32::max)
-                    + ANGLE_MARGIN;
+                let half =
+                    window.corners().iter().map(|p| angle(p.extend(1.0).into(), middle)).fold(0.0, f32::max)
+                        + ANGLE_MARGIN;
                 let off = angle(middle, c);
                 if off > rim + half {
                     continue;
@@ -405,10 +370,7 @@ impl Survey {
     fn whole(&self) -> Window {
         let cells = Vec2::new(self.grid.size[0] as f32, self.grid.size[1] as f32);
         let margin = Vec2::splat(MARGIN) / self.grid.density;
-        Window {
-            lo: self.grid.first - margin,
-            hi: self.grid.first + cells / self.grid.density + margin,
-        }
+        Window { lo: self.grid.first - margin, hi: self.grid.first + cells / self.grid.density + margin }
     }
 }
 
@@ -420,11 +382,7 @@ fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
     }
     let half = (radius / distance).asin();
     let end = |angle: f32| {
-        if angle.abs() < RIGHT_ANGLE {
-            angle.tan()
-        } else {
-            f32::INFINITY.copysign(angle)
-        }
+        if angle.abs() < RIGHT_ANGLE { angle.tan() } else { f32::INFINITY.copysign(angle) }
     };
     [end(middle - half), end(middle + half)]
 }

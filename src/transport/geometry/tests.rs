@@ -72,8 +72,7 @@ fn bvh_equals_brute_force() {
     for i in 0..300 {
         let c = warp::sphere(stream.uniform2()) * 2.0;
         for _ in 0..3 {
-            mesh.positions
-                .push((c + warp::sphere(stream.uniform2()) * 0.4).into());
+            mesh.positions.push((c + warp::sphere(stream.uniform2()) * 0.4).into());
         }
         mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
     }
@@ -91,9 +90,7 @@ fn bvh_equals_brute_force() {
         let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
         let ray = Ray { origin, dir };
         let quadrics = g.quadrics.iter();
-        let round = quadrics
-            .map(|q| q.intersect(origin, dir, f32::INFINITY))
-            .fold(f32::INFINITY, f32::min);
+        let round = quadrics.map(|q| q.intersect(origin, dir, f32::INFINITY)).fold(f32::INFINITY, f32::min);
         // Triangles in double precision: those that are certainly hit, and those that may be.
         let [mut certain, mut possible] = [f64::from(round); 2];
         for tri in &mesh.indices {
@@ -107,24 +104,15 @@ fn bvh_equals_brute_force() {
         }
         let got = g.intersect(&ray, f32::INFINITY);
         let t = got.map_or(f64::INFINITY, |h| f64::from(h.t));
-        assert!(
-            t >= possible - 1e-4 && (t <= certain + 1e-4),
-            "{possible} {t} {certain}"
-        );
+        assert!(t >= possible - 1e-4 && (t <= certain + 1e-4), "{possible} {t} {certain}");
         assert_eq!(g.occluded(&ray, f32::INFINITY), got.is_some());
         if let Some(h) = got {
             hits += 1;
             let s = g.surface(&ray, &h);
             assert!((s.p - (origin + dir * h.t)).length() < 1e-4);
-            let on = Ray {
-                origin: g.leave(&s, s.ng),
-                dir: s.ng,
-            };
+            let on = Ray { origin: g.leave(&s, s.ng), dir: s.ng };
             let again = g.intersect(&on, f32::INFINITY);
-            assert!(
-                again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05),
-                "hits itself"
-            );
+            assert!(again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05), "hits itself");
         }
     }
     assert!(hits > 5000);
@@ -145,17 +133,10 @@ fn shared_edges_are_closed() {
         // A far object makes the scene large, as around any small object.
         for (points, indices) in [
             (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]),
-            (
-                vec![Vec3A::splat(8.0), Vec3A::splat(8.1), Vec3A::new(8.0, 8.1, 8.0)],
-                vec![[0, 1, 2]],
-            ),
+            (vec![Vec3A::splat(8.0), Vec3A::splat(8.1), Vec3A::new(8.0, 8.1, 8.0)], vec![[0, 1, 2]]),
         ] {
             builder.mesh(
-                &Mesh {
-                    positions: points.into_iter().map(Into::into).collect(),
-                    indices,
-                    ..Mesh::default()
-                },
+                &Mesh { positions: points.into_iter().map(Into::into).collect(), indices, ..Mesh::default() },
                 0,
             );
         }
@@ -176,10 +157,7 @@ fn shared_edges_are_closed() {
 #[test]
 fn an_empty_scene_is_hit_by_nothing() {
     let g = GeometryBuilder::default().build();
-    let ray = Ray {
-        origin: Vec3A::ZERO,
-        dir: Vec3A::X,
-    };
+    let ray = Ray { origin: Vec3A::ZERO, dir: Vec3A::X };
     assert!(g.intersect(&ray, f32::INFINITY).is_none());
     assert!(!g.occluded(&ray, f32::INFINITY));
 }
@@ -193,8 +171,7 @@ fn every_processor_meets_the_same() {
     for i in 0..500 {
         let c = warp::sphere(stream.uniform2()) * 2.0;
         for _ in 0..3 {
-            mesh.positions
-                .push((c + warp::sphere(stream.uniform2()) * 0.5).into());
+            mesh.positions.push((c + warp::sphere(stream.uniform2()) * 0.5).into());
         }
         mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
     }
@@ -202,9 +179,8 @@ fn every_processor_meets_the_same() {
         let mut builder = GeometryBuilder::default();
         builder.mesh(&mesh, 0);
         builder.mesh(&Mesh::rectangle(), 1);
-        for (i, kind) in [QuadricKind::Sphere, QuadricKind::Disk, QuadricKind::Cylinder]
-            .into_iter()
-            .enumerate()
+        for (i, kind) in
+            [QuadricKind::Sphere, QuadricKind::Disk, QuadricKind::Cylinder].into_iter().enumerate()
         {
             let place = Affine3A::from_translation(Vec3::new(i as f32 - 1.0, 0.5, 0.2));
             let size = Affine3A::from_scale(Vec3::splat(0.4));

@@ -101,11 +101,7 @@ struct Member<'a> {
 
 impl<'a> Member<'a> {
     fn new(binary: &'a Binary, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Self {
-        Self {
-            node,
-            part: binary.part(node, fits),
-            area: binary.nodes[node as usize].aabb().half_area(),
-        }
+        Self { node, part: binary.part(node, fits), area: binary.nodes[node as usize].aabb().half_area() }
     }
 }
 
@@ -148,9 +144,7 @@ impl Tree {
         leaf: &mut impl FnMut(&[u32]) -> u32,
     ) -> Option<Self> {
         binary.nodes.first()?;
-        let mut tree = Self {
-            nodes: vec![Node::EMPTY],
-        };
+        let mut tree = Self { nodes: vec![Node::EMPTY] };
         // The root is a branch even if one leaf contains everything.
         let mut todo = vec![(0_u32, 0_usize)];
         while let Some((from, into)) = todo.pop() {
@@ -240,10 +234,7 @@ impl Tree {
                 let node = &self.nodes[current as usize];
                 // Not b/d - o/d, which cancels for distant origins.
                 let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
-                let enter = at(near[0], 0)
-                    .max(at(near[1], 1))
-                    .max(at(near[2], 2))
-                    .max(Eight::splat(0.0));
+                let enter = at(near[0], 0).max(at(near[1], 1)).max(at(near[2], 2)).max(Eight::splat(0.0));
                 let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);
                 let mut bits = enter.le(leave.min(Eight::splat(end))).bits();
                 if bits != 0 {

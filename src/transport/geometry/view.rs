@@ -74,19 +74,10 @@ impl View {
         size: [u32; 2],
     ) -> Option<Self> {
         let size = size.map(|n| n.clamp(1, MOST));
-        let grid = Grid {
-            first: lo,
-            density: Vec2::new(size[0] as f32, size[1] as f32) / (hi - lo),
-            size,
-        };
+        let grid = Grid { first: lo, density: Vec2::new(size[0] as f32, size[1] as f32) / (hi - lo), size };
         let to_local = axes.transpose();
         let survey = Survey::of(geometry, grid, origin, to_local)?;
-        Some(Self {
-            grid,
-            origin,
-            to_local,
-            pyramids: survey.bounds.iter().map(Pyramid::new).collect(),
-        })
+        Some(Self { grid, origin, to_local, pyramids: survey.bounds.iter().map(Pyramid::new).collect() })
     }
 
     /// Returns the indices of the pyramids that contain points, given as right, down and forward coordinates
@@ -103,9 +94,7 @@ impl View {
             let y = (local[1][i] / z - self.grid.first.y) * self.grid.density.y;
             let right = (z > 0.0) & (x >= 0.0) & (y >= 0.0);
             let inside = right & (x < columns as f32) & (y < rows as f32);
-            let cell = (y as i32 as u32)
-                .wrapping_mul(columns)
-                .wrapping_add(x as i32 as u32);
+            let cell = (y as i32 as u32).wrapping_mul(columns).wrapping_add(x as i32 as u32);
             cells[i] = if inside { cell } else { OUTSIDE };
         }
         cells
@@ -147,11 +136,7 @@ impl View {
     pub fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
         // A primitive that covers the pyramid in front of all others is the nearest.
-        if pyramid.cover() < pyramid.others() {
-            geometry.meet(ray, pyramid.leaf)
-        } else {
-            None
-        }
+        if pyramid.cover() < pyramid.others() { geometry.meet(ray, pyramid.leaf) } else { None }
     }
 }
 
@@ -196,11 +181,7 @@ mod tests {
         for (kind, scale, at) in [
             (QuadricKind::Sphere, Vec3::splat(0.5), Vec3::new(0.8, -1.0, 0.0)),
             (QuadricKind::Sphere, Vec3::splat(0.2), Vec3::new(0.6, -0.6, 0.8)),
-            (
-                QuadricKind::Sphere,
-                Vec3::new(0.3, 0.5, 0.3),
-                Vec3::new(-0.9, -1.2, 0.2),
-            ),
+            (QuadricKind::Sphere, Vec3::new(0.3, 0.5, 0.3), Vec3::new(-0.9, -1.2, 0.2)),
             (QuadricKind::Disk, Vec3::splat(0.5), Vec3::new(1.1, 1.0, -1.0)),
             (QuadricKind::Cylinder, Vec3::splat(0.3), Vec3::new(0.2, 0.9, -1.5)),
         ] {
@@ -224,9 +205,7 @@ mod tests {
         builder.own_mesh(
             Mesh {
                 positions: (0..(n + 1) * (n + 1)).map(point).collect(),
-                indices: squares
-                    .flat_map(|c| [[c, c + 1, c + n + 2], [c, c + n + 2, c + n + 1]])
-                    .collect(),
+                indices: squares.flat_map(|c| [[c, c + 1, c + n + 2], [c, c + n + 2, c + n + 1]]).collect(),
                 ..Mesh::default()
             },
             0,
@@ -239,10 +218,7 @@ mod tests {
         );
         wall.transform(&back);
         builder.own_mesh(wall, 1);
-        for (radius, at) in [
-            (0.4, Vec3::new(0.5, 0.5, 1.2)),
-            (0.3, Vec3::new(-0.5, -0.4, -0.8)),
-        ] {
+        for (radius, at) in [(0.4, Vec3::new(0.5, 0.5, 1.2)), (0.3, Vec3::new(-0.5, -0.4, -0.8))] {
             let place = Affine3A::from_scale_rotation_translation(Vec3::splat(radius), Quat::IDENTITY, at);
             builder.quadric(Quadric::new(QuadricKind::Sphere, place, 2));
         }
@@ -255,10 +231,7 @@ mod tests {
         let mut stream = Stream::new(11, 0, 0);
         let g = room(&mut stream);
         let [asked, spoken, free, firsts] = agree(&g, &mut stream, [256, 200]);
-        assert!(
-            spoken > asked / 2 && free > spoken / 4 && free < spoken,
-            "{free} {spoken} {asked}"
-        );
+        assert!(spoken > asked / 2 && free > spoken / 4 && free < spoken, "{free} {spoken} {asked}");
         assert!(firsts > 90_000, "{firsts}");
     }
 
@@ -269,10 +242,7 @@ mod tests {
         let g = waves();
         assert!(g.counts().0 > 1 << 16);
         let [asked, spoken, free, firsts] = agree(&g, &mut stream, [32, 25]);
-        assert!(
-            spoken > asked / 100 && free > 500 && firsts > 500,
-            "{free} {spoken} {asked} {firsts}"
-        );
+        assert!(spoken > asked / 100 && free > 500 && firsts > 500, "{free} {spoken} {asked} {firsts}");
     }
 
     /// Compares a view with rays. Returns the numbers of queries, decisions, unoccluded points and first
@@ -280,21 +250,14 @@ mod tests {
     fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2]) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];
-        for origin in [
-            Vec3A::new(0.1, 0.2, 3.9),
-            Vec3A::new(-1.5, 1.2, 2.5),
-            Vec3A::new(0.4, -1.9, 1.9),
-        ] {
+        for origin in [Vec3A::new(0.1, 0.2, 3.9), Vec3A::new(-1.5, 1.2, 2.5), Vec3A::new(0.4, -1.9, 1.9)] {
             let axes = Mat3A::from_quat(Quat::from_rotation_y(0.1 * origin.x))
                 * Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
             let view = View::new(g, origin, axes, [lo, hi], size).expect("a view");
             for _ in 0..100_000 {
                 // From random points in the room to the surfaces that rays hit.
                 let at = Vec3A::new(stream.uniform(), stream.uniform(), stream.uniform()) * 3.8 - 1.9;
-                let ray = Ray {
-                    origin: at,
-                    dir: warp::sphere(stream.uniform2()),
-                };
+                let ray = Ray { origin: at, dir: warp::sphere(stream.uniform2()) };
                 let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
                     continue;
                 };
@@ -307,27 +270,17 @@ mod tests {
                 asked += 1;
                 let start = g.leave(&surface, origin - surface.p);
                 let to = origin - start;
-                let back = Ray {
-                    origin: start,
-                    dir: to.normalize(),
-                };
+                let back = Ray { origin: start, dir: to.normalize() };
                 if let Some(seen) = view.sees(cell, local.z, &hit, &surface) {
                     spoken += 1;
                     free += u32::from(seen);
-                    assert_eq!(
-                        seen,
-                        !g.occluded(&back, to.length() * (1.0 - 1e-5)),
-                        "{hit:?} {local}"
-                    );
+                    assert_eq!(seen, !g.occluded(&back, to.length() * (1.0 - 1e-5)), "{hit:?} {local}");
                 }
             }
             for _ in 0..50_000 {
                 let [u, v] = stream.uniform2();
                 let d = lo + (hi - lo) * Vec2::new(u, v);
-                let ray = Ray {
-                    origin,
-                    dir: (axes * Vec3A::from(d.extend(1.0))).normalize(),
-                };
+                let ray = Ray { origin, dir: (axes * Vec3A::from(d.extend(1.0))).normalize() };
                 let [cell] = view.cells_toward(&ray.dir.to_array().map(|v| [v]));
                 if let Some(hit) = view.first_hit(cell, g, &ray) {
                     firsts += 1;

@@ -24,17 +24,13 @@ impl Outline {
     pub fn placed(&self, map: &Affine3A) -> Self {
         let grown = similarity(map.matrix3);
         match *self {
-            Self::Flat { corners } => Self::Flat {
-                corners: corners.map(|c| map.transform_point3a(c)),
-            },
-            Self::Ball { centre, radius } if grown > 0.0 => Self::Ball {
-                centre: map.transform_point3a(centre),
-                radius: radius * grown,
-            },
-            Self::Ball { centre, radius } | Self::Inside { centre, radius } => Self::Inside {
-                centre: map.transform_point3a(centre),
-                radius: radius * stretch(map.matrix3),
-            },
+            Self::Flat { corners } => Self::Flat { corners: corners.map(|c| map.transform_point3a(c)) },
+            Self::Ball { centre, radius } if grown > 0.0 => {
+                Self::Ball { centre: map.transform_point3a(centre), radius: radius * grown }
+            }
+            Self::Ball { centre, radius } | Self::Inside { centre, radius } => {
+                Self::Inside { centre: map.transform_point3a(centre), radius: radius * stretch(map.matrix3) }
+            }
         }
     }
 }
@@ -43,10 +39,7 @@ impl Geometry {
     /// Iterates over the instances: index, index of the group, and transform to the world.
     pub fn instances(&self) -> impl Iterator<Item = (u32, u32, Affine3A)> + '_ {
         self.instances.iter().zip(0..).map(|(i, number)| {
-            let place = Affine3A {
-                matrix3: i.to_world,
-                translation: i.origin,
-            };
+            let place = Affine3A { matrix3: i.to_world, translation: i.origin };
             (number, i.group, place)
         })
     }
@@ -145,21 +138,13 @@ impl Geometry {
         let group = &self.groups[instance.group as usize];
         let local = instance.local(ray, group.reach);
         let end = tmax * local.scale - local.start;
-        let mut nearest = Nearest::<false> {
-            geometry: self,
-            ray: &local.ray,
-            wide: Wide::new(&local.ray),
-            hit: None,
-        };
+        let mut nearest =
+            Nearest::<false> { geometry: self, ray: &local.ray, wide: Wide::new(&local.ray), hit: None };
         if end > 0.0 {
             group.tree.traverse::<true>(&local.ray, end, &mut nearest);
         }
         let hit = nearest.hit?;
-        Some(Hit {
-            t: local.world(hit.t).min(tmax),
-            owner: Owner::instance(number),
-            ..hit
-        })
+        Some(Hit { t: local.world(hit.t).min(tmax), owner: Owner::instance(number), ..hit })
     }
 
     #[inline(always)]
@@ -168,12 +153,8 @@ impl Geometry {
         let group = &self.groups[instance.group as usize];
         let local = instance.local(ray, group.reach);
         let end = tmax * local.scale - local.start;
-        let mut any = Any::<false> {
-            geometry: self,
-            ray: &local.ray,
-            wide: Wide::new(&local.ray),
-            found: false,
-        };
+        let mut any =
+            Any::<false> { geometry: self, ray: &local.ray, wide: Wide::new(&local.ray), found: false };
         if end > 0.0 {
             group.tree.traverse::<false>(&local.ray, end, &mut any);
         }
@@ -191,11 +172,8 @@ impl Geometry {
             let t = hit.t * local.scale - local.start;
             let (p, n, tangent) = quadric.surface(local.ray.origin + local.ray.dir * t);
             let n = instance.normal(n);
-            let [tangent, bitangent] = if self.derivatives {
-                quadric.derivatives(p)
-            } else {
-                [tangent, Vec3A::ZERO]
-            };
+            let [tangent, bitangent] =
+                if self.derivatives { quadric.derivatives(p) } else { [tangent, Vec3A::ZERO] };
             return Surface {
                 p: instance.place(p),
                 ng: n,

@@ -103,28 +103,14 @@ impl AreaLight {
         for facet in &mut facets {
             facet.until /= (area as f32).max(f32::MIN_POSITIVE);
         }
-        Self {
-            radiance,
-            two_sided,
-            polarized,
-            split: false,
-            form: Form::Mesh(facets),
-            area: area as f32,
-        }
+        Self { radiance, two_sided, polarized, split: false, form: Form::Mesh(facets), area: area as f32 }
     }
 
     /// Creates a light from a sphere, disk or cylinder.
     #[must_use]
     pub fn quadric(quadric: Quadric, radiance: Spectrum, two_sided: bool, polarized: Polarized) -> Self {
         let area = quadric.area();
-        Self {
-            radiance,
-            two_sided,
-            polarized,
-            split: false,
-            form: Form::Quadric(Box::new(quadric)),
-            area,
-        }
+        Self { radiance, two_sided, polarized, split: false, form: Form::Quadric(Box::new(quadric)), area }
     }
 
     /// Returns the area, m².
@@ -198,11 +184,7 @@ impl AreaLight {
     #[inline]
     #[must_use]
     pub fn toward(&self, textures: &Textures, normal: Vec3A, uv: [f32; 2], to: Vec3A) -> Spectral {
-        if self.two_sided || normal.dot(to) > 0.0 {
-            self.radiance.at(textures, uv)
-        } else {
-            Spectral::ZERO
-        }
+        if self.two_sided || normal.dot(to) > 0.0 { self.radiance.at(textures, uv) } else { Spectral::ZERO }
     }
 
     /// Returns axis and minimum cosine of the cone that a sphere subtends from `p` outside it.
@@ -268,11 +250,7 @@ impl AreaLight {
         let off = rounding * UNIT * at.abs().max_element().max(to.length());
         let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);
-        let at = Surface {
-            p: at,
-            ng: normal,
-            ..Surface::default()
-        };
+        let at = Surface { p: at, ng: normal, ..Surface::default() };
         let density = chance * self.density(p, wi, &at, part);
         if radiance == Spectral::ZERO || density <= 0.0 || !density.is_finite() {
             return None;

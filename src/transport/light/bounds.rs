@@ -28,26 +28,13 @@ impl Bounds {
     /// Returns the bounds of lights between two corners that emit in all directions.
     #[must_use]
     pub fn all_around(low: Vec3A, high: Vec3A, intensity: f32) -> Self {
-        Self {
-            low,
-            high,
-            axis: Vec3A::Z,
-            spread: PI,
-            reach: FRAC_PI_2,
-            two_sided: false,
-            intensity,
-        }
+        Self { low, high, axis: Vec3A::Z, spread: PI, reach: FRAC_PI_2, two_sided: false, intensity }
     }
 
     /// Returns the bounds of flat surfaces with one unit normal.
     #[must_use]
     pub fn flat(low: Vec3A, high: Vec3A, normal: Vec3A, two_sided: bool, intensity: f32) -> Self {
-        Self {
-            axis: normal,
-            spread: 0.0,
-            two_sided,
-            ..Self::all_around(low, high, intensity)
-        }
+        Self { axis: normal, spread: 0.0, two_sided, ..Self::all_around(low, high, intensity) }
     }
 
     #[must_use]
@@ -65,11 +52,7 @@ impl Bounds {
     }
 
     fn union_of_cones(&self, other: &Self) -> (Vec3A, f32) {
-        let (wide, narrow) = if self.spread >= other.spread {
-            (self, other)
-        } else {
-            (other, self)
-        };
+        let (wide, narrow) = if self.spread >= other.spread { (self, other) } else { (other, self) };
         if wide.spread >= PI {
             return (wide.axis, PI);
         }

@@ -38,11 +38,7 @@ impl Polarized {
                 chain.rotate_in(c2, s2);
             }
             Some(mueller) => {
-                let filter = Scatter::Full {
-                    mueller,
-                    frame_out: own,
-                    frame_in: own,
-                };
+                let filter = Scatter::Full { mueller, frame_out: own, frame_in: own };
                 chain.push(&filter, d, frame);
             }
         }
@@ -54,11 +50,7 @@ impl Polarized {
     pub fn begin(&self, chain: &mut Chain, d: Vec3A) -> Vec3A {
         let own = self.frame(d);
         if let Some(mueller) = self.filter {
-            let filter = Scatter::Full {
-                mueller,
-                frame_out: own,
-                frame_in: own,
-            };
+            let filter = Scatter::Full { mueller, frame_out: own, frame_in: own };
             chain.push(&filter.transposed(), d, own);
         }
         own

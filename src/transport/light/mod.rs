@@ -74,8 +74,7 @@ impl Lights {
         (self.parts, self.firsts) = (vec![], vec![]);
         for (number, light) in (0..).zip(&self.areas) {
             self.firsts.push(self.parts.len() as u32);
-            self.parts
-                .extend((0..light.parts() as u32).map(|part| (number, part)));
+            self.parts.extend((0..light.parts() as u32).map(|part| (number, part)));
             light.bounds(textures, &mut bounds);
         }
         self.tree = LightTree::new(&bounds);
@@ -158,11 +157,7 @@ impl Lights {
     pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
         let light = &self.areas[found.number as usize];
         // A mesh without numbered triangles has one part.
-        let part = if light.parts() > 1 {
-            found.facet.unwrap_or(0)
-        } else {
-            0
-        };
+        let part = if light.parts() > 1 { found.facet.unwrap_or(0) } else { 0 };
         let number = (self.firsts[found.number as usize] + part) as usize;
         let chance = match &self.tree {
             Some(tree) => tree.chance(at, number),
@@ -177,9 +172,7 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn sky_density(&self, dir: Vec3A) -> f32 {
-        self.sky
-            .as_ref()
-            .map_or(0.0, |sky| self.sky_chance * sky.density(dir))
+        self.sky.as_ref().map_or(0.0, |sky| self.sky_chance * sky.density(dir))
     }
 }
 

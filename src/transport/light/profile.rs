@@ -157,11 +157,7 @@ impl Profile {
             Self::Even | Self::Table(_) => 0.25 / PI,
             Self::Spot { axis, cutoff, .. } => {
                 let least = cutoff.cos();
-                if axis.dot(dir) >= least {
-                    1.0 / (TAU * (1.0 - least))
-                } else {
-                    0.0
-                }
+                if axis.dot(dir) >= least { 1.0 / (TAU * (1.0 - least)) } else { 0.0 }
             }
             Self::Frustum(Frustum { half, .. }) => self.value(dir) / (4.0 * half.x * half.y),
         }

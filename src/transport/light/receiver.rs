@@ -18,10 +18,7 @@ impl Receiver {
     #[inline]
     #[must_use]
     pub fn anywhere(p: Vec3A) -> Self {
-        Self {
-            p,
-            normal: Vec3A::ZERO,
-        }
+        Self { p, normal: Vec3A::ZERO }
     }
 
     /// Returns a receiver for a surface point that sends light along the unit direction `wo`.

@@ -133,10 +133,7 @@ impl Sky {
     fn place(&self, dir: Vec3A) -> [f32; 2] {
         let d = self.to_local * dir;
         let turn = d.x.atan2(-d.z) / TAU;
-        [
-            turn.rem_euclid(1.0) * self.width as f32,
-            d.y.clamp(-1.0, 1.0).acos() / PI * self.cells as f32,
-        ]
+        [turn.rem_euclid(1.0) * self.width as f32, d.y.clamp(-1.0, 1.0).acos() / PI * self.cells as f32]
     }
 
     /// Returns the radiance from a unit direction.

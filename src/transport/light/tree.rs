@@ -73,32 +73,20 @@ pub struct Choice {
 
 impl Choice {
     /// The choice of no light.
-    pub const NONE: Self = Self {
-        number: LEAF,
-        chance: 0.0,
-        which: 0.0,
-    };
+    pub const NONE: Self = Self { number: LEAF, chance: 0.0, which: 0.0 };
 
     /// Begins a choice by the uniform number `which`. `chance` is the probability of using the tree.
     #[inline]
     #[must_use]
     pub fn open(which: f32, chance: f32) -> Self {
-        Self {
-            number: 0,
-            chance,
-            which,
-        }
+        Self { number: 0, chance, which }
     }
 
     /// Returns a complete choice that needs no tree.
     #[inline]
     #[must_use]
     pub fn made(light: u32, which: f32, chance: f32) -> Self {
-        Self {
-            number: light | LEAF,
-            chance,
-            which,
-        }
+        Self { number: light | LEAF, chance, which }
     }
 
     /// Returns the index of the light of a complete choice; `None` if no light can reach the point.
@@ -171,11 +159,7 @@ impl Node {
     /// Returns estimates of the contribution of each child, up to a common factor.
     #[inline(always)]
     fn importances(&self, at: &Receiver) -> [f32; WIDTH] {
-        if self.all_around {
-            self.importances_of::<true>(at)
-        } else {
-            self.importances_of::<false>(at)
-        }
+        if self.all_around { self.importances_of::<true>(at) } else { self.importances_of::<false>(at) }
     }
 
     #[inline(always)]
@@ -232,10 +216,7 @@ impl Node {
         }
         let target = choice.which * all;
         // A child of weight 0 has an empty interval and is skipped.
-        let mut i: usize = begins[1..WIDTH]
-            .iter()
-            .map(|end| usize::from(target >= *end))
-            .sum();
+        let mut i: usize = begins[1..WIDTH].iter().map(|end| usize::from(target >= *end)).sum();
         while weights[i] == 0.0 {
             i -= 1;
         }
@@ -254,10 +235,7 @@ impl LightTree {
             return None;
         }
         let mut items: Vec<(u32, Bounds)> = (0..).zip(lights.iter().copied()).collect();
-        let mut tree = Self {
-            nodes: vec![],
-            places: vec![NONE; lights.len()],
-        };
+        let mut tree = Self { nodes: vec![], places: vec![NONE; lights.len()] };
         tree.add(&mut items, NONE, 1.0 / most);
         Some(tree)
     }

@@ -35,9 +35,9 @@ impl Materials {
         match &self.list[id as usize] {
             Material::Diffuse(m) => Some(m.albedo.at(&self.textures, at.uv)),
             Material::Plastic(m) => Some(m.albedo.at(&self.textures, at.uv)),
-            Material::TwoSided(m) => m
-                .side(at, wo)
-                .map_or(Some(Spectral::ZERO), |side| self.albedo(side, at, wo)),
+            Material::TwoSided(m) => {
+                m.side(at, wo).map_or(Some(Spectral::ZERO), |side| self.albedo(side, at, wo))
+            }
             Material::Blend(m) => {
                 let mut sum = Spectral::ZERO;
                 for (id, share) in m.shares(self, at) {

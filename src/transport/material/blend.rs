@@ -39,10 +39,7 @@ impl Blend {
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let [a, b] = self.shares(materials, at).map(|(id, w)| {
-            (w > 0.0)
-                .then(|| materials.eval(id, at, wo, wi))
-                .flatten()
-                .map(|s| s.scaled(Spectral::splat(w)))
+            (w > 0.0).then(|| materials.eval(id, at, wo, wi)).flatten().map(|s| s.scaled(Spectral::splat(w)))
         });
         sum(a, b, wo, wi)
     }
@@ -50,10 +47,7 @@ impl Blend {
     #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        self.shares(materials, at)
-            .map(|(id, w)| w * materials.pdf(id, at, wo, wi))
-            .iter()
-            .sum()
+        self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
     /// Samples a material by its share, then a direction from it. Share and probability cancel.
@@ -88,10 +82,9 @@ impl Blend {
             Some(s)
         });
         match (a, b) {
-            (Some(a), Some(b)) if a.wi.dot(b.wi) > 1.0 - 1e-6 => Some(Specular {
-                scatter: a.scatter.plus(&b.scatter, wo, a.wi),
-                ..a
-            }),
+            (Some(a), Some(b)) if a.wi.dot(b.wi) > 1.0 - 1e-6 => {
+                Some(Specular { scatter: a.scatter.plus(&b.scatter, wo, a.wi), ..a })
+            }
             (a, b) => a.or(b),
         }
     }

@@ -83,11 +83,7 @@ impl Table {
     /// Tabulates a coat of relative index `eta` (1 in unused lanes) and adds the table to `textures`.
     #[must_use]
     pub fn new(textures: &mut Textures, roughness: &Roughness, eta: Spectral, single: bool) -> Self {
-        let rows = if roughness.alpha.texture.is_some() {
-            ALPHAS
-        } else {
-            1
-        };
+        let rows = if roughness.alpha.texture.is_some() { ALPHAS } else { 1 };
         let mut entries = vec![];
         for row in 0..rows {
             // Texture coordinate v counts from the last row.
@@ -97,19 +93,12 @@ impl Table {
             };
             let model = model(roughness, alpha);
             for column in 0..COSINES {
-                entries.push(passed(
-                    &model,
-                    eta,
-                    (column as f32 + 0.5) / COSINES as f32,
-                    single,
-                ));
+                entries.push(passed(&model, eta, (column as f32 + 0.5) / COSINES as f32, single));
             }
         }
         let images = [|p: &Passed| p.a, |p: &Passed| p.b].map(|element| {
             let first = textures.texels.len() as u32;
-            textures
-                .texels
-                .extend(entries.iter().map(|p| element(p).to_array()));
+            textures.texels.extend(entries.iter().map(|p| element(p).to_array()));
             textures.images.push(Image {
                 wrap: Wrap::Clamp,
                 filter: Filter::Bilinear,
@@ -183,11 +172,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
     });
     let count = Spectral::splat((DRAWN * DRAWN) as f32);
     Passed {
-        a: if single {
-            a / count
-        } else {
-            Spectral::ONE - reflected(model, eta, cos, DRAWN)
-        },
+        a: if single { a / count } else { Spectral::ONE - reflected(model, eta, cos, DRAWN) },
         b: b / count,
     }
 }
@@ -202,14 +187,7 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
         return smooth_internal_reflectance(eta);
     }
     let alpha = roughness.alpha;
-    let model = model(
-        roughness,
-        if alpha.texture.is_some() {
-            0.5 * alpha.value
-        } else {
-            alpha.value
-        },
-    );
+    let model = model(roughness, if alpha.texture.is_some() { 0.5 * alpha.value } else { alpha.value });
     let mut sum = Spectral::ZERO;
     if passage == Passage::Single {
         let inside = Microfacet {
@@ -255,11 +233,7 @@ mod tests {
     use optics::sampling::microfacet::Distribution;
 
     fn rough(alpha: f32, masking: Masking) -> Roughness {
-        Roughness {
-            distribution: Distribution::Ggx,
-            masking,
-            alpha: Scalar::uniform(alpha),
-        }
+        Roughness { distribution: Distribution::Ggx, masking, alpha: Scalar::uniform(alpha) }
     }
 
     /// Facets close to the mean surface transmit according to Fresnel's equations.
@@ -302,10 +276,7 @@ mod tests {
             for (degrees, want) in [0.5_f32, 45.0, 60.0, 80.0].into_iter().zip(through) {
                 let cos = degrees.to_radians().cos();
                 let got = table.at(&textures, cos, alpha).a.to_array()[0];
-                assert!(
-                    (got - want).abs() < 4e-3,
-                    "α {alpha}, {degrees}°: {got}, not {want}"
-                );
+                assert!((got - want).abs() < 4e-3, "α {alpha}, {degrees}°: {got}, not {want}");
             }
             let got = internal_reflectance(&r, eta, Passage::Single).to_array()[0];
             assert!((got - inside).abs() < 1e-2, "α {alpha}: {got}, not {inside}");
@@ -318,17 +289,11 @@ mod tests {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {
             for alpha in [0.001, 0.05, 0.3, 1.0] {
                 for single in [false, true] {
-                    let r = Roughness {
-                        distribution,
-                        ..rough(alpha, Masking::Correlated)
-                    };
+                    let r = Roughness { distribution, ..rough(alpha, Masking::Correlated) };
                     for cos in [0.01, 0.2, 0.7, 1.0] {
                         let p = passed(&model(&r, alpha), Spectral::splat(1.6), cos, single);
                         let (a, b) = (p.a.to_array()[0], p.b.to_array()[0]);
-                        assert!(
-                            a > 0.0 && a <= 1.0 && b.abs() <= a,
-                            "α {alpha}, cos {cos}: {a}, {b}"
-                        );
+                        assert!(a > 0.0 && a <= 1.0 && b.abs() <= a, "α {alpha}, cos {cos}: {a}, {b}");
                     }
                 }
             }

@@ -29,10 +29,7 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
     let wi = reflect(wo, n).normalize();
     same_side(at, wo, wi).then(|| Specular {
         wi,
-        scatter: Scatter::Fresnel {
-            block: fresnel(cos),
-            s: s_vector(n, wo),
-        },
+        scatter: Scatter::Fresnel { block: fresnel(cos), s: s_vector(n, wo) },
         filling: None,
     })
 }
@@ -42,8 +39,6 @@ impl Conductor {
     #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {
         let factor = self.reflectance.at(textures, at.uv);
-        mirror(at, wo, |cos| {
-            fresnel::conductor(cos, self.n, self.k).scaled(factor)
-        })
+        mirror(at, wo, |cos| fresnel::conductor(cos, self.n, self.k).scaled(factor))
     }
 }

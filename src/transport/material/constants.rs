@@ -49,12 +49,7 @@ pub enum ConstantsError {
     #[error("unknown optical constants `{name}`; known names: {known}")]
     Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
-    Range {
-        name: String,
-        nm: f64,
-        first: f64,
-        last: f64,
-    },
+    Range { name: String, nm: f64, first: f64, last: f64 },
 }
 
 /// Returns all substances, in the order of the table.
@@ -66,18 +61,12 @@ pub fn all() -> &'static [OpticalConstants] {
 
 fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {
     let mut all: Vec<OpticalConstants> = vec![];
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     for row in reader.deserialize() {
         let (name, source, nm, n, k): (String, String, f64, f64, f64) = row?;
         match all.last_mut() {
             Some(last) if last.name == name => last.samples.push([nm, n, k]),
-            _ => all.push(OpticalConstants {
-                name,
-                source,
-                samples: vec![[nm, n, k]],
-            }),
+            _ => all.push(OpticalConstants { name, source, samples: vec![[nm, n, k]] }),
         }
     }
     Ok(all)
@@ -94,21 +83,11 @@ fn plain(name: &str) -> String {
 /// [`ConstantsError::Unknown`], which lists all names.
 pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
     let wanted = plain(name);
-    let wanted = ALIASES
-        .iter()
-        .find(|(alias, _)| *alias == wanted)
-        .map_or(wanted, |(_, real)| plain(real));
-    all()
-        .iter()
-        .find(|c| plain(&c.name) == wanted)
-        .ok_or_else(|| ConstantsError::Unknown {
-            name: name.to_owned(),
-            known: all()
-                .iter()
-                .map(|c| c.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", "),
-        })
+    let wanted = ALIASES.iter().find(|(alias, _)| *alias == wanted).map_or(wanted, |(_, real)| plain(real));
+    all().iter().find(|c| plain(&c.name) == wanted).ok_or_else(|| ConstantsError::Unknown {
+        name: name.to_owned(),
+        known: all().iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
+    })
 }
 
 /// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
@@ -126,10 +105,7 @@ impl OpticalConstants {
     /// [`ConstantsError::Range`] outside the table.
     pub fn at(&self, nm: f64) -> Result<(f64, f64), ConstantsError> {
         let after = self.samples.partition_point(|[x, ..]| *x < nm);
-        match (
-            after.checked_sub(1).map(|i| self.samples[i]),
-            self.samples.get(after),
-        ) {
+        match (after.checked_sub(1).map(|i| self.samples[i]), self.samples.get(after)) {
             (_, Some([x, n, k])) if *x == nm => Ok((*n, *k)),
             (Some([x0, n0, k0]), Some([x1, n1, k1])) => {
                 let t = (nm - x0) / (x1 - x0);
@@ -154,61 +130,21 @@ mod tests {
     #[test]
     fn the_table_holds_the_published_numbers() {
         const FACTS: [(&str, [&str; 4], [&str; 4]); 17] = [
-            (
-                "Au",
-                ["1.3831", ".4242", ".1802", ".1399"],
-                ["1.9155", "2.4721", "3.4531", "3.7015"],
-            ),
-            (
-                "Ag",
-                [".0400", ".0596", ".0557", ".0499"],
-                ["2.6484", "3.5974", "4.2931", "4.4869"],
-            ),
-            (
-                "Al",
-                [".6332", "1.0152", "1.4622", "1.6270"],
-                ["5.4544", "6.6273", "7.5592", "7.8042"],
-            ),
-            (
-                "Cu",
-                ["1.2404", "1.0066", ".2659", ".2199"],
-                ["2.3929", "2.5823", "3.4360", "3.7521"],
-            ),
-            (
-                "Cr",
-                ["2.323", "3.1812", "3.1357", "3.0891"],
-                ["3.135", "3.3291", "3.3171", "3.3411"],
-            ),
-            (
-                "brass",
-                ["1.094", ".527", ".4445", ".445"],
-                ["1.829", "2.765", "3.5655", "3.778"],
-            ),
+            ("Au", ["1.3831", ".4242", ".1802", ".1399"], ["1.9155", "2.4721", "3.4531", "3.7015"]),
+            ("Ag", [".0400", ".0596", ".0557", ".0499"], ["2.6484", "3.5974", "4.2931", "4.4869"]),
+            ("Al", [".6332", "1.0152", "1.4622", "1.6270"], ["5.4544", "6.6273", "7.5592", "7.8042"]),
+            ("Cu", ["1.2404", "1.0066", ".2659", ".2199"], ["2.3929", "2.5823", "3.4360", "3.7521"]),
+            ("Cr", ["2.323", "3.1812", "3.1357", "3.0891"], ["3.135", "3.3291", "3.3171", "3.3411"]),
+            ("brass", ["1.094", ".527", ".4445", ".445"], ["1.829", "2.765", "3.5655", "3.778"]),
             ("N-BK7", ["1.52532", "1.51852", "1.51501", "1.51421"], ["0"; 4]),
             ("PMMA", ["1.50061", "1.49259", "1.48863", "1.48775"], ["0"; 4]),
             ("water", ["1.33961", "1.33468", "1.33205", "1.33142"], ["0"; 4]),
-            (
-                "polystyrene",
-                ["1.61356", "1.59589", "1.58735", "1.58548"],
-                ["0"; 4],
-            ),
-            (
-                "calcite_o",
-                ["1.67258", "1.66127", "1.65557", "1.65427"],
-                ["0"; 4],
-            ),
-            (
-                "calcite_e",
-                ["1.49281", "1.48750", "1.48485", "1.48427"],
-                ["0"; 4],
-            ),
+            ("polystyrene", ["1.61356", "1.59589", "1.58735", "1.58548"], ["0"; 4]),
+            ("calcite_o", ["1.67258", "1.66127", "1.65557", "1.65427"], ["0"; 4]),
+            ("calcite_e", ["1.49281", "1.48750", "1.48485", "1.48427"], ["0"; 4]),
             ("quartz_o", ["1.55248", "1.54595", "1.54253", "1.54174"], ["0"; 4]),
             ("quartz_e", ["1.56186", "1.55511", "1.55157", "1.55076"], ["0"; 4]),
-            (
-                "milk_fat",
-                ["1.470", "1.463", "1.460", "1.459"],
-                ["1.14e-5", "4.6e-6", "5.0e-6", "5.0e-6"],
-            ),
+            ("milk_fat", ["1.470", "1.463", "1.460", "1.459"], ["1.14e-5", "4.6e-6", "5.0e-6", "5.0e-6"]),
             ("casein", ["1.503"; 4], ["0"; 4]),
             // Fused silica at its D line, as in Born & Wolf.
             ("SiO2", ["1.4656", "1.4599", "1.4570", "1.4563"], ["0"; 4]),
@@ -238,10 +174,7 @@ mod tests {
         assert!(all().len() >= 25);
         for c in all() {
             let rises = c.samples.windows(2).all(|w| w[0][0] < w[1][0]);
-            let sane = c
-                .samples
-                .iter()
-                .all(|[_, n, k]| *n > 0.01 && *n < 5.0 && *k >= 0.0 && *k < 12.0);
+            let sane = c.samples.iter().all(|[_, n, k]| *n > 0.01 && *n < 5.0 && *k >= 0.0 && *k < 12.0);
             assert!(rises && sane, "{}", c.name);
             assert!(!c.source.is_empty() && c.name != "material");
             for nm in [400.0, 405.0, 633.0, 700.0] {
@@ -267,9 +200,6 @@ mod tests {
         assert!(lookup("gold", 380.0).is_ok() && lookup("gold", 1000.0).is_ok());
         assert!(lookup("gold", f64::NAN).is_err() && lookup("gold", 1000.5).is_err());
         let error = lookup("unobtainium", 550.0).unwrap_err().to_string();
-        assert!(
-            error.contains("`unobtainium`") && error.contains("calcite_e"),
-            "{error}"
-        );
+        assert!(error.contains("`unobtainium`") && error.contains("calcite_e"), "{error}");
     }
 }

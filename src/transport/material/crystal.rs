@@ -111,10 +111,7 @@ impl Crystal {
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
-        Filling {
-            crystal: if inward && !self.split { id } else { NO_CRYSTAL },
-            ..filling
-        }
+        Filling { crystal: if inward && !self.split { id } else { NO_CRYSTAL }, ..filling }
     }
 
     /// See [`super::Materials::sample`]; `id` is this material's index.

@@ -59,10 +59,7 @@ impl Interface {
             let wi = reflect(wo, n).normalize();
             return same_side(at, wo, wi).then_some(Specular {
                 wi,
-                scatter: Scatter::Fresnel {
-                    block: self.fresnel.reflection,
-                    s,
-                },
+                scatter: Scatter::Fresnel { block: self.fresnel.reflection, s },
                 filling: None,
             });
         }
@@ -70,10 +67,7 @@ impl Interface {
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
-                block: self
-                    .fresnel
-                    .transmission
-                    .scaled(Spectral::ONE / (self.eta * self.eta)),
+                block: self.fresnel.transmission.scaled(Spectral::ONE / (self.eta * self.eta)),
                 s,
             },
             filling: Some(Filling::clear(self.far.to_array()[lane])),
@@ -85,11 +79,7 @@ impl Dielectric {
     /// Returns the index on the side of `wo`, and on the other side.
     #[inline]
     pub(super) fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
-        if at.ng.dot(wo) > 0.0 {
-            (self.exterior, self.interior)
-        } else {
-            (self.interior, self.exterior)
-        }
+        if at.ng.dot(wo) > 0.0 { (self.exterior, self.interior) } else { (self.interior, self.exterior) }
     }
 
     /// Returns the medium on the side opposite to `wo`.
@@ -117,13 +107,7 @@ impl Dielectric {
         let n = facing(at, wo)?;
         let (near, far) = self.sides(at, wo);
         let eta = far / near;
-        Some(Interface {
-            n,
-            wo,
-            far,
-            eta,
-            fresnel: fresnel::dielectric(n.dot(wo), eta),
-        })
+        Some(Interface { n, wo, far, eta, fresnel: fresnel::dielectric(n.dot(wo), eta) })
     }
 
     #[inline]
@@ -131,14 +115,10 @@ impl Dielectric {
         let interface = self.interface(at, wo)?;
         let reflectance = lanes.mean(interface.fresnel.reflection.a);
         if stream.uniform() < reflectance {
-            return interface
-                .specular(at, Lobe::Reflected, 0)
-                .map(|s| s.chosen(reflectance));
+            return interface.specular(at, Lobe::Reflected, 0).map(|s| s.chosen(reflectance));
         }
         let (lane, weight) = self.refracted_lane(lanes, stream);
-        let mut s = interface
-            .specular(at, Lobe::Transmitted, lane)?
-            .chosen(1.0 - reflectance);
+        let mut s = interface.specular(at, Lobe::Transmitted, lane)?.chosen(1.0 - reflectance);
         s.scatter = s.scatter.scaled(weight);
         Some(s)
     }

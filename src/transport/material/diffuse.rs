@@ -36,9 +36,7 @@ impl Diffuse {
         if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }
-        Some(Scatter::Depolarize(
-            self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI),
-        ))
+        Some(Scatter::Depolarize(self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI)))
     }
 
     /// Returns true if light arrives from `wi`, which was sampled by the cosine about the shading normal on

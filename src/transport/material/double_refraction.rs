@@ -60,28 +60,18 @@ struct Optics {
 /// Returns a unit vector perpendicular to a ray and to the axis.
 #[inline]
 fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
-    ray.cross(axis)
-        .try_normalize()
-        .unwrap_or_else(|| perpendicular(ray))
+    ray.cross(axis).try_normalize().unwrap_or_else(|| perpendicular(ray))
 }
 
 impl Optics {
     #[inline]
     fn ordinary(&self, ray: Vec3A) -> Wave {
-        Wave {
-            k: ray * self.n_o,
-            ray,
-            electric: across(ray, self.axis),
-        }
+        Wave { k: ray * self.n_o, ray, electric: across(ray, self.axis) }
     }
 
     #[inline]
     fn extraordinary(&self, k: Vec3A, ray: Vec3A) -> Wave {
-        Wave {
-            k,
-            ray,
-            electric: ray.cross(across(ray, self.axis)),
-        }
+        Wave { k, ray, electric: ray.cross(across(ray, self.axis)) }
     }
 
     /// Returns the two waves (ordinary first) with rays along `ray`.
@@ -189,17 +179,11 @@ impl Crystal {
         optics.refracted(t, -n).map(|wave| {
             let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;
             let eta = Spectral::splat(wave.k.length() / optics.outside);
-            let block = fresnel::dielectric(cos, eta)
-                .transmission
-                .scaled(Spectral::ONE / (eta * eta));
+            let block = fresnel::dielectric(cos, eta).transmission.scaled(Spectral::ONE / (eta * eta));
             let m = between(block, s, [wo, s], [-wave.ray, wave.electric]) * polarizer(0.0);
             Some(Specular {
                 wi: wave.ray,
-                scatter: Scatter::Full {
-                    mueller: m.scaled(weight),
-                    frame_out: s,
-                    frame_in: wave.electric,
-                },
+                scatter: Scatter::Full { mueller: m.scaled(weight), frame_out: s, frame_in: wave.electric },
                 filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
         })

@@ -83,13 +83,7 @@ impl Facets {
     /// Returns the same surface with facets of width `alpha`.
     #[inline]
     pub fn with_alpha(&self, alpha: f32) -> Self {
-        Self {
-            model: Microfacet {
-                alpha: alpha.max(LEAST_ALPHA),
-                ..self.model
-            },
-            ..*self
-        }
+        Self { model: Microfacet { alpha: alpha.max(LEAST_ALPHA), ..self.model }, ..*self }
     }
 
     #[inline]

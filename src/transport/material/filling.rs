@@ -20,9 +20,6 @@ impl Filling {
     #[inline]
     #[must_use]
     pub const fn clear(index: f32) -> Self {
-        Self {
-            index,
-            crystal: NO_CRYSTAL,
-        }
+        Self { index, crystal: NO_CRYSTAL }
     }
 }

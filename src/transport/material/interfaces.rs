@@ -39,10 +39,7 @@ impl Materials {
     #[inline]
     #[must_use]
     pub fn is_rough_interface(&self, id: u32) -> bool {
-        matches!(
-            self.list[id as usize],
-            Material::RoughDielectric(_) | Material::RoughCrystal(_)
-        )
+        matches!(self.list[id as usize], Material::RoughDielectric(_) | Material::RoughCrystal(_))
     }
 
     #[must_use]

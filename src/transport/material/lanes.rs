@@ -15,9 +15,7 @@ impl Lanes {
     #[inline]
     #[must_use]
     pub fn first(n: usize) -> Self {
-        Self {
-            mask: ((1_u16 << n) - 1) as u8,
-        }
+        Self { mask: ((1_u16 << n) - 1) as u8 }
     }
 
     /// Returns the number of live lanes.

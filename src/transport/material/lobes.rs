@@ -27,12 +27,10 @@ impl Materials {
             Material::Measured(_) => whole(GLOSSY | DIFFUSE),
             Material::Plastic(m) => m
                 .eval_parted(&self.textures, at, wo, wi)
-                .map_or_else(Lobes::new, |[glossy, diffuse]| {
-                    vec![(GLOSSY, glossy), (DIFFUSE, diffuse)]
-                }),
-            Material::TwoSided(m) => m
-                .side(at, wo)
-                .map_or_else(Lobes::new, |side| self.lobes(side, at, wo, wi)),
+                .map_or_else(Lobes::new, |[glossy, diffuse]| vec![(GLOSSY, glossy), (DIFFUSE, diffuse)]),
+            Material::TwoSided(m) => {
+                m.side(at, wo).map_or_else(Lobes::new, |side| self.lobes(side, at, wo, wi))
+            }
             Material::Blend(m) => {
                 let mut all = Lobes::new();
                 for (id, share) in m.shares(self, at).into_iter().filter(|(_, share)| *share > 0.0) {
@@ -49,8 +47,7 @@ impl Materials {
             Material::NormalMap(m) => self.lobes(m.material, &m.turned(self, at), wo, wi),
             Material::PartialDepolarizer(m) => {
                 let mut all = self.lobes(m.material, at, wo, wi);
-                all.iter_mut()
-                    .for_each(|(_, s)| *s = m.apply(self, at, s, wo, wi));
+                all.iter_mut().for_each(|(_, s)| *s = m.apply(self, at, s, wo, wi));
                 all
             }
             Material::Conductor(_)
@@ -100,11 +97,7 @@ impl Materials {
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {
-            return if at.ng.dot(wo) * at.ng.dot(wi) > 0.0 {
-                SPECULAR
-            } else {
-                0
-            };
+            return if at.ng.dot(wo) * at.ng.dot(wi) > 0.0 { SPECULAR } else { 0 };
         }
         if let [(kind, _)] = self.lobes(id, at, wo, wi)[..] {
             return kind;

@@ -338,9 +338,9 @@ impl Materials {
         let of = |id| self.straight_chance(id, at, wo, lanes);
         match &self.list[id as usize] {
             Material::Null | Material::Polarizer(_) | Material::Retarder(_) => 1.0,
-            Material::ThinDielectric(m) => m
-                .specular(at, wo, Lobe::Transmitted)
-                .map_or(0.0, |through| lanes.mean(through.scatter.m00())),
+            Material::ThinDielectric(m) => {
+                m.specular(at, wo, Lobe::Transmitted).map_or(0.0, |through| lanes.mean(through.scatter.m00()))
+            }
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, of),
             Material::Blend(m) => m.shares(self, at).iter().map(|(id, w)| w * of(*id)).sum(),
             Material::NormalMap(m) => of(m.material),
@@ -366,9 +366,7 @@ impl Materials {
             Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
             Material::RoughDielectric(m) => Some(m.interface.beyond(at, wo, lanes)),
             Material::TwoSided(m) => self.beyond(m.side(at, wo)?, at, wo, lanes),
-            Material::Blend(m) => self
-                .beyond(m.a, at, wo, lanes)
-                .or_else(|| self.beyond(m.b, at, wo, lanes)),
+            Material::Blend(m) => self.beyond(m.a, at, wo, lanes).or_else(|| self.beyond(m.b, at, wo, lanes)),
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
             Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
@@ -389,9 +387,7 @@ impl Materials {
     /// Returns true if some normal map is a bump map.
     #[must_use]
     pub fn any_heights(&self) -> bool {
-        self.list
-            .iter()
-            .any(|m| matches!(m, Material::NormalMap(map) if map.heights))
+        self.list.iter().any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
     #[must_use]

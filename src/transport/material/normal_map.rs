@@ -34,11 +34,7 @@ impl NormalMap {
     /// Returns the surface with the perturbed normal, which stays on the side of the geometric normal.
     #[inline]
     pub(super) fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
-        let mut n = if self.heights {
-            self.raised(materials, at)
-        } else {
-            self.stored(materials, at)
-        };
+        let mut n = if self.heights { self.raised(materials, at) } else { self.stored(materials, at) };
         let cos = n.dot(at.ng);
         if cos < LEAST_COS {
             n = (n + at.ng * (LEAST_COS - cos)).normalize_or(at.ng);

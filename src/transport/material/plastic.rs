@@ -126,21 +126,10 @@ impl Plastic {
         });
         // Unused lanes have no lobe, so they do not contribute.
         let reflected = |factor: Spectral| (fresnel.reflection.a * factor).reduce_add();
-        let power = [
-            reflected(self.specular),
-            single.map_or(0.0, |(albedo, _)| reflected(albedo)),
-        ];
+        let power = [reflected(self.specular), single.map_or(0.0, |(albedo, _)| reflected(albedo))];
         let diffuse = (out.a * base).reduce_add();
         let all = (power[0] + power[1] + diffuse).max(f32::MIN_POSITIVE);
-        Some(Seen {
-            facets,
-            n,
-            wo,
-            base,
-            out,
-            single,
-            share: power.map(|p| p / all),
-        })
+        Some(Seen { facets, n, wo, base, out, single, share: power.map(|p| p / all) })
     }
 
     /// Returns the sum of all lobes in the frame of the reflection, times a function of the density of `wi`.
@@ -156,17 +145,11 @@ impl Plastic {
         let li = seen.facets.local(wi);
         let (cos, reflected, pdf) = seen.reflection(self.specular, li)?;
         let weight = weight(pdf);
-        let block = fresnel::dielectric(cos, self.eta)
-            .reflection
-            .scaled(reflected * Spectral::splat(weight));
+        let block = fresnel::dielectric(cos, self.eta).reflection.scaled(reflected * Spectral::splat(weight));
         let s = s_vector(wi, wo);
         let mut mueller = block.to_mueller();
         self.add_body(textures, seen, (wi, li), s, weight, &mut mueller);
-        Some(Scatter::Full {
-            mueller,
-            frame_out: s,
-            frame_in: s,
-        })
+        Some(Scatter::Full { mueller, frame_out: s, frame_in: s })
     }
 
     /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` and `li` are the direction of
@@ -188,11 +171,7 @@ impl Plastic {
         };
         let base = seen.base * Spectral::splat(li.z * FRAC_1_PI * weight);
         let (c, d) = turn(wo, s_vector(n, wo), s);
-        let column = [
-            base * out.a,
-            base * out.b * Spectral::splat(c),
-            base * out.b * Spectral::splat(-d),
-        ];
+        let column = [base * out.a, base * out.b * Spectral::splat(c), base * out.b * Spectral::splat(-d)];
         let (c, d) = turn(-wi, s, s_vector(n, wi));
         let row = [inn.a, inn.b * Spectral::splat(c), inn.b * Spectral::splat(d)];
         for (m, c) in mueller.m.iter_mut().zip(&column) {
@@ -221,11 +200,7 @@ impl Plastic {
         let block = fresnel::dielectric(cos, self.eta).reflection.scaled(reflected);
         let mut body = Mueller::ZERO;
         self.add_body(textures, &seen, (wi, li), s, 1.0, &mut body);
-        let body = Scatter::Full {
-            mueller: body,
-            frame_out: s,
-            frame_in: s,
-        };
+        let body = Scatter::Full { mueller: body, frame_out: s, frame_in: s };
         Some([Scatter::Fresnel { block, s }, body])
     }
 

@@ -38,11 +38,7 @@ impl RoughCrystal {
     #[inline]
     #[must_use]
     pub fn faces(&self) -> RoughDielectric {
-        RoughDielectric {
-            interface: self.crystal.faces,
-            roughness: self.roughness,
-            lanes: self.lanes,
-        }
+        RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }
 
     /// See [`super::Materials::eval`]; `wi` may be on either side.

@@ -37,9 +37,7 @@ pub struct RoughDielectric {
 /// so f32 cosines are accurate enough.
 #[inline]
 fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
-    passage.map_or((1.0, 0.0), |p| {
-        (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value)
-    })
+    passage.map_or((1.0, 0.0), |p| (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value))
 }
 
 impl RoughDielectric {
@@ -70,10 +68,7 @@ impl RoughDielectric {
         } else {
             let (cos, value) = if self.disperses() {
                 let by_lane = eta.to_array().map(|e| from_rarer(facets.refraction(li, e), e));
-                (
-                    Spectral::new(by_lane.map(|(cos, _)| cos)),
-                    Spectral::new(by_lane.map(|(_, value)| value)),
-                )
+                (Spectral::new(by_lane.map(|(cos, _)| cos)), Spectral::new(by_lane.map(|(_, value)| value)))
             } else {
                 let e = eta.to_array()[0];
                 let (cos, value) = from_rarer(facets.refraction(li, e), e);
@@ -100,15 +95,10 @@ impl RoughDielectric {
         let li = facets.local(wi);
         let reflectance = |cos| self.lanes.mean(fresnel::dielectric(cos, eta).reflection.a);
         if same_side(at, wo, wi) {
-            return facets
-                .reflection(li)
-                .map_or(0.0, |to| reflectance(to.cos_o) * to.pdf);
+            return facets.reflection(li).map_or(0.0, |to| reflectance(to.cos_o) * to.pdf);
         }
-        let refraction = |eta| {
-            facets
-                .refraction(li, eta)
-                .map_or(0.0, |to| (1.0 - reflectance(to.cos_o)) * to.pdf)
-        };
+        let refraction =
+            |eta| facets.refraction(li, eta).map_or(0.0, |to| (1.0 - reflectance(to.cos_o)) * to.pdf);
         if self.disperses() {
             self.lanes.mean(Spectral::new(eta.to_array().map(refraction)))
         } else {

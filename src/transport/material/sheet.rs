@@ -38,9 +38,5 @@ impl SheetAxis {
 /// Returns undeflected transmission to `wo` by an element with matrix `block` in the frame `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
-    Specular {
-        wi: -wo,
-        scatter: Scatter::Fresnel { block, s: axis },
-        filling: None,
-    }
+    Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }

@@ -23,9 +23,5 @@ pub(super) fn same_side(surface: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
 pub(super) fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
     let s = a.cross(b);
     let n2 = s.length_squared();
-    if n2 > 1e-12 {
-        s * n2.sqrt().recip()
-    } else {
-        optics::polarization::frame::perpendicular(b)
-    }
+    if n2 > 1e-12 { s * n2.sqrt().recip() } else { optics::polarization::frame::perpendicular(b) }
 }

@@ -51,14 +51,7 @@ impl Image {
     /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
     #[must_use]
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
-        Self {
-            width,
-            height,
-            first,
-            filter: Filter::default(),
-            wrap: Wrap::default(),
-            uv: SAME,
-        }
+        Self { width, height, first, filter: Filter::default(), wrap: Wrap::default(), uv: SAME }
     }
 
     /// Returns the index of the texel in column `i`, row `j`, which may be beyond the edges.
@@ -231,12 +224,7 @@ mod tests {
     /// 3 × 2 texels 1 to 6, top row first.
     fn textures(filter: Filter, wrap: Wrap, uv: UvMap) -> Textures {
         Textures {
-            images: vec![Image {
-                filter,
-                wrap,
-                uv,
-                ..Image::new([3, 2], 0)
-            }],
+            images: vec![Image { filter, wrap, uv, ..Image::new([3, 2], 0) }],
             texels: (1..=6).map(|i| [i as f32; 4]).collect(),
             corners: vec![],
         }
@@ -306,19 +294,11 @@ mod tests {
         }
         for number in [0, 1, 2047, 2048, 69_999] {
             let uv = [0, 1, 2].map(|k| corner_uv(number, k));
-            for weights in [
-                [1.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [0.0, 0.0, 1.0],
-                [0.2, 0.3, 0.5_f32],
-            ] {
+            for weights in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.3, 0.5_f32]] {
                 let at = [0, 1].map(|x| (0..3).map(|k| weights[k] * uv[k][x]).sum::<f32>());
                 let want = (number % 97) as f32 + weights[1] + 5.0 * weights[2];
                 let found = t.eval(ATTRIBUTE, at).to_array()[0];
-                assert!(
-                    (found - want).abs() < 5e-3,
-                    "{number}, {weights:?}: {found}, {want}"
-                );
+                assert!((found - want).abs() < 5e-3, "{number}, {weights:?}: {found}, {want}");
             }
         }
     }
@@ -326,11 +306,7 @@ mod tests {
     #[test]
     fn coordinates_are_mapped_before_the_image_is_read() {
         let plain = textures(Filter::Bilinear, Wrap::Repeat, SAME);
-        let turned = textures(
-            Filter::Bilinear,
-            Wrap::Repeat,
-            [[2.0, 0.5, 0.1], [0.25, -1.0, 1.0]],
-        );
+        let turned = textures(Filter::Bilinear, Wrap::Repeat, [[2.0, 0.5, 0.1], [0.25, -1.0, 1.0]]);
         for (u, v) in [(0.2, 0.3), (0.7, 0.9), (-0.4, 1.6)] {
             let (a, b) = (2.0 * u + 0.5 * v + 0.1, 0.25 * u - v + 1.0);
             assert!((value(&turned, u, v) - value(&plain, a, b)).abs() < 1e-5);

@@ -57,10 +57,7 @@ pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
         c,
         d,
     };
-    [
-        block(r_s, r_p, face.c * (one + cross), face.d),
-        block(t_s, t_p, cross, Spectral::ZERO),
-    ]
+    [block(r_s, r_p, face.c * (one + cross), face.d), block(t_s, t_p, cross, Spectral::ZERO)]
 }
 
 impl ThinDielectric {

@@ -25,11 +25,7 @@ impl TwoSided {
     #[inline]
     #[must_use]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
-        if at.ng.dot(wo) > 0.0 {
-            Some(self.front)
-        } else {
-            self.back
-        }
+        if at.ng.dot(wo) > 0.0 { Some(self.front) } else { self.back }
     }
 
     /// See [`Parts::eval`]. No light is transmitted from one side to the other.

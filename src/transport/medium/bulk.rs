@@ -69,18 +69,13 @@ impl Amount {
         let n = match self {
             Self::VolumeFraction(f) => f / volume,
             Self::NumberDensity(n) => n,
-            Self::Mass {
-                concentration,
-                density,
-            } if (1e-3..=1e6).contains(&density) => concentration / density / volume,
+            Self::Mass { concentration, density } if (1e-3..=1e6).contains(&density) => {
+                concentration / density / volume
+            }
             Self::Mass { density, .. } => return Err(BulkError::Density(density)),
         };
         let filled = n * volume;
-        if n.is_finite() && (0.0..=1.0).contains(&filled) {
-            Ok(n)
-        } else {
-            Err(BulkError::Amount(filled))
-        }
+        if n.is_finite() && (0.0..=1.0).contains(&filled) { Ok(n) } else { Err(BulkError::Amount(filled)) }
     }
 }
 
@@ -168,8 +163,7 @@ impl Ensemble {
             self.absorption += area * sphere.q_abs;
             self.cosine += area * sphere.q_sca * sphere.g;
             self.terms = self.terms.max(sphere.terms());
-            self.spheres
-                .push((share * number / self.wave_number.powi(2), sphere));
+            self.spheres.push((share * number / self.wave_number.powi(2), sphere));
         }
         Ok(())
     }

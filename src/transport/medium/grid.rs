@@ -47,12 +47,7 @@ impl Grid {
         let scale = Vec3A::from_array(size.map(|n| n as f32));
         let to_grid = Affine3A::from_scale(scale.into()) * to_world.inverse();
         let fits = size.iter().product::<usize>() == values.len() && !values.is_empty();
-        (fits && to_grid.is_finite()).then_some(Self {
-            size,
-            to_grid,
-            values,
-            nearest,
-        })
+        (fits && to_grid.is_finite()).then_some(Self { size, to_grid, values, nearest })
     }
 
     /// Returns the value at a point in grid space inside the box.
@@ -95,10 +90,7 @@ impl Grid {
 
     /// Visits the cells along a ray up to `length` metres, nearest first, until `visit` returns false.
     fn walk(&self, ray: &Ray, length: f32, mut visit: impl FnMut(&Piece) -> bool) {
-        let (o, d) = (
-            self.to_grid.transform_point3a(ray.origin),
-            self.to_grid.transform_vector3a(ray.dir),
-        );
+        let (o, d) = (self.to_grid.transform_point3a(ray.origin), self.to_grid.transform_vector3a(ray.dir));
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         let (a, b) = (-o / d, (size - o) / d);
         let (mut near, mut far) = (0.0_f32, length);
@@ -117,19 +109,10 @@ impl Grid {
         let shift = if self.nearest { 0.0 } else { 0.5 };
         // The index of the next plane along each axis, and the distance at which the ray crosses it.
         let start = o + d * near - shift;
-        let mut plane = [0, 1, 2].map(|k| {
-            if d[k] > 0.0 {
-                start[k].floor() + 1.0
-            } else {
-                start[k].ceil() - 1.0
-            }
-        });
+        let mut plane =
+            [0, 1, 2].map(|k| if d[k] > 0.0 { start[k].floor() + 1.0 } else { start[k].ceil() - 1.0 });
         let meets = |k: usize, plane: f32| {
-            if d[k] == 0.0 {
-                f32::INFINITY
-            } else {
-                (plane + shift - o[k]) / d[k]
-            }
+            if d[k] == 0.0 { f32::INFINITY } else { (plane + shift - o[k]) / d[k] }
         };
         let mut next = [0, 1, 2].map(|k| meets(k, plane[k]));
         let mut from = near;
@@ -140,17 +123,8 @@ impl Grid {
             if to > from {
                 let at = |t: f32| self.value((o + d * t).clamp(Vec3A::ZERO, size));
                 let middle = at(0.5 * (from + to));
-                let ends = if self.nearest {
-                    [middle; 2]
-                } else {
-                    [at(from), at(to)]
-                };
-                let piece = Piece {
-                    from,
-                    to,
-                    ends,
-                    middle,
-                };
+                let ends = if self.nearest { [middle; 2] } else { [at(from), at(to)] };
+                let piece = Piece { from, to, ends, middle };
                 if !visit(&piece) {
                     return;
                 }
@@ -216,11 +190,7 @@ impl Grid {
                 break;
             }
             let step = t - over / here;
-            t = if here > 0.0 && step > low && step < high {
-                step
-            } else {
-                0.5 * (low + high)
-            };
+            t = if here > 0.0 && step > low && step < high { step } else { 0.5 * (low + high) };
         }
         t
     }
@@ -239,15 +209,10 @@ mod tests {
 
     /// A grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
     fn grid(nearest: bool, stream: &mut Stream) -> Grid {
-        let values = (0..24)
-            .map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0])
-            .collect();
+        let values = (0..24).map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0]).collect();
         let turn = Mat3A::from_rotation_x(0.4) * Mat3A::from_rotation_z(1.1);
         let stretch = Mat3A::from_diagonal(glam::Vec3::new(0.7, 1.3, 0.5));
-        let to_world = Affine3A {
-            matrix3: turn * stretch,
-            translation: Vec3A::new(0.2, -0.3, 0.1),
-        };
+        let to_world = Affine3A { matrix3: turn * stretch, translation: Vec3A::new(0.2, -0.3, 0.1) };
         Grid::new([3, 4, 2], values, to_world, nearest).expect("a grid")
     }
 
@@ -266,10 +231,7 @@ mod tests {
         let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
         let step = f64::from(length) / f64::from(N);
         let at = |i: u32| -> DVec3 { o + d * (f64::from(i) + 0.5) * step };
-        (0..N)
-            .map(|i| f64::from(grid.at(at(i).as_vec3a()).to_array()[0]))
-            .sum::<f64>()
-            * step
+        (0..N).map(|i| f64::from(grid.at(at(i).as_vec3a()).to_array()[0])).sum::<f64>() * step
     }
 
     #[test]
@@ -279,16 +241,11 @@ mod tests {
             for _ in 0..60 {
                 let (grid, ray) = (grid(nearest, &mut stream), ray(&mut stream));
                 for length in [0.4, 3.0] {
-                    let (found, want) = (
-                        grid.integral(&ray, length).to_array()[0],
-                        quadrature(&grid, &ray, length),
-                    );
+                    let (found, want) =
+                        (grid.integral(&ray, length).to_array()[0], quadrature(&grid, &ray, length));
                     // The midpoint rule has an error of half a step at each discontinuity.
                     let bound = 2e-5 + f64::from(length) * if nearest { 5e-4 } else { 1e-4 };
-                    assert!(
-                        (f64::from(found) - want).abs() < bound,
-                        "{nearest}: {found}, {want}"
-                    );
+                    assert!((f64::from(found) - want).abs() < bound, "{nearest}: {found}, {want}");
                 }
             }
         }
@@ -322,10 +279,7 @@ mod tests {
     fn rays_along_the_grid_are_walked() {
         let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();
         let grid = Grid::new([2, 1, 1], values, Affine3A::IDENTITY, false).expect("a grid");
-        let along = |y: f32, dir: Vec3A| Ray {
-            origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0,
-            dir,
-        };
+        let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };
         for y in [0.0, 0.5, 1.0] {
             for dir in [Vec3A::X, -Vec3A::X] {
                 // 1 over a quarter, a ramp to 3 over a half, 3 over a quarter.

@@ -34,11 +34,7 @@ impl HenyeyGreenstein {
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
         let largest = Spectral::splat(LARGEST_G as f32);
-        Self {
-            g: g.max(-largest).min(largest),
-            linear: linear.clamp(0.0, 0.5 * (1.0 + circular)),
-            circular,
-        }
+        Self { g: g.max(-largest).min(largest), linear: linear.clamp(0.0, 0.5 * (1.0 + circular)), circular }
     }
 
     /// Returns true if no polarization is kept.

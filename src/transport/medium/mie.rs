@@ -273,10 +273,7 @@ mod tests {
         ] {
             let s = sphere(x, n, k);
             for (got, want) in [(s.q_ext(), ext), (s.q_sca, sca), (s.g, g)] {
-                assert!(
-                    (got - want).abs() < 6e-7,
-                    "{n} + {k} i, x = {x}: {got} is not {want}"
-                );
+                assert!((got - want).abs() < 6e-7, "{n} + {k} i, x = {x}: {got} is not {want}");
             }
         }
     }
@@ -293,25 +290,14 @@ mod tests {
                 let sca = 8.0 / 3.0 * x.powi(4) * polarizability.norm_sqr();
                 let abs = 4.0 * x * polarizability.im;
                 let tolerance = 20.0 * x * x + 1e-11;
-                assert!(
-                    (s.q_sca / sca - 1.0).abs() < tolerance,
-                    "{n} + {k} i, {x}: {}",
-                    s.q_sca / sca
-                );
-                assert!(
-                    (s.q_abs - abs).abs() <= tolerance * abs,
-                    "{n} + {k} i, {x}: {}",
-                    s.q_abs / abs
-                );
+                assert!((s.q_sca / sca - 1.0).abs() < tolerance, "{n} + {k} i, {x}: {}", s.q_sca / sca);
+                assert!((s.q_abs - abs).abs() <= tolerance * abs, "{n} + {k} i, {x}: {}", s.q_abs / abs);
                 for deg in [0.0_f64, 30.0, 90.0, 150.0] {
                     let mu = deg.to_radians().cos();
                     let [a, b, c, d] =
                         matrix(s.amplitudes(mu)).map(|e| e * 2.0 / (x.powi(6) * polarizability.norm_sqr()));
                     for (got, want) in [(a, 1.0 + mu * mu), (b, 1.0 - mu * mu), (c, 2.0 * mu), (d, 0.0)] {
-                        assert!(
-                            (got - want).abs() < 10.0 * tolerance,
-                            "{deg}°: {got} is not {want}"
-                        );
+                        assert!((got - want).abs() < 10.0 * tolerance, "{deg}°: {got} is not {want}");
                     }
                 }
             }
@@ -322,13 +308,9 @@ mod tests {
     /// Gauss–Legendre quadrature.
     #[test]
     fn series_and_amplitudes_agree() {
-        for (x, n, k) in [
-            (0.3, 1.5, 0.0),
-            (3.0, 1.33, 0.0),
-            (7.5, 1.59, 0.01),
-            (40.0, 1.1, 0.0),
-            (25.0, 0.2, 3.0),
-        ] {
+        for (x, n, k) in
+            [(0.3, 1.5, 0.0), (3.0, 1.33, 0.0), (7.5, 1.59, 0.01), (40.0, 1.1, 0.0), (25.0, 0.2, 3.0)]
+        {
             let s = sphere(x, n, k);
             let forward = s.amplitudes(1.0);
             assert!((forward[0] - forward[1]).norm() < 1e-12 * forward[0].norm());
@@ -344,12 +326,7 @@ mod tests {
                 cosine += w * s11 * mu;
             }
             assert!((2.0 * sum / (x * x) / s.q_sca - 1.0).abs() < 1e-11, "{x}");
-            assert!(
-                (cosine / sum - s.g).abs() < 1e-11,
-                "{x}: {} {}",
-                cosine / sum,
-                s.g
-            );
+            assert!((cosine / sum - s.g).abs() < 1e-11, "{x}: {} {}", cosine / sum, s.g);
         }
     }
 
@@ -384,29 +361,19 @@ mod tests {
             let f = fresnel::conductor(cos_i, Spectral::splat(0.4242), Spectral::splat(2.4721));
             let want = [f.a, f.b, f.c, f.d].map(|e| f64::from(e.to_array()[0]));
             for (got, want) in [b / a, c / a, d / a].into_iter().zip(&want[1..]) {
-                assert!(
-                    (got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3,
-                    "{deg}°: {got} {want}"
-                );
+                assert!((got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3, "{deg}°: {got} {want}");
             }
             // Intensity: geometric reflection by a sphere is isotropic, with a quarter of the reflectance per
             // steradian in units of r².
             let brightness = 4.0 * a / 3000.0_f64.powi(2);
-            assert!(
-                (brightness / want[0] - 1.0).abs() < 5e-3,
-                "{deg}°: {brightness} {want:?}"
-            );
+            assert!((brightness / want[0] - 1.0).abs() < 5e-3, "{deg}°: {brightness} {want:?}");
         }
     }
 
     #[test]
     fn large_spheres_take_twice_their_shadow() {
         let excess = |x: f64| sphere(x, 1.5, 0.1).q_ext() - 2.0;
-        assert!(
-            excess(3000.0) > 0.0 && excess(3000.0) < 0.012,
-            "{}",
-            excess(3000.0)
-        );
+        assert!(excess(3000.0) > 0.0 && excess(3000.0) < 0.012, "{}", excess(3000.0));
         // The contribution of the edges decreases as x^(-2/3).
         let ratio = excess(375.0) / excess(3000.0);
         assert!((ratio - 4.0).abs() < 0.1, "{ratio}");
@@ -415,18 +382,9 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused() {
         for x in [0.0, -1.0, 1e-7, 3001.0, f64::NAN, f64::INFINITY] {
-            assert!(
-                matches!(Sphere::new(x, C::new(1.5, 0.0)), Err(MieError::Size(_))),
-                "{x}"
-            );
+            assert!(matches!(Sphere::new(x, C::new(1.5, 0.0)), Err(MieError::Size(_))), "{x}");
         }
-        for (n, k) in [
-            (0.0, 1.0),
-            (1.5, -1e-9),
-            (f64::NAN, 0.0),
-            (1.5, f64::NAN),
-            (1e5, 0.0),
-        ] {
+        for (n, k) in [(0.0, 1.0), (1.5, -1e-9), (f64::NAN, 0.0), (1.5, f64::NAN), (1e5, 0.0)] {
             let refused = Sphere::new(10.0, C::new(n, k));
             assert!(matches!(refused, Err(MieError::Index(..))), "{n} + {k} i");
         }

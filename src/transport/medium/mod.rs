@@ -171,12 +171,7 @@ impl Media {
     #[must_use]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
-        self.scatter(
-            self.list[id as usize].phase,
-            at,
-            || plane_normal(wo, wi),
-            Spectral::ONE,
-        )
+        self.scatter(self.list[id as usize].phase, at, || plane_normal(wo, wi), Spectral::ONE)
     }
 
     /// Returns the density of [`Self::sample_lane`] per steradian of `wi`, averaged over the live lanes.
@@ -207,18 +202,10 @@ impl Media {
         let phase = self.list[id as usize].phase;
         let Some(at) = self.sample_angle(phase, lane, stream) else {
             let density = Spectral::splat(ISOTROPIC);
-            return (
-                warp::sphere(stream.uniform2()),
-                Scatter::Depolarize(density),
-                density,
-            );
+            return (warp::sphere(stream.uniform2()), Scatter::Depolarize(density), density);
         };
         let (wi, s) = at.direction(wo, stream.uniform());
-        (
-            wi,
-            self.scatter(phase, at, || s, Spectral::ONE),
-            self.densities(phase, at),
-        )
+        (wi, self.scatter(phase, at, || s, Spectral::ONE), self.densities(phase, at))
     }
 
     /// Samples only the direction of [`Self::sample_lane`].
@@ -249,26 +236,17 @@ impl Media {
             Phase::Rayleigh(p) => {
                 let e = p.elements(at).splat();
                 if p.is_pure() {
-                    let block = FresnelBlock {
-                        a: e.s11,
-                        b: e.s12,
-                        c: e.s33,
-                        d: e.s34,
-                    };
-                    Scatter::Fresnel {
-                        block: block.scaled(factor),
-                        s: s(),
-                    }
+                    let block = FresnelBlock { a: e.s11, b: e.s12, c: e.s33, d: e.s34 };
+                    Scatter::Fresnel { block: block.scaled(factor), s: s() }
                 } else {
                     e.scatter(s()).scaled(factor)
                 }
             }
             Phase::HenyeyGreenstein(p) if p.depolarizes() => Scatter::Depolarize(p.intensity(at) * factor),
             Phase::HenyeyGreenstein(p) => p.elements(at).scatter(s()).scaled(factor),
-            Phase::Table(t) => Scatter::Fresnel {
-                block: self.tables[t as usize].block(at).scaled(factor),
-                s: s(),
-            },
+            Phase::Table(t) => {
+                Scatter::Fresnel { block: self.tables[t as usize].block(at).scaled(factor), s: s() }
+            }
         }
     }
 

@@ -22,11 +22,7 @@ pub struct Boundary {
 
 impl Boundary {
     /// The boundary of an unfilled object.
-    pub const NONE: Self = Self {
-        medium: u32::MAX,
-        priority: 0,
-        object: u32::MAX,
-    };
+    pub const NONE: Self = Self { medium: u32::MAX, priority: 0, object: u32::MAX };
 }
 
 /// The filled objects that contain a point, in order of entry, as indices of their first boundaries.
@@ -57,10 +53,7 @@ impl Nest {
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {
         let own = boundaries[id as usize];
         own != Boundary::NONE
-            && self
-                .list()
-                .iter()
-                .any(|other| boundaries[*other as usize].priority > own.priority)
+            && self.list().iter().any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
     /// Crosses boundary `id`, to its inside if `enters`.
@@ -88,18 +81,8 @@ mod tests {
     use super::*;
 
     fn boundaries() -> [Boundary; 5] {
-        let of = |medium, priority, object| Boundary {
-            medium,
-            priority,
-            object,
-        };
-        [
-            of(10, 0, 0),
-            of(11, 0, 1),
-            of(12, 5, 2),
-            Boundary::NONE,
-            of(10, 0, 0),
-        ]
+        let of = |medium, priority, object| Boundary { medium, priority, object };
+        [of(10, 0, 0), of(11, 0, 1), of(12, 5, 2), Boundary::NONE, of(10, 0, 0)]
     }
 
     /// Boundaries 0 and 4 belong to one object.

@@ -62,11 +62,8 @@ const CASEIN_DENSITY: f64 = 1.11;
 /// Returns the area-weighted mean radius of fat globules, in micrometres.
 fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
     let w = fat_percent;
-    let untreated = if w < 2.0 {
-        -0.252_803_379_4 * w * w + 1.418_606_759 * w
-    } else {
-        1.456_189_142 * w.powf(0.36)
-    };
+    let untreated =
+        if w < 2.0 { -0.252_803_379_4 * w * w + 1.418_606_759 * w } else { 1.456_189_142 * w.powf(0.36) };
     let at_50 = 7.481_403_922e-4 * w * w + 3.203_991_829e-2 * w + 0.116_215_566_7;
     let r43 = if mpa > 1.0 {
         // The power law through both fits, at 1 MPa and at 50 MPa.
@@ -109,14 +106,9 @@ impl Milk {
     /// [`BulkError`] with the wavelength or parameter that is out of range.
     pub fn optics(&self, wavelengths: &Wavelengths) -> Result<Optics, BulkError> {
         let nm = wavelengths.nm();
-        let host = nm
-            .iter()
-            .map(|w| water::index(*w))
-            .collect::<Result<Vec<_>, _>>()?;
-        let absorption: Vec<f64> = nm
-            .iter()
-            .map(|w| water::absorption(*w) + self.concentration * riboflavin(*w))
-            .collect();
+        let host = nm.iter().map(|w| water::index(*w)).collect::<Result<Vec<_>, _>>()?;
+        let absorption: Vec<f64> =
+            nm.iter().map(|w| water::absorption(*w) + self.concentration * riboflavin(*w)).collect();
         let constants = |name: &str| -> Result<Vec<[f64; 2]>, BulkError> {
             let at = |w: &f64| lookup(name, *w).map(|(n, k)| [n, k]);
             Ok(nm.iter().map(at).collect::<Result<_, _>>()?)
@@ -166,16 +158,9 @@ pub fn polystyrene(
     wavelengths: &Wavelengths,
 ) -> Result<Optics, BulkError> {
     let nm = wavelengths.nm();
-    let host = nm
-        .iter()
-        .map(|w| water::index(*w))
-        .collect::<Result<Vec<_>, _>>()?;
+    let host = nm.iter().map(|w| water::index(*w)).collect::<Result<Vec<_>, _>>()?;
     let absorption: Vec<f64> = nm.iter().map(|w| water::absorption(*w)).collect();
-    let kind = Kind {
-        sizes,
-        index: nm.iter().map(|w| [polystyrene_index(*w), 0.0]).collect(),
-        amount,
-    };
+    let kind = Kind { sizes, index: nm.iter().map(|w| [polystyrene_index(*w), 0.0]).collect(), amount };
     Ok(Optics::particles(nm, &host, &absorption, &[kind])?)
 }
 
@@ -190,18 +175,12 @@ pub struct Translucent {
 }
 
 /// Jensen et al.'s "Marble".
-pub const MARBLE: Translucent = Translucent {
-    reduced_scattering: [2.19, 2.62, 3.00],
-    absorption: [0.0021, 0.0041, 0.0071],
-    index: 1.5,
-};
+pub const MARBLE: Translucent =
+    Translucent { reduced_scattering: [2.19, 2.62, 3.00], absorption: [0.0021, 0.0041, 0.0071], index: 1.5 };
 
 /// Jensen et al.'s "Skin1".
-pub const SKIN: Translucent = Translucent {
-    reduced_scattering: [0.74, 0.88, 1.01],
-    absorption: [0.032, 0.17, 0.48],
-    index: 1.3,
-};
+pub const SKIN: Translucent =
+    Translucent { reduced_scattering: [0.74, 0.88, 1.01], absorption: [0.032, 0.17, 0.48], index: 1.3 };
 
 impl Translucent {
     /// Returns the optics at the given wavelengths with the mean cosine `g`.

@@ -67,11 +67,7 @@ impl Products {
                 add(&mut mixed[1][n], -x, &im[1]);
             }
         }
-        Self {
-            terms,
-            squares,
-            mixed,
-        }
+        Self { terms, squares, mixed }
     }
 
     #[must_use]
@@ -121,10 +117,7 @@ mod tests {
                 want.iter_mut().zip(m).for_each(|(sum, e)| *sum += w * e);
             }
             for (got, want_e) in products.matrix(&table).into_iter().zip(want) {
-                assert!(
-                    (got - want_e).abs() < 1e-11 * want[0],
-                    "{mu}: {got} is not {want_e}"
-                );
+                assert!((got - want_e).abs() < 1e-11 * want[0], "{mu}: {got} is not {want_e}");
             }
         }
     }

@@ -31,10 +31,7 @@ impl Rayleigh {
     pub fn new(depolarization: f32) -> Self {
         let rho = depolarization.clamp(0.0, LARGEST_DEPOLARIZATION);
         let dipole = (1.0 - rho) / (1.0 + 0.5 * rho);
-        Self {
-            dipole,
-            circular: dipole * (1.0 - 2.0 * rho) / (1.0 - rho),
-        }
+        Self { dipole, circular: dipole * (1.0 - 2.0 * rho) / (1.0 - rho) }
     }
 
     /// Returns true for pure dipole scattering, so that S22 = S11 and S44 = S33.

@@ -43,30 +43,21 @@ impl Angle {
     #[inline]
     #[must_use]
     pub fn of_cos(mu: f32) -> Self {
-        Self {
-            forward: 1.0 - mu,
-            backward: 1.0 + mu,
-        }
+        Self { forward: 1.0 - mu, backward: 1.0 + mu }
     }
 
     /// Returns the angle for 1 - cosθ in 0..2.
     #[inline]
     #[must_use]
     pub fn of_forward(forward: f32) -> Self {
-        Self {
-            forward,
-            backward: 2.0 - forward,
-        }
+        Self { forward, backward: 2.0 - forward }
     }
 
     /// Returns the supplement 180° - θ.
     #[inline]
     #[must_use]
     pub fn supplement(self) -> Self {
-        Self {
-            forward: self.backward,
-            backward: self.forward,
-        }
+        Self { forward: self.backward, backward: self.forward }
     }
 
     #[inline]
@@ -104,11 +95,7 @@ pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     let short = if wo.dot(wi) < 0.0 { wo + wi } else { wo - wi };
     let n = wo.cross(short);
     let n2 = n.length_squared();
-    if n2 > 1e-12 {
-        n * n2.sqrt().recip()
-    } else {
-        perpendicular(wo)
-    }
+    if n2 > 1e-12 { n * n2.sqrt().recip() } else { perpendicular(wo) }
 }
 
 /// The six elements of the matrix in the module documentation.

@@ -74,10 +74,7 @@ impl SizeDistribution {
                 radius(*median)?;
                 refuse_unless((1e-3..=2.0).contains(sigma), SizeError::Sigma(*sigma))
             }
-            Self::Gamma {
-                effective_radius,
-                effective_variance: b,
-            } => {
+            Self::Gamma { effective_radius, effective_variance: b } => {
                 radius(*effective_radius)?;
                 refuse_unless((1e-3..=0.45).contains(b), SizeError::Variance(*b))
             }
@@ -97,10 +94,7 @@ impl SizeDistribution {
             Self::Single { radius } => radius.powi(3),
             Self::LogNormal { median, sigma } => median.powi(3) * (4.5 * sigma * sigma).exp(),
             // ⟨r³⟩ of a gamma density of shape k and scale ab is k (k+1) (k+2) (ab)³.
-            Self::Gamma {
-                effective_radius: a,
-                effective_variance: b,
-            } => {
+            Self::Gamma { effective_radius: a, effective_variance: b } => {
                 let k = (1.0 - 2.0 * b) / b;
                 k * (k + 1.0) * (k + 2.0) * (a * b).powi(3)
             }
@@ -119,10 +113,7 @@ impl SizeDistribution {
                 let t = (ln_r - median.ln()) / sigma;
                 -0.5 * t * t - ((2.0 * PI).sqrt() * sigma).ln()
             }
-            Self::Gamma {
-                effective_radius: a,
-                effective_variance: b,
-            } => {
+            Self::Gamma { effective_radius: a, effective_variance: b } => {
                 let k = (1.0 - 2.0 * b) / b;
                 let t = ln_r - (a * b).ln();
                 k * t - t.exp() - ln_gamma(k)
@@ -147,10 +138,7 @@ impl SizeDistribution {
                 return some.map(|[r, w]| [*r, w / sum]).collect();
             }
             Self::LogNormal { median, sigma } => (median.ln(), *sigma),
-            Self::Gamma {
-                effective_radius: a,
-                effective_variance: b,
-            } => (a.ln(), b.sqrt()),
+            Self::Gamma { effective_radius: a, effective_variance: b } => (a.ln(), b.sqrt()),
         };
         // A coarse scan for the ends.
         let (first, last) = (centre - 12.0 * width - 2.0, centre + (12.0 + 6.0 * width) * width);
@@ -198,10 +186,7 @@ mod tests {
             assert!((moment(&points, k) / want - 1.0).abs() < 1e-8, "⟨r^{k}⟩");
         }
         let (a, b) = (1e-6, 0.1);
-        let gamma = SizeDistribution::Gamma {
-            effective_radius: a,
-            effective_variance: b,
-        };
+        let gamma = SizeDistribution::Gamma { effective_radius: a, effective_variance: b };
         let points = gamma.quadrature(1.8e7);
         let area = moment(&points, 2);
         let mean = moment(&points, 3) / area;
@@ -215,14 +200,8 @@ mod tests {
     fn mean_volumes_are_those_of_the_quadratures() {
         for sizes in [
             SizeDistribution::Single { radius: 2e-7 },
-            SizeDistribution::LogNormal {
-                median: 1e-7,
-                sigma: 0.3,
-            },
-            SizeDistribution::Gamma {
-                effective_radius: 5e-7,
-                effective_variance: 0.2,
-            },
+            SizeDistribution::LogNormal { median: 1e-7, sigma: 0.3 },
+            SizeDistribution::Gamma { effective_radius: 5e-7, effective_variance: 0.2 },
             SizeDistribution::List(vec![[1e-7, 3.0], [2e-7, 1.0]]),
         ] {
             let points = sizes.quadrature(1.5e7);
@@ -237,14 +216,8 @@ mod tests {
         let bad = [
             SizeDistribution::Single { radius: 0.0 },
             SizeDistribution::Single { radius: f64::NAN },
-            SizeDistribution::LogNormal {
-                median: 1e-7,
-                sigma: 0.0,
-            },
-            SizeDistribution::Gamma {
-                effective_radius: 1e-7,
-                effective_variance: 0.5,
-            },
+            SizeDistribution::LogNormal { median: 1e-7, sigma: 0.0 },
+            SizeDistribution::Gamma { effective_radius: 1e-7, effective_variance: 0.5 },
             SizeDistribution::List(vec![]),
             SizeDistribution::List(vec![[1e-7, -1.0]]),
             SizeDistribution::List(vec![[1e-7, 0.0]]),

@@ -87,20 +87,13 @@ fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     let mut matrices = |i: f64, cells: usize, backward: bool| -> Vec<[f64; 4]> {
         let cos = cos_at(i, cells, backward);
         let of = |e: &Ensemble| {
-            if e.is_clear() {
-                [0.25 / PI, 0.0, 0.0, 0.0]
-            } else {
-                e.matrix(cos, &mut scratch)
-            }
+            if e.is_clear() { [0.25 / PI, 0.0, 0.0, 0.0] } else { e.matrix(cos, &mut scratch) }
         };
         ensembles.iter().map(of).collect()
     };
     let mut cells = CELLS[0].min(most);
-    let mut halves = [false, true].map(|backward| -> Half {
-        (0..=cells + 1)
-            .map(|i| matrices(i as f64, cells, backward))
-            .collect()
-    });
+    let mut halves = [false, true]
+        .map(|backward| -> Half { (0..=cells + 1).map(|i| matrices(i as f64, cells, backward)).collect() });
     loop {
         let mut worst = 0.0_f64;
         let between = [0, 1].map(|half| -> Half {
@@ -142,10 +135,7 @@ fn alias(probabilities: &[f64]) -> Vec<Alias> {
     let mut table: Vec<Alias> = (0..count as u32).map(|i| Alias { keep: 1.0, other: i }).collect();
     let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| left[*i] < 1.0);
     while let (Some(s), Some(l)) = (small.pop(), large.last().copied()) {
-        table[s] = Alias {
-            keep: left[s] as f32,
-            other: l as u32,
-        };
+        table[s] = Alias { keep: left[s] as f32, other: l as u32 };
         left[l] -= 1.0 - left[s];
         if left[l] < 1.0 {
             large.pop();
@@ -184,10 +174,7 @@ impl Table {
         for lane in 0..lanes {
             let mass =
                 |half: &Half, i: usize| 0.5 * (half[i][lane][0] + half[i + 1][lane][0]) * solid_angle(i);
-            let masses: Vec<f64> = halves
-                .iter()
-                .flat_map(|half| (0..cells).map(|i| mass(half, i)))
-                .collect();
+            let masses: Vec<f64> = halves.iter().flat_map(|half| (0..cells).map(|i| mass(half, i))).collect();
             let total: f64 = masses.iter().sum();
             for (cell, a) in table.iter_mut().zip(alias(&masses)) {
                 cell[lane] = a;
@@ -197,12 +184,7 @@ impl Table {
                 d[lane] = (node[lane][0] / total) as f32;
             }
         }
-        Self {
-            cells,
-            nodes,
-            density: density.into_iter().map(Spectral::new).collect(),
-            alias: table,
-        }
+        Self { cells, nodes, density: density.into_iter().map(Spectral::new).collect(), alias: table }
     }
 
     #[must_use]
@@ -216,11 +198,7 @@ impl Table {
         // v/sin 45° = √(1 - cosθ).
         let i = at.forward.min(at.backward).sqrt() * self.cells as f32;
         let cell = (i as usize).min(self.cells - 1);
-        Lookup {
-            backward,
-            cell,
-            fraction: (i - cell as f32).min(1.0),
-        }
+        Lookup { backward, cell, fraction: (i - cell as f32).min(1.0) }
     }
 
     /// Returns the matrix per steradian: S11, S12, S33, S34 in place of a, b, c, d.
@@ -240,16 +218,9 @@ impl Table {
         let a = mix(|n| n.a).max(Spectral::ZERO);
         let (b, c, d) = (mix(|n| n.b), mix(|n| n.c), mix(|n| n.d));
         // Interpolation may give a degree of polarization slightly above 1: scale it back to 1.
-        let polarized = (b * b + c * c + d * d)
-            .sqrt()
-            .max(Spectral::splat(f32::MIN_POSITIVE));
+        let polarized = (b * b + c * c + d * d).sqrt().max(Spectral::splat(f32::MIN_POSITIVE));
         let f = (a / polarized).min(Spectral::ONE);
-        FresnelBlock {
-            a,
-            b: b * f,
-            c: c * f,
-            d: d * f,
-        }
+        FresnelBlock { a, b: b * f, c: c * f, d: d * f }
     }
 
     /// Returns the density of [`Self::sample`] per steradian, averaged over the live lanes.

@@ -48,9 +48,7 @@ impl Aim {
             let (x, y) = (cell % CELLS, cell / CELLS);
             around(y).any(|y| around(x).any(|x| met[y * CELLS + x]))
         };
-        let weights: Vec<f32> = (0..met.len())
-            .map(|cell| if near(cell) { 1.0 } else { ELSEWHERE })
-            .collect();
+        let weights: Vec<f32> = (0..met.len()).map(|cell| if near(cell) { 1.0 } else { ELSEWHERE }).collect();
         let uneven = weights.iter().any(|w| *w != weights[0]);
         uneven.then(|| Self::of(&weights))
     }
@@ -66,21 +64,14 @@ impl Aim {
         }));
         before[weights.len()] = 1.0;
         let densities = before.windows(2).map(|b| (b[1] - b[0]) * weights.len() as f32);
-        Self {
-            densities: densities.collect(),
-            before,
-        }
+        Self { densities: densities.collect(), before }
     }
 
     /// Maps two uniform numbers to a point of the unit square.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         // Selects a cell in row-major order; the rest of `u` determines the position in it.
-        let cell = self
-            .before
-            .partition_point(|b| *b <= u)
-            .clamp(1, self.densities.len())
-            - 1;
+        let cell = self.before.partition_point(|b| *b <= u).clamp(1, self.densities.len()) - 1;
         let [from, to] = [self.before[cell], self.before[cell + 1]];
         let within = ((u - from) / (to - from)).clamp(0.0, 1.0);
         let size = 1.0 / CELLS as f32;
@@ -107,13 +98,7 @@ mod tests {
         const N: usize = 400_000;
         let mut stream = Stream::new(9, 0, 0);
         let weights: Vec<f32> = (0..CELLS * CELLS)
-            .map(|cell| {
-                if cell % 7 < 2 {
-                    1.0
-                } else {
-                    ELSEWHERE * (1 + cell % 3) as f32
-                }
-            })
+            .map(|cell| if cell % 7 < 2 { 1.0 } else { ELSEWHERE * (1 + cell % 3) as f32 })
             .collect();
         let aim = Aim::of(&weights);
         let mean = aim.densities.iter().map(|d| f64::from(*d)).sum::<f64>() / (CELLS * CELLS) as f64;
@@ -132,16 +117,11 @@ mod tests {
             }
         }
         let expected = |cell: usize| f64::from(aim.densities[cell]) * N as f64 / (CELLS * CELLS) as f64;
-        let chi2: f64 = (0..counts.len())
-            .map(|c| (counts[c] - expected(c)).powi(2) / expected(c))
-            .sum();
+        let chi2: f64 = (0..counts.len()).map(|c| (counts[c] - expected(c)).powi(2) / expected(c)).sum();
         let freedom = (CELLS * CELLS - 1) as f64;
         assert!(chi2 < freedom + 5.0 * (2.0 * freedom).sqrt(), "{chi2}");
         for half in halves {
-            assert!(
-                (half - N as f64 / 2.0).abs() < 5.0 * (N as f64).sqrt() / 2.0,
-                "{half}"
-            );
+            assert!((half - N as f64 / 2.0).abs() < 5.0 * (N as f64).sqrt() / 2.0, "{half}");
         }
     }
 }

@@ -41,11 +41,7 @@ struct Lines {
 }
 
 impl Lines {
-    const NONE: Self = Self {
-        count: 0,
-        matrix: DMat3::ZERO,
-        vector: DVec3::ZERO,
-    };
+    const NONE: Self = Self { count: 0, matrix: DMat3::ZERO, vector: DVec3::ZERO };
 
     fn add(&mut self, p: Vec3A, dir: Vec3A) {
         let (p, d) = (p.as_dvec3(), dir.as_dvec3());
@@ -106,9 +102,7 @@ pub(super) fn find(scene: &Scene, emission: &Emission) -> Guide {
     let mut guide = Guide::none(&scene.media);
     let dir = Vec3A::Z;
     let peak = |id: u32| 4.0 * PI * scene.media.pdf(id, scene.lanes(), dir, -dir);
-    let peaked: Vec<u32> = (0..scene.media.list.len() as u32)
-        .filter(|id| peak(*id) >= LEAST_PEAK)
-        .collect();
+    let peaked: Vec<u32> = (0..scene.media.list.len() as u32).filter(|id| peak(*id) >= LEAST_PEAK).collect();
     if !scene.filled || peaked.is_empty() {
         return guide;
     }
@@ -159,10 +153,7 @@ mod tests {
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {
             let place = through_water(index, 0.02).nearest().expect("a place");
-            assert!(
-                (place - Vec3A::new(0.0, 0.0, 0.4 * index)).length() < 1e-3,
-                "{index}: {place}"
-            );
+            assert!((place - Vec3A::new(0.0, 0.0, 0.4 * index)).length() < 1e-3, "{index}: {place}");
         }
         // Steeper rays appear to come from farther away.
         let far = through_water(1.333, 0.4).nearest().expect("a place").z;

@@ -50,24 +50,14 @@ impl<'a> Cpu<'a> {
             }
             _ => None,
         };
-        Self {
-            scene,
-            plans,
-            epipolar,
-            walks_at_once: WALKS_AT_ONCE,
-            light: None,
-            samples: None,
-        }
+        Self { scene, plans, epipolar, walks_at_once: WALKS_AT_ONCE, light: None, samples: None }
     }
 
     /// Sets the number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image
     /// is rendered in as many parts as this requires; the output is bit-identical.
     #[must_use]
     pub fn walks_at_once(self, walks: u64) -> Self {
-        Self {
-            walks_at_once: walks.max(1),
-            ..self
-        }
+        Self { walks_at_once: walks.max(1), ..self }
     }
 
     /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
@@ -101,11 +91,7 @@ impl<'a> Cpu<'a> {
             let selected = plan.selected()?;
             plan.camera_index(x, y)?;
             let none = matches!(selected, Selected::Band { .. }) && band.is_empty();
-            (!none).then_some(Aim {
-                slice,
-                selected,
-                band,
-            })
+            (!none).then_some(Aim { slice, selected, band })
         })
     }
 
@@ -142,10 +128,7 @@ impl<'a> Cpu<'a> {
             self.list_bands([x, y], line, &mut bands);
             accumulator.set_bands(&bands);
             let aims: Vec<Aim> = self.aims([x, y], &bands).collect();
-            let wants = Wants {
-                aims: &aims,
-                labels: self.labelled(),
-            };
+            let wants = Wants { aims: &aims, labels: self.labelled() };
             let mut all = None;
             for pass in prepared.passes(scene, spp) {
                 let Pass { count, group, .. } = pass;
@@ -170,10 +153,7 @@ impl<'a> Cpu<'a> {
                         counted += 1;
                     }
                 }
-                let counted = Counted {
-                    samples: counted,
-                    groups: counted.min(count / group.size()),
-                };
+                let counted = Counted { samples: counted, groups: counted.min(count / group.size()) };
                 accumulator.end_pass(x, y, counted);
                 all.get_or_insert(counted.samples);
             }
@@ -197,9 +177,7 @@ impl TileBackend for Cpu<'_> {
         // One accumulator and tracer per thread, reused because they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let parts: Vec<&[u32]> = tiles
-            .chunks(tiles_at_once(self.scene, self.walks_at_once))
-            .collect();
+        let parts: Vec<&[u32]> = tiles.chunks(tiles_at_once(self.scene, self.walks_at_once)).collect();
         let of = TileParts::new(self.scene, &parts);
         let Some(mut prepared) = Prepared::new(self.scene, &of, self.labelled(), self.light.as_ref(), &stop)
         else {

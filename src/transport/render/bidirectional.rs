@@ -112,11 +112,7 @@ impl Plan {
         let mut plan = Self {
             seed: if redirected { seed ^ REDIRECTED_SEED } else { seed },
             setup: Setup {
-                emission: if redirected {
-                    emission.aimed(scene)
-                } else {
-                    emission
-                },
+                emission: if redirected { emission.aimed(scene) } else { emission },
                 redirected: false,
                 walks: if redirected { (w * h).div_ceil(2) } else { w * h },
                 connections: if strategies.has(Strategy::SmoothInterfaces) && guide.turns_both() {
@@ -201,10 +197,7 @@ impl Plan {
         let wanted = |pixel| (parts.of)(pixel) as usize == part;
         let pixels = self.counts(scene).pixels;
         let kept = match &self.light {
-            Some(light) => light
-                .splats(pixels, wanted)
-                .inspect_err(|e| light.warn("read from", e))
-                .ok(),
+            Some(light) => light.splats(pixels, wanted).inspect_err(|e| light.warn("read from", e)).ok(),
             None => None,
         };
         if let Some(splats) = kept {
@@ -246,11 +239,7 @@ impl Plan {
 
     fn counts(&self, scene: &Scene) -> Counts {
         let [w, h] = scene.camera.resolution;
-        Counts {
-            samples: samples(scene, scene.settings.spp),
-            walks: self.setup.walks,
-            pixels: w * h,
-        }
+        Counts { samples: samples(scene, scene.settings.spp), walks: self.setup.walks, pixels: w * h }
     }
 
     /// Estimates the roulette threshold from a few samples spread over the image.
@@ -328,8 +317,7 @@ impl Walks {
             labelled: plan.setup.labelled,
             parting: Parting::All,
         };
-        self.camera
-            .run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
+        self.camera.run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let ends = &ends;
         let mut rays = 0;

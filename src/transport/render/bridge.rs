@@ -53,8 +53,7 @@ pub(super) struct Bridge {
 #[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
-    nest.medium(&scene.boundaries)
-        .map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
+    nest.medium(&scene.boundaries).map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
 /// Returns true if surfaces of material `id` have no effect on light: boundaries between media of equal
@@ -103,13 +102,7 @@ pub(super) fn bridge(
     rays: &mut u32,
 ) -> Option<Bridge> {
     let to = end.aim;
-    let Start {
-        mut ray,
-        mut at,
-        mut filling,
-        mut nest,
-        ..
-    } = *start;
+    let Start { mut ray, mut at, mut filling, mut nest, .. } = *start;
     let any = perpendicular(ray.dir);
     let mut left = at.distance(end.at);
     let (mut optical_m, mut sheets, mut depth) = (0.0, 0, Spectral::ZERO);
@@ -123,10 +116,7 @@ pub(super) fn bridge(
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
         if let Some(id) = nest.medium(&scene.boundaries) {
-            let sent = Ray {
-                origin: at.as_vec3a(),
-                dir: ray.dir,
-            };
+            let sent = Ray { origin: at.as_vec3a(), dir: ray.dir };
             depth += scene.media.depth(id, &sent, step as f32);
         }
         optical_m += f64::from(filling.index) * step;
@@ -147,19 +137,10 @@ pub(super) fn bridge(
         at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
         // Aimed again, so that the offsets from the sheets do not add up to a miss of the end.
-        ray = Ray {
-            origin,
-            dir: (to - origin).normalize_or(ray.dir),
-        };
+        ray = Ray { origin, dir: (to - origin).normalize_or(ray.dir) };
     }
     if depth != Spectral::ZERO {
         chain.scale((-depth).exp());
     }
-    Some(Bridge {
-        optical_m,
-        sheets,
-        depth,
-        filling,
-        nest,
-    })
+    Some(Bridge { optical_m, sheets, depth, filling, nest })
 }

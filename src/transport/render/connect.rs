@@ -106,10 +106,7 @@ pub(super) fn connect_all<const N: usize>(
             position: projector.pinhole.origin,
             distance: a.distance[place],
             irradiance: projector.irradiance * Spectral::splat(a.factor[place]),
-            polarized: Polarized {
-                axis: projector.pinhole.axes.x_axis,
-                filter: None,
-            },
+            polarized: Polarized { axis: projector.pinhole.axes.x_axis, filter: None },
             pixel: a.pixel[place],
             start_m: 0.0,
         };
@@ -183,10 +180,7 @@ fn connect_point(
         position: point.position,
         distance,
         irradiance: point.share(&scene.materials.textures, -wi, share),
-        polarized: Polarized {
-            axis: point.axis,
-            filter: None,
-        },
+        polarized: Polarized { axis: point.axis, filter: None },
         pixel: NO_PIXEL,
         start_m: 0.0,
     };
@@ -204,10 +198,7 @@ pub(super) fn connect_lights(
 ) -> u32 {
     let (lights, surface) = (&scene.lights, at.surface);
     let mut rays = 0;
-    let distant = lights
-        .distant
-        .iter()
-        .filter_map(|d| d.toward(surface.p, scene.far));
+    let distant = lights.distant.iter().filter_map(|d| d.toward(surface.p, scene.far));
     for drawn in distant.chain(drawn) {
         let share = if drawn.density > 0.0 {
             let chance = scene.materials.pdf(surface.material, surface, at.wo, drawn.wi);
@@ -303,21 +294,11 @@ fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) 
     let origin = scene.geometry.leave(surface, to.wi);
     let v = to.position - origin;
     let length = v.length();
-    let ray = Ray {
-        origin,
-        dir: v * length.recip(),
-    };
+    let ray = Ray { origin, dir: v * length.recip() };
     if !scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
         return (1, Sight::Free);
     }
-    (
-        1,
-        if scene.sheets {
-            Sight::Blocked(ray)
-        } else {
-            Sight::Shut
-        },
-    )
+    (1, if scene.sheets { Sight::Blocked(ray) } else { Sight::Shut })
 }
 
 /// Appends an emitter's light by an interaction (with label and blocked ray). Returns the number of rays.
@@ -358,9 +339,7 @@ fn bring(
     } else {
         let frame_in = scatter.frame_in();
         let (c2, s2) = turn(-to.wi, to.polarized.frame(-to.wi), frame_in);
-        state
-            .chain
-            .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
+        state.chain.finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
     let length = state.from.distance(to.position.as_dvec3());
     let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * length + to.start_m);

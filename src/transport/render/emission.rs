@@ -150,12 +150,8 @@ impl Emission {
         for s in &mut sources {
             s.1 /= all;
         }
-        let mut out = Self {
-            sources,
-            nests: vec![],
-            camera: surroundings(scene, scene.camera.origin),
-            aim: None,
-        };
+        let mut out =
+            Self { sources, nests: vec![], camera: surroundings(scene, scene.camera.origin), aim: None };
         out.nests = (0..out.count())
             .map(|i| surroundings(scene, out.position(scene, &Ends::new(scene), i)))
             .collect();
@@ -232,9 +228,7 @@ impl Emission {
                 match &self.aim {
                     Some(aim) => {
                         let at = p.pinhole.project(p.pinhole.origin + dir);
-                        at.map_or(even, |(at, _)| {
-                            even * aim.density([at.x as f32 / w, at.y as f32 / h])
-                        })
+                        at.map_or(even, |(at, _)| even * aim.density([at.x as f32 / w, at.y as f32 / h]))
                     }
                     None => even,
                 }
@@ -289,16 +283,9 @@ impl Emission {
     /// Returns the camera's end of subpaths whose rays start along `dir`.
     #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
-        let nest = if camera.parallel {
-            surroundings(scene, camera.origin)
-        } else {
-            self.camera
-        };
+        let nest = if camera.parallel { surroundings(scene, camera.origin) } else { self.camera };
         End {
-            ray: Ray {
-                origin: camera.origin,
-                dir,
-            },
+            ray: Ray { origin: camera.origin, dir },
             chain: Chain::start(scene.wavelengths.ones()),
             frame: camera.frame(dir),
             density: camera.pixels_per_steradian(dir),

@@ -26,20 +26,13 @@ impl Chosen {
     /// Describes a ray from a mirror, from smooth glass or from the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
-        Self {
-            density: 0.0,
-            from: Receiver::anywhere(from),
-        }
+        Self { density: 0.0, from: Receiver::anywhere(from) }
     }
 
     /// Returns the MIS weight relative to a connection that samples the direction with density `other`.
     #[inline]
     fn share(self, other: f32) -> f32 {
-        if self.density > 0.0 {
-            share(self.density, other)
-        } else {
-            1.0
-        }
+        if self.density > 0.0 { share(self.density, other) } else { 1.0 }
     }
 }
 
@@ -67,13 +60,8 @@ pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &
     }
     // If no connection can sample the path, its density is not computed.
     let share = if met.chosen.density > 0.0 {
-        let found = Found {
-            number: met.number,
-            surface,
-            facet: met.facet,
-        };
-        met.chosen
-            .share(scene.lights.density(&met.chosen.from, -beam.travel, &found))
+        let found = Found { number: met.number, surface, facet: met.facet };
+        met.chosen.share(scene.lights.density(&met.chosen.from, -beam.travel, &found))
     } else {
         1.0
     };

@@ -46,19 +46,13 @@ impl Hero {
     /// Chooses one of the active lanes at random.
     #[inline]
     pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
-        Self {
-            lane: lanes.draw(stream),
-            likely: lanes.ones(),
-        }
+        Self { lane: lanes.draw(stream), likely: lanes.ones() }
     }
 
     /// Uses the single lane that a dispersive interface leaves.
     #[inline]
     pub fn only(lanes: Lanes) -> Self {
-        Self {
-            lane: lanes.nth(0),
-            likely: lanes.ones(),
-        }
+        Self { lane: lanes.nth(0), likely: lanes.ones() }
     }
 
     /// Records an event with `densities` by lane. Returns the density to divide by; `None` on underflow.
@@ -113,20 +107,14 @@ impl Flight {
             depth: Spectral::ZERO,
             draws: true,
             nest: end.nest,
-            hero: if scene.filled {
-                Hero::draw(all, stream)
-            } else {
-                Hero::only(all)
-            },
+            hero: if scene.filled { Hero::draw(all, stream) } else { Hero::only(all) },
         }
     }
 
     /// Applies an interaction, given in the true direction of the light, to the light along the ray.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter) {
-        let State {
-            ray, chain, frame, ..
-        } = &mut self.state;
+        let State { ray, chain, frame, .. } = &mut self.state;
         let next = match self.end {
             From::Camera => chain.push(scatter, -ray.dir, *frame),
             From::Light => chain.push(&scatter.transposed(), ray.dir, *frame),
@@ -137,9 +125,7 @@ impl Flight {
     /// Returns [`polarized::factor`] of an interaction on the ray; equal for `scatter` and its transpose.
     #[inline]
     pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
-        let State {
-            ray, chain, frame, ..
-        } = &self.state;
+        let State { ray, chain, frame, .. } = &self.state;
         let d_out = match self.end {
             From::Camera => -ray.dir,
             From::Light => ray.dir,
@@ -184,12 +170,8 @@ impl Flight {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
             // In dense media most flights end before a surface, so the search is limited to the free path.
-            let free = inside
-                .filter(|_| self.draws)
-                .and_then(|id| self.free_path(scene, id, stream));
-            let reach = free.map_or(f32::INFINITY, |length| {
-                length * (1.0 + REACH) + scene.geometry.skin()
-            });
+            let free = inside.filter(|_| self.draws).and_then(|id| self.free_path(scene, id, stream));
+            let reach = free.map_or(f32::INFINITY, |length| length * (1.0 + REACH) + scene.geometry.skin());
             let hit = scene.geometry.intersect(&self.state.ray, reach);
             let surface = hit.map(|hit| scene.geometry.surface(&self.state.ray, &hit));
             let State { from, ray, .. } = &self.state;
@@ -235,10 +217,7 @@ impl Flight {
     /// Returns the ray from the exact end of the last segment.
     #[inline]
     fn sent(&self) -> Ray {
-        Ray {
-            origin: self.state.from.as_vec3a(),
-            dir: self.state.ray.dir,
-        }
+        Ray { origin: self.state.from.as_vec3a(), dir: self.state.ray.dir }
     }
 
     /// Advances `way` metres through a medium, or less if the free path is shorter.
@@ -269,23 +248,14 @@ impl Flight {
             self.depth += depth;
             self.state.optical_m += f64::from(self.state.filling.index) * f64::from(length);
             self.state.from += self.state.ray.dir.as_dvec3() * f64::from(length);
-            return Some(Landing::At(
-                Site::Volume(id),
-                Surface {
-                    p,
-                    ..Surface::default()
-                },
-                None,
-            ));
+            return Some(Landing::At(Site::Volume(id), Surface { p, ..Surface::default() }, None));
         }
         let depth = passed(way);
         let transmittance = (-depth).exp();
         let Some(chance) = self.hero.event(transmittance) else {
             return Some(Landing::Absorbed);
         };
-        self.state
-            .chain
-            .scale(transmittance * Spectral::splat(1.0 / chance));
+        self.state.chain.scale(transmittance * Spectral::splat(1.0 / chance));
         self.depth += depth;
         None
     }

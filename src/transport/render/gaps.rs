@@ -87,10 +87,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     let scale = near / s.rounding;
     let (across, far) = (s.ng * s.ng.dot(dir).signum(), SEARCHED * scale);
     // Seen from a point that is certainly beyond, distances are accurate.
-    let back = Ray {
-        origin: s.p + across * far,
-        dir: -across,
-    };
+    let back = Ray { origin: s.p + across * far, dir: -across };
     let gap = |other: Hit| {
         if (other.leaf, other.owner) == (hit.leaf, hit.owner) {
             return None;
@@ -108,11 +105,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
         let contact = if is_sheet(scene, s, -dir) {
             Contact::Air(0)
         } else if !transmits(scene, &t, back.dir) && !transmits(scene, &t, -back.dir) {
-            if width > both {
-                Contact::Air(0)
-            } else {
-                Contact::Touch
-            }
+            if width > both { Contact::Air(0) } else { Contact::Touch }
         } else if is_sheet(scene, &t, back.dir) {
             Contact::Air(1)
         } else {
@@ -159,25 +152,13 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
     let g = &scene.geometry;
     match *outline {
         Outline::Flat { .. } => {
-            let hit = Hit {
-                t: 0.0,
-                leaf,
-                owner: Owner::WORLD,
-                u,
-                v,
-            };
-            let ray = Ray {
-                origin: Vec3A::ZERO,
-                dir: Vec3A::Z,
-            };
+            let hit = Hit { t: 0.0, leaf, owner: Owner::WORLD, u, v };
+            let ray = Ray { origin: Vec3A::ZERO, dir: Vec3A::Z };
             g.is_inside(&hit).then(|| (hit, g.surface(&ray, &hit)))
         }
         Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
             let dir = optics::sampling::warp::sphere([u, v]);
-            let ray = Ray {
-                origin: centre - dir * (2.0 * radius),
-                dir,
-            };
+            let ray = Ray { origin: centre - dir * (2.0 * radius), dir };
             let hit = g.meet(&ray, leaf)?;
             Some((hit, g.surface(&ray, &hit)))
         }
@@ -192,16 +173,14 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let devices: Vec<&Pinhole> = std::iter::once(&scene.camera).chain(projector).collect();
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
-    let seen = (0..devices.len() as u32 * GRID * GRID)
-        .into_par_iter()
-        .flat_map_iter(|k| {
-            let (device, k) = (devices[(k / (GRID * GRID)) as usize], k % (GRID * GRID));
-            let [w, h] = device.resolution.map(f64::from);
-            let pixel = DVec2::new(w * at(k % GRID), h * at(k / GRID));
-            let device = device.at(pixel);
-            let (origin, dir) = (device.origin, device.direction(pixel));
-            along(scene, Ray { origin, dir })
-        });
+    let seen = (0..devices.len() as u32 * GRID * GRID).into_par_iter().flat_map_iter(|k| {
+        let (device, k) = (devices[(k / (GRID * GRID)) as usize], k % (GRID * GRID));
+        let [w, h] = device.resolution.map(f64::from);
+        let pixel = DVec2::new(w * at(k % GRID), h * at(k / GRID));
+        let device = device.at(pixel);
+        let (origin, dir) = (device.origin, device.direction(pixel));
+        along(scene, Ray { origin, dir })
+    });
     let (triangles, quadrics) = scene.geometry.counts();
     let step = ((triangles + quadrics) / MOST_PRIMITIVES).max(1);
     let some: Vec<(u32, Outline)> = scene.geometry.outlines().step_by(step).collect();
@@ -226,10 +205,8 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
     for gap in found {
         let [a, b] = gap.objects;
         let same = |other: &Gap| {
-            let (along, against) = (
-                direction(&gap) == direction(other),
-                direction(&gap) == -direction(other),
-            );
+            let (along, against) =
+                (direction(&gap) == direction(other), direction(&gap) == -direction(other));
             // An unlikely gap is a likely one seen from the wrong side.
             (other.objects == [a, b] && (along || against && other.likely && !gap.likely))
                 || (other.objects == [b, a] && against)

@@ -10,13 +10,7 @@ use std::f32::consts::PI;
 
 /// Returns a material's specular reflectance at normal incidence: maximum over lanes and sides.
 pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
-    let surface = Surface {
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        material,
-        ..Surface::default()
-    };
+    let surface = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, material, ..Surface::default() };
     let reflects = |wo: Vec3A| {
         let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
         found.map_or(0.0, |s| max_lane(s.scatter.m00()))
@@ -44,18 +38,11 @@ impl Glints {
         if reflecting <= 0.0 {
             return Self::default();
         }
-        Self {
-            centre: 0.5 * (low + high),
-            radius: 0.5 * (high - low).length(),
-            reflecting,
-        }
+        Self { centre: 0.5 * (low + high), radius: 0.5 * (high - low).length(), reflecting }
     }
 
     pub fn unknown() -> Self {
-        Self {
-            reflecting: f32::INFINITY,
-            ..Self::default()
-        }
+        Self { reflecting: f32::INFINITY, ..Self::default() }
     }
 
     pub fn centre(&self) -> Vec3A {
@@ -64,10 +51,7 @@ impl Glints {
 
     /// Returns the irradiance at `p` per intensity of an emitter at `from`, in m⁻².
     pub fn thrown(&self, from: Vec3A, p: Vec3A) -> f32 {
-        let near = |p: Vec3A| {
-            p.distance_squared(self.centre)
-                .max(0.25 * self.radius * self.radius)
-        };
+        let near = |p: Vec3A| p.distance_squared(self.centre).max(0.25 * self.radius * self.radius);
         self.reflecting / (4.0 * PI * near(from) * near(p))
     }
 }
@@ -79,10 +63,7 @@ mod tests {
     /// A distant ball scatters uniformly the light on its cross-section, a quarter of its surface area.
     #[test]
     fn a_ball_throws_what_it_takes_in() {
-        let ball = Outline::Ball {
-            centre: Vec3A::X,
-            radius: 0.1,
-        };
+        let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };
         let bounds = [Vec3A::X - 0.1, Vec3A::X + 0.1];
         let glints = Glints::new([(&ball, bounds, 0.5)].into_iter());
         let (from, p) = (Vec3A::new(1.0, 3.0, 0.0), Vec3A::new(1.0, 0.0, -2.0));

@@ -54,9 +54,7 @@ pub(super) struct Guide {
 
 impl Guide {
     pub fn none(media: &Media) -> Self {
-        Self {
-            targets: vec![[Targets::new(), Targets::new()]; media.list.len()],
-        }
+        Self { targets: vec![[Targets::new(), Targets::new()]; media.list.len()] }
     }
 
     /// Adds a target position in a medium, up to the maximum number.
@@ -105,10 +103,7 @@ impl Guide {
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
         let targets = self.targets(at.medium, at.from);
         if targets.is_empty() {
-            return Lean {
-                partner: to,
-                factor: 1.0,
-            };
+            return Lean { partner: to, factor: 1.0 };
         }
         // Normalized again: otherwise rounding errors would triple with every particle.
         let partner = (back * (2.0 * back.dot(to)) - to).normalize();
@@ -118,10 +113,7 @@ impl Guide {
         }
         // The mean direction: opposing targets cancel.
         let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
-        Lean {
-            partner,
-            factor: 1.0 + more,
-        }
+        Lean { partner, factor: 1.0 + more }
     }
 
     /// Returns the contribution of guided turns to the density of the direction `to`.
@@ -129,11 +121,7 @@ impl Guide {
     pub fn toward(&self, media: &Media, at: At, to: Vec3A) -> Toward {
         let targets = self.targets(at.medium, at.from);
         if targets.is_empty() {
-            return Toward {
-                straight: 1.0,
-                turned: Spectral::ZERO,
-                hopes: Spectral::ONE,
-            };
+            return Toward { straight: 1.0, turned: Spectral::ZERO, hopes: Spectral::ONE };
         }
         let mut toward = Spectral::ZERO;
         let mut missed = 0.0;
@@ -202,14 +190,8 @@ mod tests {
     /// A forward-scattering medium with two targets for camera subpaths.
     fn guided() -> (Media, Guide) {
         let mut media = Media::default();
-        let bulk = Bulk {
-            absorption: 0.0,
-            scattering: 1.0,
-            index: 1.0,
-            asymmetry: 0.7,
-            c_sca: 0.0,
-            c_abs: 0.0,
-        };
+        let bulk =
+            Bulk { absorption: 0.0, scattering: 1.0, index: 1.0, asymmetry: 0.7, c_sca: 0.0, c_abs: 0.0 };
         media.push(&Optics {
             bulk: vec![bulk],
             phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(0.7), 0.0, 0.0)),
@@ -231,11 +213,7 @@ mod tests {
         const COLUMNS: usize = 32;
         const SUB: usize = 8;
         let (media, guide) = guided();
-        let at = At {
-            medium: 0,
-            p: P,
-            from: From::Camera,
-        };
+        let at = At { medium: 0, p: P, from: From::Camera };
         let mut stream = Stream::new(11, 0, 0);
         let mut counts = vec![0.0_f64; ROWS * COLUMNS];
         for _ in 0..N {
@@ -292,11 +270,7 @@ mod tests {
         let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
             let to = media.sample_lane(0, back, 0, stream).0;
             let lean = guide.lean(at, back, to);
-            if 2.0 * stream.uniform() < lean.factor {
-                to
-            } else {
-                lean.partner
-            }
+            if 2.0 * stream.uniform() < lean.factor { to } else { lean.partner }
         };
         let own = |media: &Media, w| media.densities_toward(0, back, w).to_array()[0];
         let chi = |share: f32| {

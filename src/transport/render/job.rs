@@ -86,9 +86,7 @@ fn lens(distortion: &Distortion) -> Value {
         Distortion::Opencv(lens) => *lens,
         Distortion::Fisheye(lens) => return json!({ "fisheye": lens.k }),
     };
-    let Opencv {
-        k1, k2, k3, p1, p2, ..
-    } = lens;
+    let Opencv { k1, k2, k3, p1, p2, .. } = lens;
     let mut out = json!({"k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2});
     let more = [
         ("k4", lens.k4),

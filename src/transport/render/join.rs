@@ -74,11 +74,7 @@ pub(super) struct Line {
 impl Line {
     #[inline]
     fn straight(dir: Vec3A, passed: f32) -> Self {
-        Self {
-            dirs: [dir, -dir],
-            passed,
-            arrivals: [None; 2],
-        }
+        Self { dirs: [dir, -dir], passed, arrivals: [None; 2] }
     }
 }
 
@@ -104,13 +100,7 @@ pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out
     chain.rotate_in(c2, s2);
     chain.times_transposed(&y.chain);
     let extent = chain.finish(out.elements);
-    out.push(
-        extent,
-        record.time_ps,
-        record.pixel,
-        record.interactions,
-        record.label,
-    );
+    out.push(extent, record.time_ps, record.pixel, record.interactions, record.label);
 }
 
 /// An unblocked line.
@@ -161,8 +151,7 @@ impl<'a> Joiner<'a> {
         };
         let dir = (point.surface.p - camera.origin).normalize_or(camera.forward());
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
-        end.chain
-            .scale(Spectral::splat(end.density / self.setup.walks as f32));
+        end.chain.scale(Spectral::splat(end.density / self.setup.walks as f32));
         self.join(&[Point::end(self.scene, &end)], light, sender, Some(factor), out);
     }
 
@@ -239,11 +228,7 @@ impl<'a> Joiner<'a> {
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
         // Two subpaths are connected only in a fraction of samples.
-        let often = if ends.iter().all(|p| p.site != Site::Pinhole) {
-            self.setup.connections
-        } else {
-            1.0
-        };
+        let often = if ends.iter().all(|p| p.site != Site::Pinhole) { self.setup.connections } else { 1.0 };
         let factor = self.setup.roulette.spin(expected / often, self.stream)?;
         Some(factor / often)
     }
@@ -279,9 +264,7 @@ impl<'a> Joiner<'a> {
             let Some(scatter) = z.scatter_by(scene, kinds[0], z.back, dir) else {
                 return;
             };
-            frame = chain
-                .push(&scatter, z.back, frame)
-                .unwrap_or_else(|| perpendicular(dir));
+            frame = chain.push(&scatter, z.back, frame).unwrap_or_else(|| perpendicular(dir));
         }
         let mut last = None;
         if y.site != Site::Pinhole {
@@ -297,10 +280,7 @@ impl<'a> Joiner<'a> {
             return;
         };
         let mut line = z.line(scene, dir);
-        let end = End {
-            aim: y.reach(scene, -dir, distance2.sqrt()),
-            at: y.at,
-        };
+        let end = End { aim: y.reach(scene, -dir, distance2.sqrt()), at: y.at };
         let whole = end.aim - line.ray.origin;
         line.ray.dir = whole.normalize_or(dir);
         let lane = z.lanes.nth(0);
@@ -316,9 +296,7 @@ impl<'a> Joiner<'a> {
         chain.scale(Spectral::splat(weight * factor / distance2));
         let travel = match &last {
             Some(scatter) => {
-                frame = chain
-                    .push(scatter, -dir, frame)
-                    .unwrap_or_else(|| perpendicular(y.back));
+                frame = chain.push(scatter, -dir, frame).unwrap_or_else(|| perpendicular(y.back));
                 -y.back
             }
             None => -dir,
@@ -327,9 +305,7 @@ impl<'a> Joiner<'a> {
             time_ps: picoseconds(z.optical_m + way.optical_m + y.optical_m),
             pixel: sender.pixel,
             interactions: interactions + way.sheets,
-            label: kinds
-                .iter()
-                .fold(z.label | y.label, |all, kind| all | kind.unwrap_or(0)),
+            label: kinds.iter().fold(z.label | y.label, |all, kind| all | kind.unwrap_or(0)),
         };
         meet(chain, Beam { travel, frame }, y, &record, out);
     }
@@ -359,11 +335,7 @@ impl<'a> Joiner<'a> {
             return None;
         }
         let optical_m = f64::from(line.filling.index) * line.at.distance(end.at);
-        Some(Followed {
-            optical_m,
-            sheets: 0,
-            passed: 1.0,
-        })
+        Some(Followed { optical_m, sheets: 0, passed: 1.0 })
     }
 
     /// Returns true if no other strategy samples the path of a straight connection of these subpaths.
@@ -396,10 +368,7 @@ impl<'a> Joiner<'a> {
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
                 * match y.site {
-                    Site::Pinhole => self
-                        .setup
-                        .emission
-                        .density(scene, self.ends[0], source, toward_camera),
+                    Site::Pinhole => self.setup.emission.density(scene, self.ends[0], source, toward_camera),
                     _ => y.density(scene, guide, From::Light, y.back, toward_camera),
                 }
         });

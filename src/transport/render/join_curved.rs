@@ -72,9 +72,7 @@ impl Joiner<'_> {
         // Long sequences of curved mirrors have innumerable paths, most of which contribute next to nothing.
         let decide = |joiner: &mut Self, way: &Way| {
             let scattered = z.scatter(scene, z.back, way.dir)?;
-            let (intensity, _) = setup
-                .emission
-                .intensity(scene, joiner.ends[0], source, way.emitted);
+            let (intensity, _) = setup.emission.intensity(scene, joiner.ends[0], source, way.emitted);
             let arrives = max_lane(intensity) * way.passes() / way.spread;
             let brings = z.chain.max_m00() * max_lane(scattered.m00()) * arrives;
             setup.roulette.spin(brings, joiner.stream)

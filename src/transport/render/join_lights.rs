@@ -32,10 +32,7 @@ impl Joiner<'_> {
         let weighs = std::mem::replace(&mut self.weighs, false);
         for drawn in distant.chain(drawn) {
             let share = if drawn.density > 0.0 {
-                share(
-                    drawn.density,
-                    point.density(scene, guide, From::Camera, point.back, drawn.wi),
-                )
+                share(drawn.density, point.density(scene, guide, From::Camera, point.back, drawn.wi))
             } else {
                 1.0
             };
@@ -51,10 +48,7 @@ impl Joiner<'_> {
         let mut chain = Chain::start(drawn.irradiance * Spectral::splat(intensity));
         let frame = drawn.polarized.begin(&mut chain, dir);
         let end = End {
-            ray: Ray {
-                origin: drawn.position,
-                dir,
-            },
+            ray: Ray { origin: drawn.position, dir },
             chain,
             frame,
             density: 0.0,
@@ -64,10 +58,7 @@ impl Joiner<'_> {
         };
         let mut emitter = Point::end(self.scene, &end);
         emitter.optical_m = drawn.start_m;
-        let sender = Sender {
-            source: 0,
-            pixel: NO_PIXEL,
-        };
+        let sender = Sender { source: 0, pixel: NO_PIXEL };
         self.join(camera, &[emitter], sender, None, out);
     }
 }

@@ -37,11 +37,7 @@ impl Takers {
     /// Returns a single wavelength.
     #[inline]
     pub fn only(lane: usize, factor: f32) -> Self {
-        Self {
-            lanes: Lanes { mask: 1 << lane },
-            lane,
-            factor,
-        }
+        Self { lanes: Lanes { mask: 1 << lane }, lane, factor }
     }
 }
 
@@ -67,11 +63,7 @@ fn flats_chance(scene: &Scene, point: &Point) -> f32 {
 /// Returns the mean number of searches for a path from a vertex.
 #[inline]
 fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
-    if way.reflects() {
-        flats_chance(scene, point)
-    } else {
-        1.0
-    }
+    if way.reflects() { flats_chance(scene, point) } else { 1.0 }
 }
 
 impl Joiner<'_> {
@@ -104,9 +96,7 @@ impl Joiner<'_> {
             return;
         };
         let to = self.setup.emission.position(scene, self.ends[0], source);
-        let search = self
-            .straight(z, to)
-            .and_then(|start| SplitSearch::straight(scene, start, to));
+        let search = self.straight(z, to).and_then(|start| SplitSearch::straight(scene, start, to));
         for waves in search.iter().flat_map(SplitSearch::waves) {
             self.each_way(
                 z,
@@ -199,27 +189,19 @@ impl Joiner<'_> {
         let emitted = (last.point - to).try_normalize()?;
         let scattered = z.scatter(scene, z.back, dir);
         let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, emitted);
-        let between: f32 = seeds
-            .windows(2)
-            .map(|pair| (pair[1].point - pair[0].point).length())
-            .sum();
+        let between: f32 = seeds.windows(2).map(|pair| (pair[1].point - pair[0].point).length()).sum();
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
         // In a medium, most mirrors are too far away.
         let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
-            let ray = Ray {
-                origin: z.surface.p,
-                dir,
-            };
+            let ray = Ray { origin: z.surface.p, dir };
             let length = (first.point - z.surface.p).length();
             mean_transmittance(scene, scene.media.depth(id, &ray, length))
         });
         let factor = setup.roulette.spin_unsure(expected * passed, self.stream)?;
         let (start, route) = self.route_over(z, seeds, to, z.lanes.nth(0))?;
-        let again = setup
-            .roulette
-            .spin_unsure(expected * factor * route.passes, self.stream)?;
+        let again = setup.roulette.spin_unsure(expected * factor * route.passes, self.stream)?;
         Some((start, route, factor * again))
     }
 
@@ -261,11 +243,7 @@ impl Joiner<'_> {
             return;
         };
         if !way.disperses(self.scene) {
-            let takers = Takers {
-                lanes: p.lanes,
-                lane: first,
-                factor,
-            };
+            let takers = Takers { lanes: p.lanes, lane: first, factor };
             f(self, &way, takers);
             return;
         }
@@ -340,14 +318,9 @@ impl Joiner<'_> {
             return;
         };
         let mut chain = z.chain;
-        let mut frame = chain
-            .push(scatter, z.back, z.frame)
-            .unwrap_or_else(|| perpendicular(way.dir));
+        let mut frame = chain.push(scatter, z.back, z.frame).unwrap_or_else(|| perpendicular(way.dir));
         let to = emission.position(scene, self.ends[0], source);
-        let allowed = Allowed {
-            sheets,
-            lane: takers.lane,
-        };
+        let allowed = Allowed { sheets, lane: takers.lane };
         let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, allowed, &mut self.rays) else {
             return;
         };
@@ -374,10 +347,7 @@ impl Joiner<'_> {
             interactions: interactions + passed.sheets,
             label,
         };
-        let beam = Beam {
-            travel: way.emitted,
-            frame,
-        };
+        let beam = Beam { travel: way.emitted, frame };
         meet(chain, beam, &emitter, &record, out);
     }
 
@@ -388,10 +358,7 @@ impl Joiner<'_> {
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
         self.seen(light, LIGHT, to, |joiner, dir| {
-            joiner
-                .setup
-                .emission
-                .density(joiner.scene, joiner.ends[1], source, dir)
+            joiner.setup.emission.density(joiner.scene, joiner.ends[1], source, dir)
         })
     }
 
@@ -399,9 +366,7 @@ impl Joiner<'_> {
     #[inline]
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
-        self.seen(camera, 0, to, |joiner, dir| {
-            joiner.ends[0].camera.pixels_per_steradian(dir)
-        })
+        self.seen(camera, 0, to, |joiner, dir| joiner.ends[0].camera.pixels_per_steradian(dir))
     }
 
     /// Implements both for side 0 (camera) or 1 (light) with end `to`; `start` is the density of its rays.
@@ -459,10 +424,7 @@ impl Joiner<'_> {
         }
         let way = found?;
         let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
-        let allowed = Allowed {
-            sheets: most(scene),
-            lane,
-        };
+        let allowed = Allowed { sheets: most(scene), lane };
         let passed = way.follow(scene, &mut chain, &mut frame, to, allowed, &mut self.rays)?;
         Some(way.density(start(self, way.emitted), &passed) / tries(scene, point, &way))
     }

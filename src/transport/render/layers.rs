@@ -24,10 +24,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            side: 4,
-            through: false,
-        }
+        Self { side: 4, through: false }
     }
 }
 
@@ -76,17 +73,12 @@ fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
 
 /// Returns the unit vector along a sum of vectors; NaN if they cancel.
 fn unit(sum: DVec3) -> [f32; 3] {
-    sum.try_normalize()
-        .map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
+    sum.try_normalize().map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
 }
 
 /// Returns a normal on the side of the incoming ray.
 fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
-    if ng.dot(wo) < 0.0 {
-        -n.as_dvec3()
-    } else {
-        n.as_dvec3()
-    }
+    if ng.dot(wo) < 0.0 { -n.as_dvec3() } else { n.as_dvec3() }
 }
 
 /// Combines the hits of a pixel's rays.
@@ -100,11 +92,7 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
     let Some((object, copy)) = winner else {
         return Pixel::nothing(coverage);
     };
-    let seen: Vec<&Sight> = sights
-        .iter()
-        .flatten()
-        .filter(|s| key(s) == (object, copy))
-        .collect();
+    let seen: Vec<&Sight> = sights.iter().flatten().filter(|s| key(s) == (object, copy)).collect();
     let named = |s: &&Sight| scene.names.material(s.material);
     let material = majority(seen.iter().map(named)).and_then(|(m, _)| m);
     let share = 1.0 / seen.len() as f64;
@@ -116,9 +104,8 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
     let lengths = sum(&|s| DVec3::new(s.length, s.optical, 0.0)) * share;
     // The parts of an object may have different materials.
     let albedos = seen.iter().filter(|s| named(s) == material);
-    let albedos: Option<Vec<_>> = albedos
-        .map(|s| scene.materials.albedo(s.material, &s.surface, s.wo))
-        .collect();
+    let albedos: Option<Vec<_>> =
+        albedos.map(|s| scene.materials.albedo(s.material, &s.surface, s.wo)).collect();
     let albedo = albedos.map_or([f32::NAN; 4], |all| {
         let sum = all.iter().fold([0.0; 4], |sum: [f64; 4], a| {
             let a = a.to_array();
@@ -175,23 +162,13 @@ pub fn layers(scene: &Scene, options: Options) -> LayerSet {
         })
     });
     let pixels: Vec<Pixel> = rows.collect();
-    LayerSet {
-        size: [w, h],
-        wavelengths_nm: scene.wavelengths.nm().to_vec(),
-        layers: lay(scene, &pixels),
-    }
+    LayerSet { size: [w, h], wavelengths_nm: scene.wavelengths.nm().to_vec(), layers: lay(scene, &pixels) }
 }
 
 /// Arranges pixels as arrays.
 fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
-    let layer = |name, units, long_name, parts, values| Layer {
-        name,
-        units,
-        long_name,
-        parts,
-        values,
-        labels: None,
-    };
+    let layer =
+        |name, units, long_name, parts, values| Layer { name, units, long_name, parts, values, labels: None };
     let real = |name, units, long_name, f: fn(&Pixel) -> f32| {
         let values = LayerValues::Real(pixels.iter().map(f).collect());
         layer(name, units, long_name, Parts::One, values)
@@ -202,24 +179,13 @@ fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
     };
     let number = |name, long_name, f: fn(&Pixel) -> i32, labels: Option<&Vec<String>>| Layer {
         labels: labels.cloned(),
-        ..layer(
-            name,
-            "1",
-            long_name,
-            Parts::One,
-            LayerValues::Number(pixels.iter().map(f).collect()),
-        )
+        ..layer(name, "1", long_name, Parts::One, LayerValues::Number(pixels.iter().map(f).collect()))
     };
     let count = scene.wavelengths.count();
     let albedo = pixels.iter().flat_map(|p| p.albedo.into_iter().take(count));
     let names = &scene.names;
     vec![
-        real(
-            "depth",
-            "m",
-            "length of the ray from the pinhole to the surface",
-            |p| p.depth,
-        ),
+        real("depth", "m", "length of the ray from the pinhole to the surface", |p| p.depth),
         real(
             "optical_length",
             "m",
@@ -227,31 +193,18 @@ fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
             |p| p.optical,
         ),
         vector("position", "m", "position, world", |p| p.position),
-        vector(
-            "geometric_normal",
-            "1",
-            "unit normal of the shape, world, toward the camera",
-            |p| p.geometric,
-        ),
+        vector("geometric_normal", "1", "unit normal of the shape, world, toward the camera", |p| {
+            p.geometric
+        }),
         vector(
             "shading_normal",
             "1",
             "unit normal as meshes interpolate and normal maps turn it, world, toward the camera",
             |p| p.shading,
         ),
-        number(
-            "object",
-            "object, -1 for none",
-            |p| p.object,
-            Some(&names.objects),
-        ),
+        number("object", "object, -1 for none", |p| p.object, Some(&names.objects)),
         number("copy", "copy of a group, -1 for none", |p| p.copy, None),
-        number(
-            "material",
-            "material, -1 for none",
-            |p| p.material,
-            Some(&names.materials),
-        ),
+        number("material", "material, -1 for none", |p| p.material, Some(&names.materials)),
         layer(
             "albedo",
             "1",

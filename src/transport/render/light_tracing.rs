@@ -60,9 +60,7 @@ impl Walks {
         out: &mut Contributions,
         found: &mut dyn FnMut(u32, Splat),
     ) {
-        let Begun {
-            ends, sender, stream, ..
-        } = begun;
+        let Begun { ends, sender, stream, .. } = begun;
         let (sender, lineage) = (*sender, self.light.lineage);
         let mut joiner = Joiner::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream);
         for s in plan.first().max(self.light.fresh + 1)..=self.light.points.len() {
@@ -117,12 +115,8 @@ impl Walks {
         out: &mut Contributions,
     ) -> u32 {
         let last = usize::from(splat.point);
-        let Some(Begun {
-            ends,
-            sender,
-            mut stream,
-            ..
-        }) = self.light_walk(scene, plan, splat.walk, (last, Parting::Follow(splat.lineage)))
+        let Some(Begun { ends, sender, mut stream, .. }) =
+            self.light_walk(scene, plan, splat.walk, (last, Parting::Follow(splat.lineage)))
         else {
             return 0;
         };
@@ -139,11 +133,7 @@ impl Walks {
             let (interfaces, lane) = (usize::from(splat.interfaces), lanes.nth(0));
             let dir = Vec3A::from_array(splat.dir);
             if let Some(way) = joiner.known_view(&light[last], dir, interfaces, lane) {
-                let takers = Takers {
-                    lanes,
-                    lane,
-                    factor: splat.factor,
-                };
+                let takers = Takers { lanes, lane, factor: splat.factor };
                 joiner.splat_way(light, sender, &way, takers, out);
             }
         }
@@ -168,10 +158,7 @@ fn decide(
         match way {
             None => joiner.splat(light, sender, 1.0, out),
             Some((way, takers)) => {
-                let once = Takers {
-                    factor: 1.0,
-                    ..takers
-                };
+                let once = Takers { factor: 1.0, ..takers };
                 joiner.splat_way(light, sender, way, once, out);
             }
         }

@@ -33,28 +33,17 @@ pub(super) fn light_walk(
     let seed = seed ^ LIGHT_SEED;
     let mut stream = Stream::new(seed, number.walk, number.sample);
     let ends = Ends::draw(scene, &mut stream);
-    let start = setup
-        .emission
-        .start(scene, &ends, spread(seed, number), &mut stream)?;
+    let start = setup.emission.start(scene, &ends, spread(seed, number), &mut stream)?;
     let limits = Limits {
         interactions: most(scene),
         point,
         escapes: false,
         labelled: setup.labelled,
-        first: if setup.redirected {
-            First::Redirects
-        } else {
-            First::Anything
-        },
+        first: if setup.redirected { First::Redirects } else { First::Anything },
         parting,
     };
     walk.run(scene, &setup.guide, From::Light, &start.end, &mut stream, limits);
-    Some(Begun {
-        ends,
-        sender: start.sender,
-        stream,
-        limits,
-    })
+    Some(Begun { ends, sender: start.sender, stream, limits })
 }
 
 /// Returns the point on the projector's image from which a subpath starts. The points of one sample are

@@ -116,12 +116,7 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
 
 /// Finds the path as [`find`] does, but starts along a given direction.
 pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
-    let search = Search {
-        scene,
-        start,
-        route,
-        goal,
-    };
+    let search = Search { scene, start, route, goal };
     search.solve(dir)
 }
 
@@ -131,11 +126,7 @@ pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A,
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
     // Avoids division by zero for points that are not on a surface.
-    let cos = off
-        .dot(dir)
-        .abs()
-        .max(LEAST_COSINE * length)
-        .max(f32::MIN_POSITIVE);
+    let cos = off.dot(dir).abs().max(LEAST_COSINE * length).max(f32::MIN_POSITIVE);
     LEAVE * length * (length / cos)
 }
 
@@ -143,12 +134,7 @@ impl Search<'_> {
     /// Traces a ray along the route and on to where it passes the goal. Calls `bent` for each interface or
     /// mirror with the directions before and after it, and with true for a flat interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
-        let Self {
-            scene,
-            start,
-            route,
-            goal,
-        } = self;
+        let Self { scene, start, route, goal } = self;
         let Goal { to, lane } = *goal;
         let across = basis(dir);
         let mut slopes_p = [Vec3A::ZERO; 2];
@@ -176,11 +162,7 @@ impl Search<'_> {
             // Transfer to the surface.
             for k in 0..2 {
                 let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
-                slopes_p[k] = if straight {
-                    s
-                } else {
-                    s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
-                };
+                slopes_p[k] = if straight { s } else { s - dir * (s.dot(surface.ng) / dir.dot(surface.ng)) };
             }
             if !mirror {
                 nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
@@ -197,11 +179,7 @@ impl Search<'_> {
                     (turned.normal, turned.bend)
                 } else {
                     let bend = scene.geometry.bend(&hit, &surface);
-                    if dir.dot(surface.ng) > 0.0 {
-                        (-surface.ns, bend * -1.0)
-                    } else {
-                        (surface.ns, bend)
-                    }
+                    if dir.dot(surface.ng) > 0.0 { (-surface.ns, bend * -1.0) } else { (surface.ns, bend) }
                 };
                 let (cos, cos_far) = (dir.dot(n), after.dot(n));
                 let pull = ratio * cos - cos_far;
@@ -281,9 +259,7 @@ impl Search<'_> {
                 Lobe::Transmitted
             };
             let found =
-                self.scene
-                    .materials
-                    .specular(surface.material, surface, -before, lobe, self.goal.lane);
+                self.scene.materials.specular(surface.material, surface, -before, lobe, self.goal.lane);
             if let Some(found) = found {
                 bends.push(Bend {
                     surface: *surface,
@@ -302,12 +278,7 @@ impl Search<'_> {
 
 /// Returns the specular path along a route to a goal, whose initial direction `dir` is known.
 pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
-    let search = Search {
-        scene,
-        start,
-        route,
-        goal,
-    };
+    let search = Search { scene, start, route, goal };
     search.along(dir)
 }
 
@@ -315,14 +286,7 @@ impl Way {
     /// Creates a path from a start along `dir` with known interactions.
     pub fn known(start: Start, dir: Vec3A, spread: f32, bends: ArrayVec<Bend, INTERFACES>) -> Option<Self> {
         let last = bends.last()?;
-        Some(Self {
-            dir,
-            emitted: -last.after,
-            first: last.surface.p,
-            spread,
-            bends,
-            start,
-        })
+        Some(Self { dir, emitted: -last.after, first: last.surface.p, spread, bends, start })
     }
 
     /// Returns the number of interfaces and mirrors.
@@ -357,9 +321,7 @@ impl Way {
     /// Returns true if wavelengths take different paths.
     #[inline]
     pub fn disperses(&self, scene: &Scene) -> bool {
-        self.bends
-            .iter()
-            .any(|b| scene.materials.disperses(b.surface.material))
+        self.bends.iter().any(|b| scene.materials.disperses(b.surface.material))
     }
 
     /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
@@ -387,32 +349,15 @@ impl Way {
         allowed: Allowed,
         rays: &mut u32,
     ) -> Option<Passed> {
-        let mut start = Start {
-            ray: Ray {
-                origin: self.start.ray.origin,
-                dir: self.dir,
-            },
-            ..self.start
-        };
+        let mut start = Start { ray: Ray { origin: self.start.ray.origin, dir: self.dir }, ..self.start };
         let (mut optical_m, mut sheets, mut depth) = (0.0, 0, optics::spectrum::Spectral::ZERO);
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
-            let end = bend.map_or(
-                End {
-                    aim: to,
-                    at: to.as_dvec3(),
-                },
-                |b| End {
-                    aim: scene
-                        .geometry
-                        .reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
-                    at: b.surface.p.as_dvec3(),
-                },
-            );
-            let left = Allowed {
-                sheets: allowed.sheets - sheets,
-                ..allowed
-            };
+            let end = bend.map_or(End { aim: to, at: to.as_dvec3() }, |b| End {
+                aim: scene.geometry.reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
+                at: b.surface.p.as_dvec3(),
+            });
+            let left = Allowed { sheets: allowed.sheets - sheets, ..allowed };
             // Both ends are offset from surfaces; along the path's exact direction, a line could hit one.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = bridge(scene, chain, frame, &start, end, left, rays)?;
@@ -422,30 +367,21 @@ impl Way {
             let Some(bend) = bend else {
                 break;
             };
-            *frame = chain
-                .push(&bend.scatter, -bend.before, *frame)
-                .unwrap_or_else(|| perpendicular(bend.after));
+            *frame =
+                chain.push(&bend.scatter, -bend.before, *frame).unwrap_or_else(|| perpendicular(bend.after));
             let s = &bend.surface;
             let mut nest = line.nest;
             if bend.lobe == Lobe::Transmitted {
                 nest.cross(&scene.boundaries, s.material, s.ng.dot(bend.after) < 0.0);
             }
             start = Start {
-                ray: Ray {
-                    origin: scene.geometry.leave(s, bend.after),
-                    dir: bend.after,
-                },
+                ray: Ray { origin: scene.geometry.leave(s, bend.after), dir: bend.after },
                 from: s.p,
                 at: s.p.as_dvec3(),
                 filling: bend.filling.unwrap_or(line.filling),
                 nest,
             };
         }
-        Some(Passed {
-            optical_m,
-            sheets,
-            mean: mean_transmittance(scene, depth),
-            index: start.filling.index,
-        })
+        Some(Passed { optical_m, sheets, mean: mean_transmittance(scene, depth), index: start.filling.index })
     }
 }

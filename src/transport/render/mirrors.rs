@@ -146,9 +146,8 @@ impl Mirrors {
             splits: materials.any_splits(),
             ..Self::default()
         };
-        let mirrors: Vec<f32> = (0..materials.list.len() as u32)
-            .map(|id| reflectance(materials, id))
-            .collect();
+        let mirrors: Vec<f32> =
+            (0..materials.list.len() as u32).map(|id| reflectance(materials, id)).collect();
         let reflectance = |s: &Surface| mirrors.get(s.material as usize).copied().unwrap_or(0.0);
         let is_mirror = |s: &Surface| reflectance(s) > 0.0;
         let (mut all, listed) = candidates(geometry, is_mirror);
@@ -169,23 +168,14 @@ impl Mirrors {
                 let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
                 let key = key.map(|v| (v / SAME_PLANE).round() as i64);
                 *planes.entry((surface.material, key)).or_insert_with(|| {
-                    out.flats.push(Flat {
-                        n: surface.ng,
-                        d,
-                        centre: Vec3A::ZERO,
-                        radius: 0.0,
-                    });
+                    out.flats.push(Flat { n: surface.ng, d, centre: Vec3A::ZERO, radius: 0.0 });
                     out.flats.len() as u32 - 1
                 })
             } else {
                 CURVED
             };
             let mirrored = reflectance(&surface);
-            let all = if materials.is_interface(surface.material) {
-                PASSED
-            } else {
-                mirrored
-            };
+            let all = if materials.is_interface(surface.material) { PASSED } else { mirrored };
             pieces.push((key, outline, group, [mirrored, all]));
         }
         if out.flats.len() > MOST_FLATS {
@@ -272,10 +262,7 @@ impl Mirrors {
 
     /// Calls `f` with each one or two flat mirrors over which light can go, in order from `from` to `to`.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
-        let seed = |group: usize, point| Seed {
-            group: group as u32,
-            point,
-        };
+        let seed = |group: usize, point| Seed { group: group as u32, point };
         for (i, a) in self.flats.iter().enumerate() {
             if let Some(p) = a.reflects(from, to, self.bent) {
                 f(&[seed(i, p)]);
@@ -378,8 +365,7 @@ impl Mirrors {
             let uniforms = stream.uniform2();
             point_on(&self.curved[i.min(self.curved.len() - 1)].0, uniforms)
         } else {
-            self.copied
-                .point(at - listed, stream.uniform(), stream.uniform2())
+            self.copied.point(at - listed, stream.uniform(), stream.uniform2())
         };
         Some(Seed { group: CURVED, point })
     }
@@ -396,19 +382,13 @@ fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec
         let mirrors = groups.entry(group).or_insert_with(|| {
             let surface = |leaf, o: &Outline| primitive(geometry, (leaf, Owner::instance(number)), o).0;
             let outlines = geometry.group_outlines(group).into_iter();
-            outlines
-                .filter(|(leaf, o)| is_mirror(&surface(*leaf, o)))
-                .collect()
+            outlines.filter(|(leaf, o)| is_mirror(&surface(*leaf, o))).collect()
         });
         if all.len() - own + mirrors.len() > MOST_LISTED {
             all.truncate(own);
             return (all, false);
         }
-        all.extend(
-            mirrors
-                .iter()
-                .map(|(leaf, o)| ((*leaf, Owner::instance(number)), o.placed(&place))),
-        );
+        all.extend(mirrors.iter().map(|(leaf, o)| ((*leaf, Owner::instance(number)), o.placed(&place))));
     }
     (all, true)
 }
@@ -432,26 +412,14 @@ fn copied(
             }
         }
     }
-    Copied::new(
-        groups,
-        geometry.instances().map(|(_, group, place)| (group, place)),
-    )
+    Copied::new(groups, geometry.instances().map(|(_, group, place)| (group, place)))
 }
 
 /// Returns a primitive's surface at an inner point, and whether it is flat.
 fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
-    let ray = Ray {
-        origin: 0.5 * (lo + hi),
-        dir: Vec3A::Z,
-    };
-    let hit = Hit {
-        t: 0.0,
-        leaf,
-        owner,
-        u: INSIDE,
-        v: INSIDE,
-    };
+    let ray = Ray { origin: 0.5 * (lo + hi), dir: Vec3A::Z };
+    let hit = Hit { t: 0.0, leaf, owner, u: INSIDE, v: INSIDE };
     let surface = geometry.surface(&ray, &hit);
     (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)
 }

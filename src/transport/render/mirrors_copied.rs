@@ -31,10 +31,7 @@ impl Copied {
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))
         });
-        Self {
-            copies: copies.collect(),
-            groups,
-        }
+        Self { copies: copies.collect(), groups }
     }
 
     /// Returns the approximate total area.
@@ -56,9 +53,9 @@ impl Copied {
 /// Returns the approximate area of an outline in m².
 pub(super) fn area(outline: &Outline) -> f32 {
     match outline {
-        Outline::Flat {
-            corners: [a, b, c, d],
-        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
+        Outline::Flat { corners: [a, b, c, d] } => {
+            0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length())
+        }
         Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
             4.0 * std::f32::consts::PI * radius * radius
         }
@@ -67,9 +64,9 @@ pub(super) fn area(outline: &Outline) -> f32 {
 
 pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     match outline {
-        Outline::Flat { corners } => corners[1..]
-            .iter()
-            .fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c))),
+        Outline::Flat { corners } => {
+            corners[1..].iter().fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c)))
+        }
         Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
             (*centre - *radius, *centre + *radius)
         }
@@ -79,9 +76,7 @@ pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
 /// Returns a point on an outline, for two uniform numbers.
 pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
     match *outline {
-        Outline::Flat {
-            corners: [a, b, c, d],
-        } => {
+        Outline::Flat { corners: [a, b, c, d] } => {
             let [mut u, mut v] = uniforms;
             if c == d && u + v > 1.0 {
                 (u, v) = (1.0 - u, 1.0 - v);

@@ -55,11 +55,7 @@ fn onward(
 ) -> Option<(Sampled, f32)> {
     let (materials, id, before) = (&scene.materials, s.material, *lanes);
     let mut sampled = materials.sample(id, s, back, lanes, stream)?;
-    let density = if sampled.delta {
-        1.0
-    } else {
-        materials.pdf(id, s, back, sampled.wi)
-    };
+    let density = if sampled.delta { 1.0 } else { materials.pdf(id, s, back, sampled.wi) };
     if from == From::Camera {
         return Some((sampled, density));
     }
@@ -119,11 +115,7 @@ pub(super) fn scatter_on(
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
         }
     }
-    let turning = point.medium(scene).map(|medium| At {
-        medium,
-        p: surface.p,
-        from: flight.end,
-    });
+    let turning = point.medium(scene).map(|medium| At { medium, p: surface.p, from: flight.end });
     if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
         return scatter_or_turn(scene, guide, at, [before, point], progress, stream);
     }
@@ -150,15 +142,9 @@ pub(super) fn scatter_on(
     }
     progress.density = density;
     progress.hope = 1.0;
-    progress.chosen = Chosen {
-        density: if next.delta { 0.0 } else { density },
-        from: point.receiver(scene),
-    };
-    let reverse = if next.delta {
-        1.0
-    } else {
-        point.density(scene, guide, flight.end.other(), next.wi, back)
-    };
+    progress.chosen = Chosen { density: if next.delta { 0.0 } else { density }, from: point.receiver(scene) };
+    let reverse =
+        if next.delta { 1.0 } else { point.density(scene, guide, flight.end.other(), next.wi, back) };
     before.reverse = reverse * point.spread;
     if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
         let enters = surface.ng.dot(next.wi) < 0.0;
@@ -186,9 +172,7 @@ fn scatter_or_turn(
     let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
     let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
     let wi = match guide.turn(at, stream) {
-        Some(wo) => scene
-            .media
-            .sample_direction(at.medium, wo, flight.hero.lane, stream),
+        Some(wo) => scene.media.sample_direction(at.medium, wo, flight.hero.lane, stream),
         None => match materials.sample(id, s, back, &mut lanes, stream) {
             Some(sampled) => sampled.wi,
             None => return Onward::Nowhere,
@@ -208,10 +192,7 @@ fn scatter_or_turn(
     flight.state.label |= label::DIFFUSE;
     progress.density = scene.lanes().mean(densities);
     progress.hope = scene.lanes().mean(toward.hopes);
-    progress.chosen = Chosen {
-        density: progress.density,
-        from: point.receiver(scene),
-    };
+    progress.chosen = Chosen { density: progress.density, from: point.receiver(scene) };
     before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
     Onward::Toward(wi)
 }
@@ -228,16 +209,10 @@ pub(super) fn scatter_in(
     let flight = &mut progress.flight;
     let lane = flight.hero.lane;
     let (back, from) = (point.back, flight.end);
-    let at = At {
-        medium: id,
-        p: point.surface.p,
-        from,
-    };
+    let at = At { medium: id, p: point.surface.p, from };
     let guided = progress.interactions < guide::MOST_EVENTS;
     let turns = guided.then(|| guide.turn(at, stream)).flatten();
-    let mut wi = scene
-        .media
-        .sample_direction(id, turns.unwrap_or(back), lane, stream);
+    let mut wi = scene.media.sample_direction(id, turns.unwrap_or(back), lane, stream);
     let mut scatter = scene.media.eval(id, back, wi);
     let mut polarized = flight.polarized(&scatter);
     if let Some(factor) = polarized
@@ -257,11 +232,7 @@ pub(super) fn scatter_in(
     let own = unguided * Spectral::splat(factor);
     let toward = guide.toward(&scene.media, at, wi);
     let by = |own: Spectral| polarized.map_or(own, |factor| own * factor);
-    let drawn = if guided {
-        toward.densities(by(own))
-    } else {
-        by(unguided)
-    };
+    let drawn = if guided { toward.densities(by(own)) } else { by(unguided) };
     let Some(drawn) = flight.hero.event(drawn) else {
         return Onward::Nowhere;
     };
@@ -271,15 +242,9 @@ pub(super) fn scatter_in(
     // MIS weights depend on the path alone: assume unpolarized light and guiding in all events.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
-    progress.chosen = Chosen {
-        density: progress.density,
-        from: point.receiver(scene),
-    };
+    progress.chosen = Chosen { density: progress.density, from: point.receiver(scene) };
     // Particles scatter equally in both directions, but subpaths from the other end have other targets.
-    let other = At {
-        from: from.other(),
-        ..at
-    };
+    let other = At { from: from.other(), ..at };
     let own = unguided * Spectral::splat(guide.lean(other, wi, back).factor);
     let reverse = guide.toward(&scene.media, other, back).densities(own);
     before.reverse = scene.lanes().mean(reverse) * point.spread;

@@ -208,10 +208,7 @@ impl Paths {
                     let mut out =
                         Contributions::new(&mut self.lists[i as usize], &mut self.elements, labelled);
                     let state = &path.state;
-                    let beam = Beam {
-                        travel: -state.ray.dir,
-                        frame: state.frame,
-                    };
+                    let beam = Beam { travel: -state.ray.dir, frame: state.frame };
                     let did = (bounces, state.label);
                     environment::seen(scene, &state.chain, beam, did, path.chosen, &mut out);
                 } else if bounces < last {
@@ -228,13 +225,7 @@ impl Paths {
             let lit = match &scene.projector {
                 Some(projector) => {
                     let seen_in = (projector.coaxial && bounces == 0).then_some(pixel);
-                    Some(Lit::new(
-                        projector,
-                        views.projector.as_ref(),
-                        &rows.points,
-                        kept,
-                        seen_in,
-                    ))
+                    Some(Lit::new(projector, views.projector.as_ref(), &rows.points, kept, seen_in))
                 }
                 None => None,
             };
@@ -261,17 +252,9 @@ impl Paths {
                     && !wants.aims.is_empty()
                     && let Some(hit) = path.hit
                 {
-                    let z = Vertex {
-                        hit,
-                        surface: &path.surface,
-                        wo: -path.state.ray.dir,
-                        bounces: bounces + 1,
-                    };
-                    let came = Came {
-                        density: path.density,
-                        lit: lit.map(|lit| lit.toward()),
-                        before,
-                    };
+                    let z =
+                        Vertex { hit, surface: &path.surface, wo: -path.state.ray.dir, bounces: bounces + 1 };
+                    let came = Came { density: path.density, lit: lit.map(|lit| lit.toward()), before };
                     rays +=
                         selected::connect(scene, &path.state, &z, came, &self.points[i as usize], &mut out);
                 }
@@ -358,12 +341,7 @@ impl Path {
         if !scene.materials.has_extended_lobe(surface.material) {
             return 0;
         }
-        let at = Vertex {
-            hit,
-            surface,
-            wo: -state.ray.dir,
-            bounces: bounces + 1,
-        };
+        let at = Vertex { hit, surface, wo: -state.ray.dir, bounces: bounces + 1 };
         connect_all(scene, views, state, &at, lit, out)
     }
 
@@ -431,12 +409,7 @@ impl Path {
         if !scene.materials.has_extended_lobe(surface.material) {
             return 0;
         }
-        let at = Vertex {
-            hit,
-            surface,
-            wo: -self.state.ray.dir,
-            bounces: bounces + 1,
-        };
+        let at = Vertex { hit, surface, wo: -self.state.ray.dir, bounces: bounces + 1 };
         let drawn = scene.lights.draw(
             &scene.materials.textures,
             &rows.receivers[n],
@@ -459,12 +432,7 @@ impl Path {
         let (Some(hit), Some(number)) = (self.hit, choice.light()) else {
             return 0;
         };
-        let at = Vertex {
-            hit,
-            surface: &self.surface,
-            wo: -self.state.ray.dir,
-            bounces: bounces + 1,
-        };
+        let at = Vertex { hit, surface: &self.surface, wo: -self.state.ray.dir, bounces: bounces + 1 };
         connect_drawn_point(scene, &self.state, &at, (number, choice.chance), out)
     }
 
@@ -502,9 +470,7 @@ impl Path {
             if !lambert.passes(surface, wo, diffuse) {
                 return false;
             }
-            state
-                .chain
-                .depolarize(lambert.albedo.at(&materials.textures, surface.uv));
+            state.chain.depolarize(lambert.albedo.at(&materials.textures, surface.uv));
             state.frame = frame;
             if MORE {
                 state.label |= label::DIFFUSE;
@@ -525,27 +491,16 @@ impl Path {
             delta = sampled.delta;
             sampled.wi
         };
-        let odds = Odds {
-            plays: bounces + 1 >= scene.settings.rr_depth,
-            full: 1.0,
-            most: SURVIVAL,
-        };
+        let odds = Odds { plays: bounces + 1 >= scene.settings.rr_depth, full: 1.0, most: SURVIVAL };
         if !survives(&mut state.chain, odds, stream) {
             return false;
         }
-        state.ray = Ray {
-            origin: scene.geometry.leave(surface, wi),
-            dir: wi,
-        };
+        state.ray = Ray { origin: scene.geometry.leave(surface, wi), dir: wi };
         if !scene.lights.is_dark() {
             self.choose(scene, wo, wi, delta);
         }
         if MORE {
-            self.density = if delta {
-                0.0
-            } else {
-                scene.materials.pdf(id, &self.surface, wo, wi)
-            };
+            self.density = if delta { 0.0 } else { scene.materials.pdf(id, &self.surface, wo, wi) };
         }
         true
     }

@@ -85,10 +85,7 @@ impl Point {
         let p = end.ray.origin;
         Self {
             site: Site::Pinhole,
-            surface: Surface {
-                p,
-                ..Surface::default()
-            },
+            surface: Surface { p, ..Surface::default() },
             at: p.as_dvec3(),
             back: -end.ray.dir,
             chain: end.chain,
@@ -121,9 +118,7 @@ impl Point {
     /// Returns [`Self::scatter`] separated by lobe kind, each with its label bits.
     pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
-            Site::Surface => scene
-                .materials
-                .lobes(self.surface.material, &self.surface, wo, wi),
+            Site::Surface => scene.materials.lobes(self.surface.material, &self.surface, wo, wi),
             Site::Volume(id) => vec![(label::MEDIUM, scene.media.eval(id, wo, wi))],
             Site::Pinhole => vec![],
         }
@@ -206,18 +201,12 @@ impl Point {
         let Some(medium) = self.medium(scene) else {
             return own.to_array()[0];
         };
-        let at = At {
-            medium,
-            p: self.surface.p,
-            from,
-        };
+        let at = At { medium, p: self.surface.p, from };
         let own = match self.site {
             Site::Volume(_) => own * Spectral::splat(guide.lean(at, back, to).factor),
             _ => own,
         };
-        scene
-            .lanes()
-            .mean(guide.toward(&scene.media, at, to).densities(own))
+        scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
     /// Returns the projected area along a unit direction, per area.
@@ -288,12 +277,6 @@ impl Point {
             filling = beyond.unwrap_or(filling);
         }
         let origin = self.leave(scene, dir);
-        Start {
-            ray: Ray { origin, dir },
-            from: s.p,
-            at: self.at,
-            filling,
-            nest,
-        }
+        Start { ray: Ray { origin, dir }, from: s.p, at: self.at, filling, nest }
     }
 }

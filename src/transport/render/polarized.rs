@@ -25,18 +25,14 @@ use optics::spectrum::Spectral;
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {
         Chain::Full(m) => &m.m[0],
-        Chain::RankOne {
-            row, row_flat: false, ..
-        } => row,
+        Chain::RankOne { row, row_flat: false, .. } => row,
         Chain::Rotation { .. } | Chain::RankOne { .. } => return None,
     };
     let (own, cross, s) = match scatter {
         Scatter::Depolarize(_) => return None,
         Scatter::Fresnel { block, s } => (block.a, block.b, s),
         // Particles are mirror-symmetric, so they give unpolarized light no U or V.
-        Scatter::Full {
-            mueller, frame_out, ..
-        } => (mueller.m[0][0], mueller.m[1][0], frame_out),
+        Scatter::Full { mueller, frame_out, .. } => (mueller.m[0][0], mueller.m[1][0], frame_out),
     };
     let (c2, s2) = turn(d_out, *s, frame);
     let across = row[1] * Spectral::splat(c2) - row[2] * Spectral::splat(s2);
@@ -44,11 +40,7 @@ pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3
     let lit = unpolarized.simd_ne(Spectral::ZERO);
     let more = across * cross / lit.select(unpolarized, Spectral::ONE);
     // Rounding must not make it negative.
-    Some(
-        (Spectral::ONE + more)
-            .max(Spectral::ZERO)
-            .min(Spectral::splat(2.0)),
-    )
+    Some((Spectral::ONE + more).max(Spectral::ZERO).min(Spectral::splat(2.0)))
 }
 
 /// Returns the direction `d` rotated by 90° about the unit vector `axis`.
@@ -68,19 +60,10 @@ mod tests {
     use optics::sampling::stream::Stream;
 
     fn media(phase: PhaseOptics) -> Media {
-        let bulk = Bulk {
-            absorption: 0.0,
-            scattering: 1.0,
-            index: 1.0,
-            asymmetry: 0.0,
-            c_sca: 0.0,
-            c_abs: 0.0,
-        };
+        let bulk =
+            Bulk { absorption: 0.0, scattering: 1.0, index: 1.0, asymmetry: 0.0, c_sca: 0.0, c_abs: 0.0 };
         let mut media = Media::default();
-        media.push(&Optics {
-            bulk: vec![bulk],
-            phase,
-        });
+        media.push(&Optics { bulk: vec![bulk], phase });
         media
     }
 
@@ -97,11 +80,7 @@ mod tests {
             let (back, frame) = (Vec3A::Z, Vec3A::X);
             let mut chain = Chain::start(Spectral::new([0.3, 0.5, 0.7, 0.0]));
             assert!(factor(&chain, &media.eval(0, back, Vec3A::X), back, frame).is_none());
-            let filter = Scatter::Full {
-                mueller: polarizer(0.7),
-                frame_out: frame,
-                frame_in: frame,
-            };
+            let filter = Scatter::Full { mueller: polarizer(0.7), frame_out: frame, frame_in: frame };
             chain.push(&filter, back, frame);
             let mut stream = Stream::new(1, 0, 0);
             for _ in 0..1000 {

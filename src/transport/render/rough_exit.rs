@@ -77,10 +77,7 @@ fn leaves(y: &Point, to: Vec3A) -> bool {
 fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
     let scene = joiner.scene;
     let to = y.surface.p - z.surface.p;
-    let ray = Ray {
-        origin: z.surface.p,
-        dir: to.normalize_or(Vec3A::Z),
-    };
+    let ray = Ray { origin: z.surface.p, dir: to.normalize_or(Vec3A::Z) };
     let depth = scene.media.depth(id, &ray, to.length());
     let density = z.density(scene, &joiner.setup.guide, From::Camera, z.back, -y.back);
     density * mean_transmittance(scene, depth)
@@ -130,10 +127,7 @@ impl Joiner<'_> {
     fn join_by(&mut self, exit: &Exit, z: &Point, id: u32, source: usize, out: &mut Contributions) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let (s, mut lanes) = (&exit.surface, scene.lanes());
-        let Some(drawn) = scene
-            .materials
-            .sample(s.material, s, exit.out, &mut lanes, self.stream)
-        else {
+        let Some(drawn) = scene.materials.sample(s.material, s, exit.out, &mut lanes, self.stream) else {
             return;
         };
         let density = exit.density(scene, drawn.wi);
@@ -161,10 +155,7 @@ impl Joiner<'_> {
     /// Traces a straight line from a particle to the next surface that affects light.
     fn fly(&mut self, z: &Point, id: u32, dir: Vec3A) -> Option<Point> {
         let scene = self.scene;
-        let came = Ray {
-            origin: z.surface.p,
-            dir: -z.back,
-        };
+        let came = Ray { origin: z.surface.p, dir: -z.back };
         let mut flight = Flight {
             state: State {
                 ray: came,

@@ -69,11 +69,7 @@ impl Roulette {
         if first <= 0.0 {
             return Self::default();
         }
-        let (share, most) = if media {
-            (SHARE_IN_MEDIA, MOST_IN_MEDIA)
-        } else {
-            (SHARE, MOST)
-        };
+        let (share, most) = if media { (SHARE_IN_MEDIA, MOST_IN_MEDIA) } else { (SHARE, MOST) };
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
@@ -150,10 +146,7 @@ mod tests {
                 let (mean, square) = (sum / n, squares / n);
                 let error = ((square - mean * mean).max(0.0) / n).sqrt();
                 let x = f64::from(x);
-                assert!(
-                    (mean - x).abs() <= 5.0 * error + 1e-6 * x,
-                    "{x}: {mean} +- {error}"
-                );
+                assert!((mean - x).abs() <= 5.0 * error + 1e-6 * x, "{x}: {mean} +- {error}");
                 // Tolerance: 5 sigma of the number of connections made.
                 let most = x * f64::from(threshold);
                 let unsure = 5.0 / (n * x / f64::from(threshold)).sqrt();

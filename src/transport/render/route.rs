@@ -63,33 +63,21 @@ impl<'a> Route<'a> {
     /// Returns a route through `count` interfaces.
     #[inline]
     pub fn through(count: usize) -> Self {
-        Self {
-            through: ArrayVec::from_iter([count]),
-            over: &[],
-            mirrors: None,
-            passes: 1.0,
-        }
+        Self { through: ArrayVec::from_iter([count]), over: &[], mirrors: None, passes: 1.0 }
     }
 
     /// Returns a route over mirror points, through `through` interfaces between them.
     #[inline]
     pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
-        Self {
-            through,
-            over,
-            mirrors: Some(mirrors),
-            passes: 1.0,
-        }
+        Self { through, over, mirrors: Some(mirrors), passes: 1.0 }
     }
 
     /// Returns the route of the straight line to `to`; `None` if it is blocked or passes no interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
         let met = interfaces(scene, start.ray, start.nest, to)?;
-        (met.count > 0).then(|| Self {
-            passes: mean_transmittance(scene, met.depth),
-            ..Self::through(met.count)
-        })
+        (met.count > 0)
+            .then(|| Self { passes: mean_transmittance(scene, met.depth), ..Self::through(met.count) })
     }
 
     /// Returns the route from the start of a line over the mirror points `over` to `to`, as if it were
@@ -102,12 +90,7 @@ impl<'a> Route<'a> {
         to: Vec3A,
         lane: usize,
     ) -> Option<Self> {
-        let mut route = Self {
-            through: ArrayVec::new(),
-            over,
-            mirrors: Some(mirrors),
-            passes: 1.0,
-        };
+        let mut route = Self { through: ArrayVec::new(), over, mirrors: Some(mirrors), passes: 1.0 };
         let (mut ray, mut nest) = (start.ray, start.nest);
         let mut depth = Spectral::ZERO;
         for seed in over {
@@ -124,9 +107,7 @@ impl<'a> Route<'a> {
             }
             let surface = scene.geometry.surface(&ray, &hit);
             let mirror =
-                scene
-                    .materials
-                    .specular(surface.material, &surface, -ray.dir, Lobe::Reflected, lane)?;
+                scene.materials.specular(surface.material, &surface, -ray.dir, Lobe::Reflected, lane)?;
             route.passes *= max_lane(mirror.scatter.m00());
             ray.origin = scene.geometry.leave(&surface, -ray.dir);
         }
@@ -151,12 +132,7 @@ fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<
             depth += scene.media.depth(id, &ray, step);
         }
         let Some(surface) = surface else {
-            return Some(Met {
-                count,
-                nest,
-                left: ray.origin,
-                depth,
-            });
+            return Some(Met { count, nest, left: ray.origin, depth });
         };
         if !passes(scene, &nest, &surface, ray.dir) {
             count += 1;

@@ -65,10 +65,7 @@ impl Share<'_> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
         {
-            return Err(format!(
-                "expected samples for {tiles} tiles, got {}",
-                counts.len()
-            ));
+            return Err(format!("expected samples for {tiles} tiles, got {}", counts.len()));
         }
         let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
@@ -124,17 +121,13 @@ pub(super) fn render_in_parts<S: Sink>(
     }
     let plans = plans(scene);
     let mut job = job(scene, &plans);
-    let extra = extra
-        .iter()
-        .map(|(name, value)| ((*name).to_owned(), value.clone()));
+    let extra = extra.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
     job.attributes.extend(extra);
     let tiles = share.tiles(job.tiles()).map_err(RenderError::Part)?;
     if let Some(counts) = share.samples {
         job.attributes.insert(TILE_SAMPLES.into(), json!(counts));
     }
-    let backend = Cpu::new(scene, &plans)
-        .walks_at_once(walks_at_once)
-        .samples(share.samples);
+    let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once).samples(share.samples);
     let light = share.light(&job.attributes, backend.labelled());
     let backend = backend.shared_light(light.map_err(RenderError::Part)?);
     if let Some(part) = share.part {
@@ -182,12 +175,7 @@ fn run<S: Sink>(
         |sums| {
             sums.put(sink)?;
             let record = &sums.record;
-            tracing::debug!(
-                "tile {}: {} rays in {:.2} s",
-                record.tile,
-                record.rays,
-                record.seconds
-            );
+            tracing::debug!("tile {}: {} rays in {:.2} s", record.tile, record.rays, record.seconds);
             totals.add(record);
             watch.tile_done(&summary());
             Ok(())

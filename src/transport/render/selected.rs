@@ -208,43 +208,27 @@ impl LitPoint {
             return 0;
         }
         let far = line.length();
-        let ray = Ray {
-            origin,
-            dir: line * far.recip(),
-        };
+        let ray = Ray { origin, dir: line * far.recip() };
         if scene.geometry.occluded(&ray, far * (1.0 - END_GAP)) {
             return 1;
         }
         let through = z.surface.ng.dot(z.wo) * z.surface.ng.dot(dir) < 0.0;
         let beyond = through.then(|| scene.materials.beyond(id, z.surface, z.wo, state.lanes));
         let filling = beyond.flatten().unwrap_or(state.filling);
-        let at = Vertex {
-            hit: self.hit,
-            surface: y,
-            wo: -dir,
-            bounces: z.bounces + 1,
-        };
+        let at = Vertex { hit: self.hit, surface: y, wo: -dir, bounces: z.bounces + 1 };
         let to = Connection {
             wi: self.wi,
             position: projector.pinhole.origin,
             distance: self.distance,
             irradiance: self.irradiance,
-            polarized: Polarized {
-                axis: projector.pinhole.axes.x_axis,
-                filter: None,
-            },
+            polarized: Polarized { axis: projector.pinhole.axes.x_axis, filter: None },
             pixel: self.pixel,
             start_m: 0.0,
         };
         let before = out.list.len();
         let whole = whole.iter().map(|scatter| (0, scatter));
         for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
-            let mut on = State {
-                ray: Ray { origin, dir },
-                filling,
-                label: state.label | kind,
-                ..*state
-            };
+            let mut on = State { ray: Ray { origin, dir }, filling, label: state.label | kind, ..*state };
             let frame = on.chain.push(scatter, z.wo, on.frame);
             on.frame = frame.unwrap_or_else(|| perpendicular(dir));
             on.chain.scale(Spectral::splat(share));

@@ -38,17 +38,11 @@ impl SharedLight {
     /// Creates the exchange for part `number` of `of`, counted from 1, of the render with key `key`.
     #[must_use]
     pub fn new(folder: &Path, key: String, number: u32, of: u32) -> Self {
-        Self {
-            folder: folder.to_owned(),
-            key,
-            part: number.saturating_sub(1),
-            of: of.max(1),
-        }
+        Self { folder: folder.to_owned(), key, part: number.saturating_sub(1), of: of.max(1) }
     }
 
     fn file(&self, share: u32) -> PathBuf {
-        self.folder
-            .join(format!("{}-{}of{}.light", self.key, share + 1, self.of))
+        self.folder.join(format!("{}-{}of{}.light", self.key, share + 1, self.of))
     }
 
     pub(super) fn warn(&self, what: &str, e: &io::Error) {
@@ -95,14 +89,10 @@ impl SharedLight {
         let mut longest = Duration::ZERO;
         let mut write = |share: u32| {
             let begun = Instant::now();
-            let parts = Parts {
-                count: self.of as usize,
-                of: |pixel| tiles::of(scene, pixel) % self.of,
-            };
+            let parts = Parts { count: self.of as usize, of: |pixel| tiles::of(scene, pixel) % self.of };
             let walks = counts.share(share, self.of);
-            let made = self.write(share, |file| {
-                spill::write(file, (counts, walks), &parts, stop, &make, &trace)
-            });
+            let made =
+                self.write(share, |file| spill::write(file, (counts, walks), &parts, stop, &make, &trace));
             longest = longest.max(begun.elapsed());
             made.map(|made| made.map(|()| longest))
         };
@@ -111,12 +101,7 @@ impl SharedLight {
         // First the shares that no part has started.
         for share in shares().filter(|share| !self.file(*share).is_file()) {
             let claim = self.file(share).with_extension("begun");
-            if OpenOptions::new()
-                .write(true)
-                .create_new(true)
-                .open(claim)
-                .is_ok()
-            {
+            if OpenOptions::new().write(true).create_new(true).open(claim).is_ok() {
                 match write(share)? {
                     Some(longest) => patience = longest * PATIENCE,
                     None => return Ok(None),
@@ -206,14 +191,9 @@ fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     for n in 0..=part {
         let (count, after) = rest.split_first_chunk().ok_or_else(wrong)?;
         let size = (u64::from_le_bytes(*count) as usize).checked_mul(size_of::<Extent>());
-        let (own, after) = after
-            .split_at_checked(size.ok_or_else(wrong)?)
-            .ok_or_else(wrong)?;
+        let (own, after) = after.split_at_checked(size.ok_or_else(wrong)?).ok_or_else(wrong)?;
         if n == part {
-            return Ok(own
-                .chunks_exact(size_of::<Extent>())
-                .map(bytemuck::pod_read_unaligned)
-                .collect());
+            return Ok(own.chunks_exact(size_of::<Extent>()).map(bytemuck::pod_read_unaligned).collect());
         }
         rest = after;
     }

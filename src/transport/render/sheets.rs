@@ -57,14 +57,11 @@ pub(super) fn connect(
     connection: &Blocked<'_>,
     out: &mut Contributions,
 ) -> u32 {
-    let Blocked {
-        to, bounces, label, ..
-    } = *connection;
+    let Blocked { to, bounces, label, .. } = *connection;
     let mut chain = state.chain;
     // After a depolarizing interaction any frame is valid.
-    let mut frame = chain
-        .push(connection.scatter, connection.wo, state.frame)
-        .unwrap_or_else(|| perpendicular(to.wi));
+    let mut frame =
+        chain.push(connection.scatter, connection.wo, state.frame).unwrap_or_else(|| perpendicular(to.wi));
     chain.scale(to.irradiance);
     let start = Start {
         ray: connection.shadow,
@@ -74,19 +71,14 @@ pub(super) fn connect(
         nest: Nest::default(),
     };
     let mut rays = 0;
-    let allowed = Allowed {
-        sheets: scene.settings.max_depth.saturating_sub(1 + bounces),
-        lane: state.lanes.nth(0),
-    };
+    let allowed =
+        Allowed { sheets: scene.settings.max_depth.saturating_sub(1 + bounces), lane: state.lanes.nth(0) };
     if let Some(line) = bridge(
         scene,
         &mut chain,
         &mut frame,
         &start,
-        End {
-            aim: to.position,
-            at: to.position.as_dvec3(),
-        },
+        End { aim: to.position, at: to.position.as_dvec3() },
         allowed,
         &mut rays,
     ) {

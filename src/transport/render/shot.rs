@@ -43,12 +43,7 @@ impl Shot {
             let s: Vec3A = p[k] + d[k] * way;
             s - dir * dir.dot(s)
         });
-        Some(Self {
-            dir,
-            miss: end - to,
-            slopes,
-            length: length + way,
-        })
+        Some(Self { dir, miss: end - to, slopes, length: length + way })
     }
 
     /// Returns true if it hits the emitter.
@@ -170,31 +165,18 @@ mod tests {
             let of = |n: f64| Spectral::new([n as f32, n as f32 + 0.02, 1.0, 1.0]);
             Material::Dielectric(Dielectric {
                 interior: of(interior),
-                exterior: if exterior == 1.0 {
-                    Spectral::ONE
-                } else {
-                    of(exterior)
-                },
+                exterior: if exterior == 1.0 { Spectral::ONE } else { of(exterior) },
                 dispersive: true,
             })
         };
         Materials {
-            list: vec![
-                interface(INDICES[1], INDICES[0]),
-                interface(INDICES[2], INDICES[1]),
-            ],
+            list: vec![interface(INDICES[1], INDICES[0]), interface(INDICES[2], INDICES[1])],
             ..Materials::default()
         }
     }
 
     fn pane(material: u32, z: f32) -> Surface {
-        Surface {
-            p: Vec3A::new(-3.0, 2.0, z),
-            ng: Vec3A::Z,
-            ns: Vec3A::Z,
-            material,
-            ..Surface::default()
-        }
+        Surface { p: Vec3A::new(-3.0, 2.0, z), ng: Vec3A::Z, ns: Vec3A::Z, material, ..Surface::default() }
     }
 
     /// Out of water through a pane: the direction agrees with Snell's law, solved in double precision.
@@ -213,10 +195,7 @@ mod tests {
                 // Lateral offset of a ray with n sin θ = k.
                 let side = |k: f64| {
                     let layers = [(0.03, water), (0.005, glass), (f64::from(to.z) - 0.005, air)];
-                    layers
-                        .iter()
-                        .map(|(d, n)| d * k / (n * n - k * k).sqrt())
-                        .sum::<f64>()
+                    layers.iter().map(|(d, n)| d * k / (n * n - k * k).sqrt()).sum::<f64>()
                 };
                 let (mut low, mut high) = (0.0, 1.0 - 1e-12);
                 for _ in 0..100 {

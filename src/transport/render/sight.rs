@@ -42,11 +42,7 @@ pub struct Viewer<'a> {
 impl<'a> Viewer<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        Self {
-            scene,
-            nest: surroundings(scene, scene.camera.origin),
-            lane: scene.wavelengths.count() / 2,
-        }
+        Self { scene, nest: surroundings(scene, scene.camera.origin), lane: scene.wavelengths.count() / 2 }
     }
 
     /// Returns the first surface seen at an image position in pixels, ignoring surfaces without effect on
@@ -55,11 +51,7 @@ impl<'a> Viewer<'a> {
     #[must_use]
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
         let camera = self.scene.camera.at(at);
-        let nest = if camera.parallel {
-            surroundings(self.scene, camera.origin)
-        } else {
-            self.nest
-        };
+        let nest = if camera.parallel { surroundings(self.scene, camera.origin) } else { self.nest };
         let (origin, dir) = (camera.origin, camera.direction(at));
         follow(self.scene, Ray { origin, dir }, nest, through, self.lane)
     }

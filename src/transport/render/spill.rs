@@ -79,10 +79,7 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
         found.push((
             s.pixel,
             Splat {
-                walk: WalkNumber {
-                    sample: s.sample,
-                    walk: s.walk,
-                },
+                walk: WalkNumber { sample: s.sample, walk: s.walk },
                 seen: s.seen,
                 factor: s.factor,
                 dir,
@@ -93,11 +90,7 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
             },
         ));
     }
-    if bytes.is_empty() {
-        Ok(())
-    } else {
-        Err(ErrorKind::UnexpectedEof.into())
-    }
+    if bytes.is_empty() { Ok(()) } else { Err(ErrorKind::UnexpectedEof.into()) }
 }
 
 /// The position in a file of one batch's splats of a part.
@@ -135,11 +128,7 @@ pub(super) fn write<T: Send>(
             return Ok(None);
         }
         if n > 0 && n % 16 == 0 {
-            tracing::info!(
-                "{first} of {} light paths traced, {} MB of vertices",
-                walks.end,
-                at / 1_000_000
-            );
+            tracing::info!("{first} of {} light paths traced, {} MB of vertices", walks.end, at / 1_000_000);
         }
         let end = (first + BATCH).min(walks.end);
         // Bytes of each part, in an order that does not depend on the number of threads.
@@ -158,9 +147,7 @@ pub(super) fn write<T: Send>(
                 let pieces = points.chunk_by(|a, b| a.0 == b.0);
                 let piece = |points: &[(u32, u32, Splat)]| {
                     let mut bytes = vec![];
-                    points
-                        .iter()
-                        .for_each(|(_, pixel, s)| append(&mut bytes, *pixel, s));
+                    points.iter().for_each(|(_, pixel, s)| append(&mut bytes, *pixel, s));
                     (points[0].0, bytes)
                 };
                 pieces.map(piece).collect()
@@ -178,11 +165,7 @@ pub(super) fn write<T: Send>(
                 }
             }
             if at > begin {
-                extents.push(Extent {
-                    begin,
-                    length: at - begin,
-                    check: check.into(),
-                });
+                extents.push(Extent { begin, length: at - begin, check: check.into() });
             }
         }
     }
@@ -222,16 +205,9 @@ impl Spill {
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> io::Result<Option<Self>> {
         let mut file = tempfile::tempfile()?;
-        let parts = Parts {
-            count: parts,
-            of: part_of,
-        };
+        let parts = Parts { count: parts, of: part_of };
         let extents = write(&mut file, (counts, 0..counts.all()), &parts, stop, make, trace)?;
-        Ok(extents.map(|extents| Self {
-            file,
-            extents,
-            pixels: counts.pixels,
-        }))
+        Ok(extents.map(|extents| Self { file, extents, pixels: counts.pixels }))
     }
 
     /// Returns the splats of a part.
@@ -254,11 +230,7 @@ mod tests {
     /// Parts read from the file equal those traced for them alone, including refracted connections.
     #[test]
     fn parts_come_back() {
-        let counts = Counts {
-            samples: 3,
-            walks: 500_000,
-            pixels: 60,
-        };
+        let counts = Counts { samples: 3, walks: 500_000, pixels: 60 };
         let trace = |(): &mut (), n: WalkNumber, found: &mut dyn FnMut(u32, Splat)| {
             for point in 0..n.walk % 3 {
                 let bent = (n.walk + point).is_multiple_of(4);
@@ -266,11 +238,7 @@ mod tests {
                     walk: n,
                     seen: n.walk as f32,
                     factor: 1.0 + point as f32,
-                    dir: if bent {
-                        [0.0, n.sample as f32, 1.0]
-                    } else {
-                        [0.0; 3]
-                    },
+                    dir: if bent { [0.0, n.sample as f32, 1.0] } else { [0.0; 3] },
                     point: point as u16 + 1,
                     lineage: point as u8,
                     interfaces: u8::from(bent),
@@ -287,17 +255,9 @@ mod tests {
             let want = Splats::new(counts, |pixel| part_of(pixel) == part, || (), trace);
             let got = spill.part(part as usize).expect("reads");
             for (pixel, sample) in (0..60).flat_map(|p| (0..3).map(move |s| (p, s))) {
-                assert_eq!(
-                    got.of(pixel, sample),
-                    want.of(pixel, sample),
-                    "{part} {pixel} {sample}"
-                );
+                assert_eq!(got.of(pixel, sample), want.of(pixel, sample), "{part} {pixel} {sample}");
             }
         }
-        assert!(
-            Spill::new(counts, 3, part_of, || true, || (), trace)
-                .expect("a file")
-                .is_none()
-        );
+        assert!(Spill::new(counts, 3, part_of, || true, || (), trace).expect("a file").is_none());
     }
 }

@@ -65,10 +65,7 @@ impl Counts {
 
     /// Returns the number of the i-th subpath.
     pub fn number(self, i: u64) -> WalkNumber {
-        WalkNumber {
-            sample: (i / u64::from(self.walks)) as u32,
-            walk: (i % u64::from(self.walks)) as u32,
-        }
+        WalkNumber { sample: (i / u64::from(self.walks)) as u32, walk: (i % u64::from(self.walks)) as u32 }
     }
 }
 
@@ -169,11 +166,7 @@ mod tests {
             lanes: 7,
         };
         let splats = Splats::new(
-            Counts {
-                samples,
-                walks,
-                pixels,
-            },
+            Counts { samples, walks, pixels },
             |p| p != 5,
             || (),
             |(), n, found| {

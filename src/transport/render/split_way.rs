@@ -63,13 +63,7 @@ impl<'a> SplitSearch<'a> {
             let length = (to - ray.origin).length();
             let Some(hit) = scene.geometry.intersect(&ray, length) else {
                 let all = crystals > 0 && crystals <= CRYSTALS && bends <= INTERFACES && !inside;
-                return all.then_some(Self {
-                    scene,
-                    start,
-                    to,
-                    bends,
-                    crystals,
-                });
+                return all.then_some(Self { scene, start, to, bends, crystals });
             };
             let surface = scene.geometry.surface(&ray, &hit);
             let id = surface.material;
@@ -161,8 +155,7 @@ impl<'a> SplitSearch<'a> {
         let slope = |axis: Vec3A| {
             let ends = [STEP, -STEP].map(|step| {
                 let turned = (dir + axis * step).normalize();
-                self.shoot(turned, choice, |_| ())
-                    .map(|s| self.crossing(&s, shot.dir))
+                self.shoot(turned, choice, |_| ()).map(|s| self.crossing(&s, shot.dir))
             });
             Some(at((ends[0]? - ends[1]?) / (2.0 * STEP)))
         };

@@ -56,10 +56,7 @@ impl Default for State {
     /// Returns a placeholder before any path has started.
     fn default() -> Self {
         Self {
-            ray: Ray {
-                origin: Vec3A::ZERO,
-                dir: Vec3A::Z,
-            },
+            ray: Ray { origin: Vec3A::ZERO, dir: Vec3A::Z },
             from: DVec3::ZERO,
             chain: Chain::start(Spectral::ZERO),
             frame: Vec3A::X,

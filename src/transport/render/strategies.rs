@@ -17,10 +17,7 @@ pub fn strategies(scene: &Scene) -> Strategies {
     let inside = settings.integrator == Integrator::Path && scene.filled && !alone;
     Strategies::NONE
         .with(Strategy::NextEvent, true)
-        .with(
-            Strategy::RoughInterface,
-            inside && materials.any_rough_interface(),
-        )
+        .with(Strategy::RoughInterface, inside && materials.any_rough_interface())
         .with(Strategy::SmoothInterfaces, bent && materials.any_interface())
         .with(Strategy::FlatMirrors, over)
         .with(Strategy::CurvedMirrors, over)

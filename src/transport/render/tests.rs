@@ -30,10 +30,7 @@ use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSele
 
 /// An open box with a specular and a rough conducting sphere, and every kind of light.
 pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
-    let (n, k) = (
-        Spectral::new([0.4, 1.5, 0.2, 2.0]),
-        Spectral::new([2.5, 1.9, 3.4, 2.0]),
-    );
+    let (n, k) = (Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::new([2.5, 1.9, 3.4, 2.0]));
     let reflectance = Spectrum::uniform(Spectral::ONE);
     let roughness = Roughness {
         distribution: Distribution::Ggx,
@@ -42,16 +39,9 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
     };
     let materials = Materials {
         list: vec![
-            Material::Diffuse(Diffuse {
-                albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])),
-            }),
+            Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])) }),
             Material::Conductor(Conductor { n, k, reflectance }),
-            Material::RoughConductor(RoughConductor {
-                n,
-                k,
-                reflectance,
-                roughness,
-            }),
+            Material::RoughConductor(RoughConductor { n, k, reflectance, roughness }),
         ],
         ..Materials::default()
     };
@@ -93,11 +83,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
         materials,
         media: Media::default(),
         camera: device(0.0),
-        projector: Some(Projector {
-            pinhole: device(0.3),
-            irradiance: Spectral::splat(3.0),
-            coaxial: false,
-        }),
+        projector: Some(Projector { pinhole: device(0.3), irradiance: Spectral::splat(3.0), coaxial: false }),
         points: vec![PointEmitter {
             position: Vec3A::new(-1.0, 1.5, 2.0),
             intensity: Spectral::ONE,
@@ -105,10 +91,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
             slide: None,
             axis: Vec3A::X,
         }],
-        environment: Some(Environment {
-            radiance: Spectral::splat(0.1),
-            axis: Vec3A::Y,
-        }),
+        environment: Some(Environment { radiance: Spectral::splat(0.1), axis: Vec3A::Y }),
         lights: Lights::default(),
         slices: vec![Slice {
             name: "all".to_owned(),
@@ -180,10 +163,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     use glam::{Affine3A, Vec3, Vec3A};
     use optics::sampling::stream::Stream;
     const N: u32 = 40_000;
-    let ball = |x: f32, radius: f32| Outline::Ball {
-        centre: Vec3A::new(x, 0.0, 0.0),
-        radius,
-    };
+    let ball = |x: f32, radius: f32| Outline::Ball { centre: Vec3A::new(x, 0.0, 0.0), radius };
     let groups = vec![vec![], vec![ball(0.0, 1.0), ball(3.0, 2.0)]];
     let places = [(0, 0.0, 1.0), (1, 100.0, 1.0), (1, 200.0, -2.0)];
     let copies = places.map(|(group, x, scale)| {
@@ -209,10 +189,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     for ((_, r), n) in balls.iter().zip(counts) {
         let share = f64::from(r * r / 25.0);
         let sigma = (f64::from(N) * share * (1.0 - share)).sqrt();
-        assert!(
-            (f64::from(n) - f64::from(N) * share).abs() < 5.0 * sigma,
-            "{counts:?}"
-        );
+        assert!((f64::from(n) - f64::from(N) * share).abs() < 5.0 * sigma, "{counts:?}");
     }
 }
 
@@ -220,19 +197,14 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
 #[test]
 fn parts_change_no_bit() {
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.
-    for (integrator, walks) in [
-        (Integrator::Bidirectional, 2000),
-        (Integrator::Bidirectional, 100),
-        (Integrator::Caustics, 2000),
-    ] {
+    for (integrator, walks) in
+        [(Integrator::Bidirectional, 2000), (Integrator::Bidirectional, 100), (Integrator::Caustics, 2000)]
+    {
         let scene = scene(integrator, false);
         let whole = bits(&scene);
         assert!(whole.1 > 1000, "{}", whole.1);
         for threads in [1, 3] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .expect("threads");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             assert!(
                 pool.install(|| bits_in_parts(&scene, walks)) == whole,
                 "{walks} walks, {threads} threads"

@@ -20,10 +20,7 @@ pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     let across = w.div_ceil(n);
     let (x, y) = (tile % across * n, tile / across * n);
-    TilePixels {
-        x: x..(x + n).min(w),
-        y: y..(y + n).min(h),
-    }
+    TilePixels { x: x..(x + n).min(w), y: y..(y + n).min(h) }
 }
 
 /// Returns the number of the tile that contains a camera pixel with a row-major number.

@@ -61,10 +61,7 @@ impl Traced {
         stream: &mut Stream,
     ) -> Option<Self> {
         let (mut ray, mut nest) = (start.ray, start.nest);
-        let mut traced = Self {
-            through: Legs::from_iter([0]),
-            ..Self::default()
-        };
+        let mut traced = Self { through: Legs::from_iter([0]), ..Self::default() };
         let (mut chosen, mut legs) = (None, 0);
         for _ in 0..MOST_SURFACES {
             let hit = scene.geometry.intersect(&ray, f32::INFINITY);

@@ -57,11 +57,7 @@ fn needs_walks(scene: &Scene) -> bool {
 /// Returns the number of independent groups of samples per pixel; those of the paths, if there are any.
 pub(super) fn replicates(scene: &Scene) -> u32 {
     let settings = &scene.settings;
-    if needs_walks(scene) {
-        settings.spp
-    } else {
-        settings.spp / settings.group().size()
-    }
+    if needs_walks(scene) { settings.spp } else { settings.spp / settings.group().size() }
 }
 
 /// Returns the number of tiles that are rendered after one preparation.
@@ -88,17 +84,11 @@ impl TileParts {
         for (part, tiles) in (0..).zip(parts) {
             tiles.iter().for_each(|tile| of[*tile as usize] = part);
         }
-        Self {
-            of,
-            count: parts.len(),
-        }
+        Self { of, count: parts.len() }
     }
 
     fn parts(&self, scene: &Scene) -> Parts<impl Fn(u32) -> u32 + Sync> {
-        Parts {
-            count: self.count,
-            of: |pixel| self.of[tiles::of(scene, pixel) as usize],
-        }
+        Parts { count: self.count, of: |pixel| self.of[tiles::of(scene, pixel) as usize] }
     }
 }
 

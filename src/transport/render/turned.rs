@@ -46,10 +46,7 @@ impl Turned {
         // Barycentric coordinates move points of triangles; shifting the ray moves those of quadrics.
         let near = |k: usize, step: f32| {
             let along = [axes.x_axis, axes.y_axis][k] * (step * hit.t);
-            let moved = Ray {
-                origin: ray.origin + along,
-                dir: ray.dir,
-            };
+            let moved = Ray { origin: ray.origin + along, dir: ray.dir };
             let mut hit = *hit;
             *[&mut hit.u, &mut hit.v][k] += step;
             let surface = scene.geometry.surface(&moved, &hit);
@@ -68,9 +65,6 @@ impl Turned {
         }
         let (a, b) = (v.cross(across) / area2, across.cross(u) / area2);
         let column = |k: usize| du * a[k] + dv * b[k];
-        Some(Self {
-            normal: own,
-            bend: Mat3A::from_cols(column(0), column(1), column(2)),
-        })
+        Some(Self { normal: own, bend: Mat3A::from_cols(column(0), column(1), column(2)) })
     }
 }

@@ -83,10 +83,7 @@ impl Joiner<'_> {
         }
         let across = perpendicular(way.dir);
         let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
-        let allowed = Allowed {
-            sheets,
-            lane: takers.lane,
-        };
+        let allowed = Allowed { sheets, lane: takers.lane };
         let to = camera.origin;
         let Some(passed) = way.follow(scene, &mut back, &mut frame, to, allowed, &mut self.rays) else {
             return;
@@ -110,19 +107,14 @@ impl Joiner<'_> {
         let whole = whole.iter().map(|scatter| (0, scatter));
         for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
             let mut chain = chain;
-            let frame = chain
-                .push(scatter, way.dir, across)
-                .unwrap_or_else(|| perpendicular(y.back));
+            let frame = chain.push(scatter, way.dir, across).unwrap_or_else(|| perpendicular(y.back));
             let record = Record {
                 time_ps: picoseconds(y.optical_m + passed.optical_m),
                 pixel: sender.pixel,
                 interactions: interactions + passed.sheets,
                 label: y.label | kind | way.label(),
             };
-            let beam = Beam {
-                travel: -y.back,
-                frame,
-            };
+            let beam = Beam { travel: -y.back, frame };
             meet(chain, beam, y, &record, out);
         }
     }

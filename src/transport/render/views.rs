@@ -16,22 +16,12 @@ impl Views {
     pub fn new(scene: &Scene) -> Self {
         let view = |device: &Pinhole| {
             let field = device.field().map(glam::DVec2::as_vec2);
-            View::new(
-                &scene.geometry,
-                device.origin,
-                device.axes,
-                field,
-                device.resolution,
-            )
+            View::new(&scene.geometry, device.origin, device.axes, field, device.resolution)
         };
         Self {
             camera: view(&scene.camera),
             // Light passes sheets, which a view treats as opaque.
-            projector: scene
-                .projector
-                .as_ref()
-                .filter(|_| !scene.sheets)
-                .and_then(|p| view(&p.pinhole)),
+            projector: scene.projector.as_ref().filter(|_| !scene.sheets).and_then(|p| view(&p.pinhole)),
         }
     }
 }

@@ -132,13 +132,7 @@ impl Walk {
 
     /// Traces the next branch. Returns false if there is none. Vertices before [`Self::fresh`] are shared.
     pub fn next_branch(&mut self, scene: &Scene, guide: &Guide, limits: Limits) -> bool {
-        let Some(Branch {
-            points,
-            mut progress,
-            lineage,
-            mut stream,
-        }) = self.pending.pop()
-        else {
+        let Some(Branch { points, mut progress, lineage, mut stream }) = self.pending.pop() else {
             return false;
         };
         self.points.truncate(points);
@@ -163,9 +157,7 @@ impl Walk {
         if !self.land(scene, progress, stream, limits) {
             return false;
         }
-        let left = limits
-            .parting
-            .part(guide, &self.points, self.lineage, progress, stream);
+        let left = limits.parting.part(guide, &self.points, self.lineage, progress, stream);
         self.pending.extend(left);
         self.depart(scene, guide, progress, stream, limits)
     }
@@ -222,18 +214,13 @@ impl Walk {
 
     /// Moves to the next vertex and appends it with its density. Returns false if the subpath ends before.
     fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
-        let Progress {
-            flight, interactions, ..
-        } = progress;
+        let Progress { flight, interactions, .. } = progress;
         let (site, surface, hit) = match flight.fly(scene, stream, &mut self.rays) {
             Landing::At(site, surface, hit) => (site, surface, hit),
             Landing::Escaped => {
                 self.escape = Some(Escape {
                     chain: flight.state.chain,
-                    beam: Beam {
-                        travel: -flight.state.ray.dir,
-                        frame: flight.state.frame,
-                    },
+                    beam: Beam { travel: -flight.state.ray.dir, frame: flight.state.frame },
                     interactions: *interactions,
                     label: flight.state.label,
                     chosen: progress.chosen,
@@ -247,10 +234,7 @@ impl Walk {
             let state = &flight.state;
             self.glows.push(Glow {
                 chain: state.chain,
-                beam: Beam {
-                    travel: -state.ray.dir,
-                    frame: state.frame,
-                },
+                beam: Beam { travel: -state.ray.dir, frame: state.frame },
                 surface,
                 facet: hit.and_then(|hit| scene.geometry.facet(&hit)),
                 optical_m: state.optical_m,
@@ -266,9 +250,7 @@ impl Walk {
         let [.., before, point] = &mut self.points[..] else {
             return false;
         };
-        let distance2 = (surface.p - before.surface.p)
-            .length_squared()
-            .max(f32::MIN_POSITIVE);
+        let distance2 = (surface.p - before.surface.p).length_squared().max(f32::MIN_POSITIVE);
         let passed = mean_transmittance(scene, flight.depth) / distance2;
         point.forward = progress.density * passed * point.cosine(point.back);
         point.spread = passed * before.cosine(point.back);
@@ -312,21 +294,14 @@ mod tests {
             bulk: vec![bulk; 4],
             phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(G), 0.0, 0.0)),
         });
-        scene.boundaries[0] = Boundary {
-            medium: 0,
-            priority: 0,
-            object: 0,
-        };
+        scene.boundaries[0] = Boundary { medium: 0, priority: 0, object: 0 };
         scene.settings.rr_depth = u32::MAX;
         let mut guide = Guide::none(&scene.media);
         guide.add(0, From::Camera, Vec3A::new(0.8, 0.0, -0.6));
         let mut nest = Nest::default();
         nest.cross(&scene.boundaries, 0, true);
         let end = End {
-            ray: Ray {
-                origin: Vec3A::ZERO,
-                dir: Vec3A::Z,
-            },
+            ray: Ray { origin: Vec3A::ZERO, dir: Vec3A::Z },
             chain: Chain::start(Spectral::ONE),
             frame: Vec3A::X,
             density: 1.0,
@@ -398,10 +373,7 @@ mod tests {
             let wanted = [1.0, f64::from(G).powi(LAST as i32 - 1)];
             for ((mean, error), wanted) in found.into_iter().zip(wanted) {
                 assert!(error < 0.05, "{error}");
-                assert!(
-                    (mean - wanted).abs() < 5.0 * error,
-                    "{mean} +- {error}, not {wanted}"
-                );
+                assert!((mean - wanted).abs() < 5.0 * error, "{mean} +- {error}, not {wanted}");
             }
         }
         assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
@@ -426,14 +398,7 @@ mod tests {
         let mut branches = 0;
         for n in 0..200 {
             let start = || Stream::new(3, n, 0);
-            walk.run(
-                &scene,
-                &guide,
-                From::Camera,
-                &end,
-                &mut start(),
-                limits(Parting::All),
-            );
+            walk.run(&scene, &guide, From::Camera, &end, &mut start(), limits(Parting::All));
             while walk.next_branch(&scene, &guide, limits(Parting::All)) {
                 branches += 1;
                 let follow = limits(Parting::Follow(walk.lineage));

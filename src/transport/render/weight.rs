@@ -107,24 +107,15 @@ mod tests {
                     )
                 })
                 .collect();
-            let tries = Tries {
-                light: 0.3,
-                splats: 50.0,
-                connections: 0.2,
-                strategies: Strategies::ALL,
-            };
+            let tries = Tries { light: 0.3, splats: 50.0, connections: 0.2, strategies: Strategies::ALL };
             let (mut sum, mut count) = (0.0, 0);
             for s in 1..=inner + 1 {
                 let (light, camera) = points.split_at(s);
                 if !points[s - 1].2 || !points[s].2 {
                     continue;
                 }
-                let of = |own: f32, other: f32, connects, particle| Densities {
-                    own,
-                    other,
-                    connects,
-                    particle,
-                };
+                let of =
+                    |own: f32, other: f32, connects, particle| Densities { own, other, connects, particle };
                 let light: Vec<_> = light.iter().map(|p| of(p.0, p.1, p.2, p.3)).collect();
                 let camera: Vec<_> = camera.iter().rev().map(|p| of(p.1, p.0, p.2, p.3)).collect();
                 sum += power_heuristic(&light, &camera, tries);

@@ -45,25 +45,12 @@ const WHOLE: &str = r#"<scene version="3.0.0">
 /// Folder with the files that the scene refers to.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(
-        folder.path().join("tent.obj"),
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    )
-    .unwrap();
-    std::fs::write(
-        folder.path().join("curve.txt"),
-        "9 0 9 1\n9 1 9 1\n9 2 9 1\n9 3 9 1\n",
-    )
-    .unwrap();
+    std::fs::write(folder.path().join("tent.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    std::fs::write(folder.path().join("curve.txt"), "9 0 9 1\n9 1 9 1\n9 2 9 1\n9 3 9 1\n").unwrap();
     let mut plane = b"VOL\x03".to_vec();
-    [1_i32, 2, 2, 2, 1]
-        .iter()
-        .for_each(|v| plane.extend(v.to_le_bytes()));
+    [1_i32, 2, 2, 2, 1].iter().for_each(|v| plane.extend(v.to_le_bytes()));
     [0.0_f32; 6].iter().for_each(|v| plane.extend(v.to_le_bytes()));
-    [[-1.0_f32; 4], [1.0; 4]]
-        .concat()
-        .iter()
-        .for_each(|v| plane.extend(v.to_le_bytes()));
+    [[-1.0_f32; 4], [1.0; 4]].concat().iter().for_each(|v| plane.extend(v.to_le_bytes()));
     std::fs::write(folder.path().join("plane.vol"), plane).unwrap();
     folder
 }
@@ -138,75 +125,24 @@ fn known_items_are_never_silent() {
     let folder = folder();
     let whole = imported(folder.path(), WHOLE).unwrap();
     for (element, item) in [
-        (
-            "<integrator type=\"volpath\">",
-            "<boolean name=\"hide_emitters\" value=\"true\"/>",
-        ),
-        (
-            "<integrator type=\"volpath\">",
-            "<integer name=\"rr_depth\" value=\"9\"/>",
-        ),
-        (
-            "<sensor type=\"thinlens\">",
-            "<float name=\"principal_point_offset_x\" value=\"0.1\"/>",
-        ),
-        (
-            "<film type=\"hdrfilm\">",
-            "<integer name=\"crop_width\" value=\"5\"/>",
-        ),
-        (
-            "<emitter type=\"spot\">",
-            "<float name=\"sampling_weight\" value=\"0\"/>",
-        ),
-        (
-            "<emitter type=\"spot\">",
-            "<float name=\"cutoff_angle\" value=\"9\"/>",
-        ),
-        (
-            "<emitter type=\"spot\">",
-            "<texture type=\"checkerboard\" name=\"texture\"/>",
-        ),
-        (
-            "<emitter type=\"directional\">",
-            "<vector name=\"direction\" x=\"1\" y=\"0\" z=\"0\"/>",
-        ),
-        (
-            "<emitter type=\"projector\">",
-            "<float name=\"scale\" value=\"3\"/>",
-        ),
+        ("<integrator type=\"volpath\">", "<boolean name=\"hide_emitters\" value=\"true\"/>"),
+        ("<integrator type=\"volpath\">", "<integer name=\"rr_depth\" value=\"9\"/>"),
+        ("<sensor type=\"thinlens\">", "<float name=\"principal_point_offset_x\" value=\"0.1\"/>"),
+        ("<film type=\"hdrfilm\">", "<integer name=\"crop_width\" value=\"5\"/>"),
+        ("<emitter type=\"spot\">", "<float name=\"sampling_weight\" value=\"0\"/>"),
+        ("<emitter type=\"spot\">", "<float name=\"cutoff_angle\" value=\"9\"/>"),
+        ("<emitter type=\"spot\">", "<texture type=\"checkerboard\" name=\"texture\"/>"),
+        ("<emitter type=\"directional\">", "<vector name=\"direction\" x=\"1\" y=\"0\" z=\"0\"/>"),
+        ("<emitter type=\"projector\">", "<float name=\"scale\" value=\"3\"/>"),
         ("<emitter type=\"point\">", "<transform name=\"to_world\"/>"),
-        (
-            "<shape type=\"obj\">",
-            "<boolean name=\"face_normals\" value=\"true\"/>",
-        ),
-        (
-            "<shape type=\"obj\">",
-            "<boolean name=\"flip_normals\" value=\"true\"/>",
-        ),
-        (
-            "<shape type=\"cylinder\">",
-            "<boolean name=\"flip_normals\" value=\"true\"/>",
-        ),
-        (
-            "<shape type=\"cube\">",
-            "<boolean name=\"flip_normals\" value=\"true\"/>",
-        ),
-        (
-            "<shape type=\"sphere\">",
-            "<boolean name=\"flip_normals\" value=\"true\"/>",
-        ),
-        (
-            "<shape type=\"rectangle\">",
-            "<ref name=\"exterior\" id=\"fog\"/>",
-        ),
-        (
-            "<medium type=\"homogeneous\" id=\"fog\">",
-            "<float name=\"scale\" value=\"3\"/>",
-        ),
-        (
-            "<medium type=\"homogeneous\" id=\"fog\">",
-            "<boolean name=\"sample_emitters\" value=\"false\"/>",
-        ),
+        ("<shape type=\"obj\">", "<boolean name=\"face_normals\" value=\"true\"/>"),
+        ("<shape type=\"obj\">", "<boolean name=\"flip_normals\" value=\"true\"/>"),
+        ("<shape type=\"cylinder\">", "<boolean name=\"flip_normals\" value=\"true\"/>"),
+        ("<shape type=\"cube\">", "<boolean name=\"flip_normals\" value=\"true\"/>"),
+        ("<shape type=\"sphere\">", "<boolean name=\"flip_normals\" value=\"true\"/>"),
+        ("<shape type=\"rectangle\">", "<ref name=\"exterior\" id=\"fog\"/>"),
+        ("<medium type=\"homogeneous\" id=\"fog\">", "<float name=\"scale\" value=\"3\"/>"),
+        ("<medium type=\"homogeneous\" id=\"fog\">", "<boolean name=\"sample_emitters\" value=\"false\"/>"),
         (
             "<spectrum type=\"uniform\" name=\"reflectance\">",
             "<float name=\"wavelength_min\" value=\"600\"/>",
@@ -215,10 +151,7 @@ fn known_items_are_never_silent() {
         let text = WHOLE.replacen(element, &format!("{element}{item}"), 1);
         assert_ne!(text, WHOLE, "{element}");
         if let Ok(import) = imported(folder.path(), &text) {
-            assert!(
-                import.toml != whole.toml || import.notes != whole.notes,
-                "{element} {item}"
-            );
+            assert!(import.toml != whole.toml || import.notes != whole.notes, "{element} {item}");
         }
     }
 }

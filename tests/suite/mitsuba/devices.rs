@@ -59,32 +59,20 @@ fn heterogeneous_media_keep_their_boxes() {
         import.write(&toml, true).unwrap();
         let scene = sunstone::scene::load(&toml).unwrap_or_else(|e| panic!("{e}"));
         let media = &scene.media;
-        let along = |x: f32| Ray {
-            origin: Vec3A::new(x, 0.5, -9.0),
-            dir: Vec3A::Z,
-        };
+        let along = |x: f32| Ray { origin: Vec3A::new(x, 0.5, -9.0), dir: Vec3A::Z };
         let at = Vec3A::new(0.5, 0.5, 3.7);
         let depth = |x| media.depth(0, &along(x), 30.0).to_array()[0];
         [depth(0.5), depth(1.5), media.scattering(0, at).to_array()[0]]
     };
     let near = |found: [f32; 3], want: [f32; 3]| {
-        let same = found
-            .iter()
-            .zip(want)
-            .all(|(a, b)| (a - b).abs() < 1e-4 * b.max(1.0));
+        let same = found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-4 * b.max(1.0));
         assert!(same, "{found:?}, {want:?}");
     };
     let own = "<boolean name=\"use_grid_bbox\" value=\"true\"/>";
     // A mean density of 0.75 over 1 m; at 0.7 it is 0.95.
-    near(
-        depths(&scene(&volume("sigma_t", ""))),
-        [3.0, 0.0, 4.0 * 0.95 * 0.75],
-    );
+    near(depths(&scene(&volume("sigma_t", ""))), [3.0, 0.0, 4.0 * 0.95 * 0.75]);
     // The file's box is 2 m wide, so it also covers 1.5 m.
-    near(
-        depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(),
-        [3.0, 3.0, 4.0 * 0.95 * 0.75],
-    );
+    near(depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(), [3.0, 3.0, 4.0 * 0.95 * 0.75]);
     let both = volume("sigma_t", "") + &volume("albedo", "");
     near(depths(&scene(&both)), [3.0, 0.0, 4.0 * 0.95 * 0.95]);
     let constant = "<float name=\"sigma_t\" value=\"0.5\"/><float name=\"albedo\" value=\"0.5\"/>";
@@ -109,10 +97,7 @@ fn orthographic_sensors_are_read() {
     let import = imported(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", ""), light)).unwrap();
     let camera = built(folder.path(), &import).camera;
     assert!(camera.parallel, "{}", import.toml);
-    assert_eq!(
-        (camera.origin, camera.resolution),
-        (Vec3A::new(0.0, 0.0, 4.5), [40, 20])
-    );
+    assert_eq!((camera.origin, camera.resolution), (Vec3A::new(0.0, 0.0, 4.5), [40, 20]));
     assert!((camera.focal.x - 40.0 / 6.0).abs() < 1e-9, "{}", import.toml);
     // The centre of the first pixel: to the left, which is +x here, and up.
     let first = camera.at(glam::DVec2::splat(0.5));
@@ -125,10 +110,7 @@ fn orthographic_sensors_are_read() {
     let window = built(folder.path(), &import).camera;
     let moved = camera.at(glam::DVec2::new(10.5, 5.5)).origin;
     let found = window.at(glam::DVec2::splat(0.5)).origin;
-    assert!(
-        (moved - found).length() < 1e-5 && window.resolution == [8, 4],
-        "{found}, {moved}"
-    );
+    assert!((moved - found).length() < 1e-5 && window.resolution == [8, 4], "{found}, {moved}");
     let e = imported(folder.path(), &text(&sensor("x=\"3\" y=\"2\"", ""), light)).unwrap_err();
     assert!(e.message.contains("different scales of x and y"), "{e}");
 }
@@ -144,9 +126,7 @@ fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
 /// Radiant intensity at the scene's wavelengths in a direction.
 fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
     let share = light.profile.value(dir.normalize());
-    let all = light
-        .share(&scene.materials.textures, dir.normalize(), share)
-        .to_array();
+    let all = light.share(&scene.materials.textures, dir.normalize(), share).to_array();
     [all[2], all[1], all[0]]
 }
 
@@ -180,14 +160,9 @@ fn projectors_of_images_become_slides() {
     ] {
         let want = colour.map(|c| 2.0 * std::f32::consts::PI * c * dir.length().powi(3));
         let found = sent(&scene, light, dir);
-        assert!(
-            found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-4),
-            "{dir}: {found:?}, {want:?}"
-        );
+        assert!(found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-4), "{dir}: {found:?}, {want:?}");
     }
-    image::RgbImage::from_pixel(3, 2, image::Rgb([255; 3]))
-        .save(folder.path().join("squares.png"))
-        .unwrap();
+    image::RgbImage::from_pixel(3, 2, image::Rgb([255; 3])).save(folder.path().join("squares.png")).unwrap();
     let (_, scene) = lights(folder.path(), &emitter);
     let projector = scene.projector.expect("a projector");
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
@@ -216,15 +191,10 @@ fn spots_project_textures() {
         (Vec3A::new(0.9, 0.9, 1.0), [0.0, 0.0, 0.0]),
     ] {
         let found = sent(&scene, light, dir);
-        assert!(
-            found.iter().zip(colour).all(|(a, b)| (a - b).abs() < 1e-5),
-            "{dir}: {found:?}, {colour:?}"
-        );
+        assert!(found.iter().zip(colour).all(|(a, b)| (a - b).abs() < 1e-5), "{dir}: {found:?}, {colour:?}");
     }
-    let mirrored = emitter.replace(
-        "<texture",
-        "<transform name=\"to_world\"><scale x=\"-1\"/></transform><texture",
-    );
+    let mirrored =
+        emitter.replace("<texture", "<transform name=\"to_world\"><scale x=\"-1\"/></transform><texture");
     let e = imported(folder.path(), &text("<sensor type=\"perspective\"/>", &mirrored)).unwrap_err();
     assert!(e.message.contains("reflection"), "{e}");
 }

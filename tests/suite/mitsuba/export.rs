@@ -5,21 +5,9 @@ use sunstone::scene::mitsuba::export::Export;
 
 /// Replacements of a passage of [`ALL`], and words of the message.
 const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
-    (
-        "cx = 13.5",
-        "cx = 13.5\nfx = 30\nfy = 31",
-        "non-square pixels of the camera",
-    ),
-    (
-        "cx = 13.5",
-        "cx = 13.5\ndistortion.k1 = 0.01",
-        "distortion of the camera",
-    ),
-    (
-        "irradiance = 2.5",
-        "irradiance = 2.5\ncx = 3",
-        "off-centre principal point",
-    ),
+    ("cx = 13.5", "cx = 13.5\nfx = 30\nfy = 31", "non-square pixels of the camera"),
+    ("cx = 13.5", "cx = 13.5\ndistortion.k1 = 0.01", "distortion of the camera"),
+    ("irradiance = 2.5", "irradiance = 2.5\ncx = 3", "off-centre principal point"),
     (
         "albedo = 0.3",
         "albedo = 0.3\nx.crystal = { name = \"quartz\", axis = [0, 0, 1] }",
@@ -35,52 +23,16 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
         "albedo = 0.3\nx.partial_depolarizer = { material = \"grey\", fraction = 0.5 }",
         "a partial depolarizer",
     ),
-    (
-        "tilt = \"cosine\"",
-        "tilt = \"plate\"",
-        "dependence of the retardance",
-    ),
-    (
-        "tilt = \"cosine\"",
-        "tilt = \"constant\"",
-        "dependence of the retardance",
-    ),
-    (
-        "angle_deg = -20",
-        "axis = [1, 0, 0]",
-        "an axis in world space (material `retarder`)",
-    ),
-    (
-        "angle_deg = 33",
-        "axis = [1, 0, 0]",
-        "an axis in world space (material `polarizer`)",
-    ),
-    (
-        "angle_deg = 33",
-        "extinction = 0.01",
-        "a polarizer with extinction",
-    ),
+    ("tilt = \"cosine\"", "tilt = \"plate\"", "dependence of the retardance"),
+    ("tilt = \"cosine\"", "tilt = \"constant\"", "dependence of the retardance"),
+    ("angle_deg = -20", "axis = [1, 0, 0]", "an axis in world space (material `retarder`)"),
+    ("angle_deg = 33", "axis = [1, 0, 0]", "an axis in world space (material `polarizer`)"),
+    ("angle_deg = 33", "extinction = 0.01", "a polarizer with extinction"),
     ("specular = 0.7", "interreflection = true", "interreflection"),
-    (
-        "specular = 0.7",
-        "single_scatter = { albedo = 0.1, alpha = 0.5 }",
-        "single scattering",
-    ),
-    (
-        "image = \"normals.png\"",
-        "image = \"normals.png\", strength = 2",
-        "the strength of a normal map",
-    ),
-    (
-        "front = \"rough\", back",
-        "front = \"glass\", back",
-        "one side of this material (material `glass`)",
-    ),
-    (
-        "material = \"plastic\"\n[[",
-        "material = \"polarizer\"\n[[",
-        "a disk with an anisotropic material",
-    ),
+    ("specular = 0.7", "single_scatter = { albedo = 0.1, alpha = 0.5 }", "single scattering"),
+    ("image = \"normals.png\"", "image = \"normals.png\", strength = 2", "the strength of a normal map"),
+    ("front = \"rough\", back", "front = \"glass\", back", "one side of this material (material `glass`)"),
+    ("material = \"plastic\"\n[[", "material = \"polarizer\"\n[[", "a disk with an anisotropic material"),
     (
         "{ radius = 0.4 }",
         "{ radius = 0.4 }\ntransform = { scale = [1, 2, 1] }\nname = \"egg\"",
@@ -96,11 +48,7 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
         "wavelengths_nm = [450, 550]",
         "wavelength-dependent refractive index (material `frosted`)",
     ),
-    (
-        "irradiance = 2.5",
-        "irradiance = [1, 2]",
-        "a non-square projector",
-    ),
+    ("irradiance = 2.5", "irradiance = [1, 2]", "a non-square projector"),
 ];
 
 #[test]
@@ -121,9 +69,11 @@ fn what_mitsuba_lacks_is_refused_by_name() {
             );
         }
         if to.contains("[1, 2]") {
-            text = text
-                .replacen("wavelengths_nm = [550]", "wavelengths_nm = [450, 550]", 1)
-                .replacen("\"N-BK7\"", "1.5", 1);
+            text = text.replacen("wavelengths_nm = [550]", "wavelengths_nm = [450, 550]", 1).replacen(
+                "\"N-BK7\"",
+                "1.5",
+                1,
+            );
         }
         if to.contains("fx = 30") {
             text = text.replacen("fov_x_deg = 42\n", "", 1);
@@ -142,9 +92,8 @@ fn colours_of_images_need_one_wavelength() {
     image::RgbImage::from_fn(4, 3, |x, _| image::Rgb([50 * x as u8, 20, 90]))
         .save(folder.path().join("tiles.png"))
         .unwrap();
-    let text = ALL
-        .replace("wavelengths_nm = [550]", "wavelengths_nm = [450, 660]")
-        .replace("\"N-BK7\"", "1.5");
+    let text =
+        ALL.replace("wavelengths_nm = [550]", "wavelengths_nm = [450, 660]").replace("\"N-BK7\"", "1.5");
     let e = exported(folder.path(), &text).unwrap_err();
     assert!(e.message.contains("image of colours"), "{e}");
     let path = folder.path().join("scene.toml");
@@ -182,23 +131,12 @@ fn a_folder_in_use_is_left_alone() {
     assert!(export.write(&out, false).is_err());
     assert_eq!(std::fs::read_to_string(out.join("scene.xml")).unwrap(), "old");
     export.write(&out, true).unwrap();
-    assert_eq!(
-        std::fs::read_to_string(out.join("scene.xml")).unwrap(),
-        export.xml
-    );
+    assert_eq!(std::fs::read_to_string(out.join("scene.xml")).unwrap(), export.xml);
     assert_eq!(std::fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
     // If a file cannot be copied, nothing is written.
     std::fs::remove_file(folder.path().join("table.pbsdf")).unwrap();
     let fresh = folder.path().join("fresh");
     assert!(export.write(&fresh, false).is_err());
-    let left: Vec<_> = std::fs::read_dir(folder.path())
-        .unwrap()
-        .map(|e| e.unwrap().file_name())
-        .collect();
-    assert!(
-        !left
-            .iter()
-            .any(|n| n.to_string_lossy().starts_with('.') || n == "fresh"),
-        "{left:?}"
-    );
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(!left.iter().any(|n| n.to_string_lossy().starts_with('.') || n == "fresh"), "{left:?}");
 }

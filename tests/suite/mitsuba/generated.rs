@@ -25,10 +25,7 @@ fn written(folder: &Path, import: &Import) -> Scene {
 }
 
 fn met(scene: &Scene, origin: [f32; 3], dir: [f32; 3]) -> Option<(f32, Surface)> {
-    let ray = Ray {
-        origin: Vec3A::from_array(origin),
-        dir: Vec3A::from_array(dir),
-    };
+    let ray = Ray { origin: Vec3A::from_array(origin), dir: Vec3A::from_array(dir) };
     let hit = scene.geometry.intersect(&ray, 100.0)?;
     Some((hit.t, scene.geometry.surface(&ray, &hit)))
 }
@@ -36,12 +33,8 @@ fn met(scene: &Scene, origin: [f32; 3], dir: [f32; 3]) -> Option<(f32, Surface)>
 /// A grid of 9 x 9 x 9 distances from a sphere of radius 0.3 about the centre of the unit cube.
 fn sphere() -> Vec<u8> {
     let mut out = b"VOL\x03".to_vec();
-    [1_i32, 9, 9, 9, 1]
-        .iter()
-        .for_each(|v| out.extend(v.to_le_bytes()));
-    [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0]
-        .iter()
-        .for_each(|v| out.extend(v.to_le_bytes()));
+    [1_i32, 9, 9, 9, 1].iter().for_each(|v| out.extend(v.to_le_bytes()));
+    [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].iter().for_each(|v| out.extend(v.to_le_bytes()));
     for i in 0..729 {
         let at = [i % 9, i / 9 % 9, i / 81].map(|k| k as f32 / 8.0 - 0.5);
         let distance = at.iter().map(|v| v * v).sum::<f32>().sqrt() - 0.3;
@@ -63,16 +56,8 @@ fn curves_become_tubes_of_their_radius() {
     };
     for (kind, ends) in [("bsplinecurve", [2.0, 4.0]), ("linearcurve", [-0.5, 6.5])] {
         let import = imported(folder.path(), &shape(kind)).unwrap();
-        assert!(
-            import.files.contains_key("scene_hair.ply"),
-            "{:?}",
-            import.files.keys()
-        );
-        assert!(
-            import.notes.iter().any(|n| n.contains("triangles")),
-            "{:?}",
-            import.notes
-        );
+        assert!(import.files.contains_key("scene_hair.ply"), "{:?}", import.files.keys());
+        assert!(import.notes.iter().any(|n| n.contains("triangles")), "{:?}", import.notes);
         let scene = written(folder.path(), &import);
         let (t, at) = met(&scene, [3.0, 0.05, 9.0], [0.0, 0.0, -1.0]).unwrap();
         assert!((t - 8.5).abs() < 0.01 && at.ns.z > 0.98, "{kind} {t} {at:?}");
@@ -89,10 +74,8 @@ fn equal_shapes_share_a_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("curve.txt"), CURVE).unwrap();
     let shape = "<shape type=\"linearcurve\"><string name=\"filename\" value=\"curve.txt\"/></shape>";
-    let moved = shape.replace(
-        "<string",
-        "<transform name=\"to_world\"><translate y=\"4\"/></transform><string",
-    );
+    let moved =
+        shape.replace("<string", "<transform name=\"to_world\"><translate y=\"4\"/></transform><string");
     let import = imported(folder.path(), &text(&[shape, shape, &moved].concat())).unwrap();
     let names: Vec<&String> = import.files.keys().collect();
     assert_eq!(names, ["scene_linearcurve.ply", "scene_linearcurve_2.ply"]);
@@ -107,10 +90,7 @@ fn grids_of_distances_become_their_surface() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ball.vol"), sphere()).unwrap();
     // Along the edge of four cells, the gradient of each deviates by 0.2 in two directions.
-    for (normals, least) in [
-        ("", -0.999),
-        ("<string name=\"normals\" value=\"analytic\"/>", -0.95),
-    ] {
+    for (normals, least) in [("", -0.999), ("<string name=\"normals\" value=\"analytic\"/>", -0.95)] {
         let shape = format!(
             "<shape type=\"sdfgrid\"><string name=\"filename\" value=\"ball.vol\"/>{normals}\
              <transform name=\"to_world\"><scale value=\"2\"/><translate x=\"1\"/></transform></shape>"
@@ -120,10 +100,7 @@ fn grids_of_distances_become_their_surface() {
         for dir in [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0_f32]] {
             let origin = [2.0 - 5.0 * dir[0], 1.0 - 5.0 * dir[1], 1.0 - 5.0 * dir[2]];
             let (t, at) = met(&scene, origin, dir).unwrap();
-            assert!(
-                (t - 4.4).abs() < 0.01 && at.ns.dot(Vec3A::from_array(dir)) < least,
-                "{t} {at:?}"
-            );
+            assert!((t - 4.4).abs() < 0.01 && at.ns.dot(Vec3A::from_array(dir)) < least, "{t} {at:?}");
         }
     }
     let textured = "<shape type=\"sdfgrid\"><string name=\"filename\" value=\"ball.vol\"/><emitter type=\"area\"/></shape>";
@@ -145,9 +122,7 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
         ("sdfgrid", "curve.txt", "does not start"),
     ] {
         let shape = format!("\n<shape type=\"{kind}\"><string name=\"filename\" value=\"{file}\"/></shape>");
-        let e = imported_whole(folder.path(), &text(&shape))
-            .unwrap_err()
-            .to_string();
+        let e = imported_whole(folder.path(), &text(&shape)).unwrap_err().to_string();
         assert!(e.contains("scene.xml:2") && e.contains(says), "{e}");
     }
 }

@@ -38,23 +38,11 @@ fn a_scene_by_hand_is_read() {
     // The vertical field of view is the smaller one: 30° over 16 pixels.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
-    assert!(
-        (scene.camera.right() - Vec3A::X).length() < 1e-6,
-        "image right is +x, seen along -z"
-    );
+    assert!((scene.camera.right() - Vec3A::X).length() < 1e-6, "image right is +x, seen along -z");
     assert!((scene.camera.axes.y_axis + Vec3A::Y).length() < 1e-6);
     assert_eq!(scene.points[0].intensity.to_array()[..3], [1.5, 2.5, 3.6]);
-    assert!(
-        import
-            .toml
-            .contains("[materials.wall.diffuse]\nalbedo = [0.3, 0.2, 0.1]\n"),
-        "{}",
-        import.toml
-    );
-    let ray = |x: f32, y: f32| Ray {
-        origin: Vec3A::new(x, y, 4.0),
-        dir: Vec3A::NEG_Z,
-    };
+    assert!(import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.3, 0.2, 0.1]\n"), "{}", import.toml);
+    let ray = |x: f32, y: f32| Ray { origin: Vec3A::new(x, y, 4.0), dir: Vec3A::NEG_Z };
     let depth = |x, y| scene.geometry.intersect(&ray(x, y), 100.0).map(|h| h.t);
     // Scaled along x, then rotated: it is tall.
     assert_eq!((depth(0.0, -1.9), depth(-1.1, 0.0)), (Some(5.0), None));
@@ -65,11 +53,7 @@ fn a_scene_by_hand_is_read() {
     ]);
     let (xml, toml) = (folder.path().join("a.xml"), folder.path().join("a.toml"));
     let import = Import::from_text(&xml, HAND, &toml, &define).unwrap();
-    assert!(
-        import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.2]\n"),
-        "{}",
-        import.toml
-    );
+    assert!(import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.2]\n"), "{}", import.toml);
     let unknown = BTreeMap::from([("fow".to_owned(), "40".to_owned())]);
     let e = Import::from_text(&xml, HAND, &toml, &unknown).unwrap_err();
     assert!(e.0[0].message.contains("`fow`"), "{e}");
@@ -79,59 +63,19 @@ fn a_scene_by_hand_is_read() {
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
     ("</scene>", "", 1, "invalid XML"),
-    (
-        "type=\"path\"",
-        "type=\"depth\"",
-        3,
-        "unsupported integrator `depth`",
-    ),
-    (
-        "type=\"perspective\"",
-        "type=\"thinlens\"",
-        4,
-        "no aperture_radius",
-    ),
+    ("type=\"path\"", "type=\"depth\"", 3, "unsupported integrator `depth`"),
+    ("type=\"perspective\"", "type=\"thinlens\"", 4, "no aperture_radius"),
     ("$fov", "$angle", 5, "`$angle` uses an undefined parameter"),
     ("value=\"smaller\"", "value=\"wide\"", 4, "fov_axis is `wide`"),
     ("type=\"diffuse\"", "type=\"hair\"", 10, "unsupported bsdf `hair`"),
     ("0.1, 0.2, 0.3", "0.1, 0.2", 10, "not one or three numbers"),
     ("0.1, 0.2, 0.3", "0.1, 0.2, 1.3", 10, "albedo is 1.3"),
-    (
-        "name=\"reflectance\"",
-        "name=\"reflectence\"",
-        10,
-        "`reflectence` of bsdf `diffuse`",
-    ),
-    (
-        "value=\"Au\"",
-        "value=\"Unobtainium\"",
-        11,
-        "unknown optical constants `Unobtainium`",
-    ),
-    (
-        "<ref id=\"gold\"/>",
-        "<ref id=\"golf\"/>",
-        12,
-        "unknown id `golf`",
-    ),
-    (
-        "type=\"sphere\"",
-        "type=\"ellipsoids\"",
-        12,
-        "unsupported shape `ellipsoids`",
-    ),
-    (
-        "name=\"radius\"",
-        "name=\"radios\"",
-        12,
-        "`radios` of shape `sphere`",
-    ),
-    (
-        "x=\"1\" y=\"2\" z=\"0\"",
-        "x=\"1\" y=\"two\" z=\"0\"",
-        12,
-        "`y` is not a number",
-    ),
+    ("name=\"reflectance\"", "name=\"reflectence\"", 10, "`reflectence` of bsdf `diffuse`"),
+    ("value=\"Au\"", "value=\"Unobtainium\"", 11, "unknown optical constants `Unobtainium`"),
+    ("<ref id=\"gold\"/>", "<ref id=\"golf\"/>", 12, "unknown id `golf`"),
+    ("type=\"sphere\"", "type=\"ellipsoids\"", 12, "unsupported shape `ellipsoids`"),
+    ("name=\"radius\"", "name=\"radios\"", 12, "`radios` of shape `sphere`"),
+    ("x=\"1\" y=\"2\" z=\"0\"", "x=\"1\" y=\"two\" z=\"0\"", 12, "`y` is not a number"),
     (
         "<ref id=\"gold\"/>",
         "<emitter type=\"directionalarea\"/>",
@@ -139,32 +83,12 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         "unsupported emitter `directionalarea`",
     ),
     ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "zero extent"),
-    (
-        "<scale x=\"2\"/>",
-        "<shear x=\"2\"/>",
-        14,
-        "cannot contain <shear>",
-    ),
+    ("<scale x=\"2\"/>", "<shear x=\"2\"/>", 14, "cannot contain <shear>"),
     ("400:1", "480:1", 17, "does not cover 450 nm"),
-    (
-        "type=\"point\"",
-        "type=\"sunsky\"",
-        17,
-        "unsupported emitter `sunsky`",
-    ),
-    (
-        "id=\"gold\"",
-        "id=\"wall\"",
-        11,
-        "id `wall` is used more than once",
-    ),
+    ("type=\"point\"", "type=\"sunsky\"", 17, "unsupported emitter `sunsky`"),
+    ("id=\"gold\"", "id=\"wall\"", 11, "id `wall` is used more than once"),
     ("id=\"plate\"", "ID=\"plate\"", 13, "unknown attribute `ID`"),
-    (
-        "<bsdf type=\"twosided\"",
-        "<include filename=\"x.xml\"/><bsdf type=\"twosided\"",
-        10,
-        "cannot read",
-    ),
+    ("<bsdf type=\"twosided\"", "<include filename=\"x.xml\"/><bsdf type=\"twosided\"", 10, "cannot read"),
 ];
 
 #[test]
@@ -210,15 +134,9 @@ fn all_problems_are_told_at_once() {
         text = text.replacen(from, to, 1);
     }
     let e = imported_whole(folder.path(), &text).unwrap_err();
-    let answer: Vec<_> =
-        e.0.iter()
-            .filter_map(|e| Some((e.line_column()?.0, e.message.clone())))
-            .collect();
+    let answer: Vec<_> = e.0.iter().filter_map(|e| Some((e.line_column()?.0, e.message.clone()))).collect();
     for (_, _, line, message) in &faults {
-        assert!(
-            answer.iter().any(|(l, m)| l == line && m.contains(message)),
-            "{message}: {answer:#?}"
-        );
+        assert!(answer.iter().any(|(l, m)| l == line && m.contains(message)), "{message}: {answer:#?}");
     }
     assert!(answer.is_sorted_by_key(|t| t.0), "{answer:#?}");
 }
@@ -226,26 +144,10 @@ fn all_problems_are_told_at_once() {
 #[test]
 fn one_sided_is_black_behind() {
     let folder = tempfile::tempdir().unwrap();
-    let import = imported(
-        folder.path(),
-        &HAND.replace("<ref id=\"wall\"/>", "<ref id=\"gold\"/>"),
-    )
-    .unwrap();
-    assert!(
-        import
-            .toml
-            .contains("[materials.gold.two_sided]\nfront = \"gold_front\""),
-        "{}",
-        import.toml
-    );
+    let import = imported(folder.path(), &HAND.replace("<ref id=\"wall\"/>", "<ref id=\"gold\"/>")).unwrap();
+    assert!(import.toml.contains("[materials.gold.two_sided]\nfront = \"gold_front\""), "{}", import.toml);
     let import = imported(folder.path(), &HAND.replace("<ref id=\"wall\"/>", "")).unwrap();
-    assert!(
-        import
-            .toml
-            .contains("[materials.mitsuba_default.two_sided]\nfront"),
-        "{}",
-        import.toml
-    );
+    assert!(import.toml.contains("[materials.mitsuba_default.two_sided]\nfront"), "{}", import.toml);
 }
 
 proptest! {
@@ -279,16 +181,12 @@ proptest! {
 fn flipped_rectangles_face_the_other_way() {
     let folder = tempfile::tempdir().unwrap();
     let flipped = "<boolean name=\"flip_normals\" value=\"true\"/><ref id=\"wall\"/>";
-    for (text, expected) in [
-        (HAND.to_owned(), Vec3A::Z),
-        (HAND.replace("<ref id=\"wall\"/>", flipped), Vec3A::NEG_Z),
-    ] {
+    for (text, expected) in
+        [(HAND.to_owned(), Vec3A::Z), (HAND.replace("<ref id=\"wall\"/>", flipped), Vec3A::NEG_Z)]
+    {
         let import = imported(folder.path(), &text).unwrap();
         let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
-        let ray = Ray {
-            origin: Vec3A::Z,
-            dir: Vec3A::NEG_Z,
-        };
+        let ray = Ray { origin: Vec3A::Z, dir: Vec3A::NEG_Z };
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         let at = scene.geometry.surface(&ray, &hit);
         assert!((at.ng - expected).length() < 1e-6 && (at.ns - expected).length() < 1e-6);
@@ -302,10 +200,7 @@ fn facing(folder: &Path, shape: &str) -> f32 {
     );
     let import = imported(folder, &text).unwrap();
     let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml).unwrap();
-    let ray = Ray {
-        origin: Vec3A::new(0.1, 0.05, 9.0),
-        dir: Vec3A::NEG_Z,
-    };
+    let ray = Ray { origin: Vec3A::new(0.1, 0.05, 9.0), dir: Vec3A::NEG_Z };
     let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
     let at = scene.geometry.surface(&ray, &hit);
     assert!(at.ng.dot(at.ns) > 0.0, "{at:?}");
@@ -378,10 +273,7 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
         );
         let import = imported(folder.path(), &text).unwrap();
         let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
-        let ray = Ray {
-            origin: Vec3A::new(-0.01, 5.0, 0.2),
-            dir: Vec3A::NEG_Y,
-        };
+        let ray = Ray { origin: Vec3A::new(-0.01, 5.0, 0.2), dir: Vec3A::NEG_Y };
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         scene.geometry.surface(&ray, &hit).ns
     };
@@ -389,10 +281,7 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     let expected = Vec3A::new(-0.007_091_65, 0.999_975, 0.0);
     assert!((normal("") - expected).length() < 1e-5, "{}", normal(""));
     let flat = normal("<boolean name=\"face_normals\" value=\"true\"/>");
-    assert!(
-        (flat - Vec3A::new(-1.0, 1.0, 0.0).normalize()).length() < 1e-6,
-        "{flat}"
-    );
+    assert!((flat - Vec3A::new(-1.0, 1.0, 0.0).normalize()).length() < 1e-6, "{flat}");
 }
 
 /// Names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note; each included file is read by its
@@ -430,11 +319,8 @@ fn old_files_are_upgraded() {
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
-    let scale = |k: f32| {
-        TENT.replace("-1", &format!("{}", -k))
-            .replace(" 1 ", &format!(" {k} "))
-            + TENT_FACES
-    };
+    let scale =
+        |k: f32| TENT.replace("-1", &format!("{}", -k)).replace(" 1 ", &format!(" {k} ")) + TENT_FACES;
     for (name, k) in [("", 1.0), ("a", 2.0), ("b", 3.0)] {
         std::fs::create_dir_all(folder.path().join(name)).unwrap();
         std::fs::write(folder.path().join(name).join("tent.obj"), scale(k)).unwrap();
@@ -449,11 +335,7 @@ fn paths_are_searched_as_in_mitsuba() {
         let toml = imported(folder.path(), &text).unwrap().toml;
         assert!(toml.contains(&format!("file = \"{file}\"")), "{paths}: {toml}");
     }
-    let e = imported(
-        folder.path(),
-        &HAND.replace("</scene>", "<path value=\"none\"/></scene>"),
-    )
-    .unwrap_err();
+    let e = imported(folder.path(), &HAND.replace("</scene>", "<path value=\"none\"/></scene>")).unwrap_err();
     assert!(e.message.contains("does not exist"), "{e}");
 }
 
@@ -463,17 +345,11 @@ fn rotations_about_long_axes_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
     let turned = |op: &str| HAND.replace("<rotate z=\"1\" angle=\"90\"/>", op);
     let import = imported(folder.path(), &turned("<rotate x=\"2\" angle=\"90\"/>")).unwrap();
-    assert!(
-        import.notes.iter().any(|n| n.contains("<rotate>")),
-        "{:?}",
-        import.notes
-    );
+    assert!(import.notes.iter().any(|n| n.contains("<rotate>")), "{:?}", import.notes);
     // cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0): x is scaled by 4, y becomes 2 z; before it, x was
     // scaled by 2.
     assert!(
-        ["[8.0, 0.0", "[7.99999999999999"]
-            .iter()
-            .any(|row| import.toml.contains(row)),
+        ["[8.0, 0.0", "[7.99999999999999"].iter().any(|row| import.toml.contains(row)),
         "{}",
         import.toml
     );
@@ -498,15 +374,9 @@ fn cropped_films_are_windows_of_the_whole_image() {
     assert_eq!(part.resolution, [10, 8]);
     assert!((whole.focal - part.focal).length() < 1e-9);
     let moved = whole.principal - part.principal;
-    assert!(
-        (moved.x - 5.0).abs() < 1e-9 && (moved.y - 3.0).abs() < 1e-9,
-        "{moved}"
-    );
-    let e = imported(
-        folder.path(),
-        &HAND.replace("<rfilter", &crop.replace("\"10\"", "\"28\"")),
-    )
-    .unwrap_err();
+    assert!((moved.x - 5.0).abs() < 1e-9 && (moved.y - 3.0).abs() < 1e-9, "{moved}");
+    let e =
+        imported(folder.path(), &HAND.replace("<rfilter", &crop.replace("\"10\"", "\"28\""))).unwrap_err();
     assert!(e.message.contains("crop window"), "{e}");
 }
 
@@ -523,28 +393,16 @@ fn transient_films_become_time_bins() {
     let [image, transient] = &import.scene.slices[..] else {
         panic!("{}", import.toml);
     };
-    assert_eq!(
-        (image.name.as_str(), transient.name.as_str()),
-        ("mueller", "transient")
-    );
+    assert_eq!((image.name.as_str(), transient.name.as_str()), ("mueller", "transient"));
     let TimeFile::Bins(bins) = &transient.time else {
         panic!("{}", import.toml);
     };
     // 1 ns per bin; path lengths start at the near clipping plane, at 0.01 m.
-    assert!(
-        (*bins.bin_ps - 1000.0).abs() < 1e-6 && (bins.start_ps - 10_000.0).abs() < 1e-6,
-        "{bins:?}"
-    );
+    assert!((*bins.bin_ps - 1000.0).abs() < 1e-6 && (bins.start_ps - 10_000.0).abs() < 1e-6, "{bins:?}");
     assert_eq!((*bins.bins, *import.scene.render.max_depth), (40, 6));
-    assert!(
-        import.notes.iter().any(|n| n.contains("near clipping plane")),
-        "{:?}",
-        import.notes
-    );
-    let warped = text.replace(
-        "transient_path\">",
-        "transient_path\"><boolean name=\"camera_unwarp\" value=\"true\"/>",
-    );
+    assert!(import.notes.iter().any(|n| n.contains("near clipping plane")), "{:?}", import.notes);
+    let warped = text
+        .replace("transient_path\">", "transient_path\"><boolean name=\"camera_unwarp\" value=\"true\"/>");
     let import = imported(folder.path(), &warped).unwrap();
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
@@ -569,11 +427,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
         imported(folder.path(), &format!("{before}{bsdf}{after}"))
     };
     for (inside, alpha, note) in [
-        (
-            number("alpha_u", 0.25) + &number("alpha_v", 1.0),
-            "alpha = 0.5",
-            "alpha_u and alpha_v",
-        ),
+        (number("alpha_u", 0.25) + &number("alpha_v", 1.0), "alpha = 0.5", "alpha_u and alpha_v"),
         (number("alpha", 0.0), "alpha = 0.001", "alpha below 0.001"),
         (
             squares("alpha_u", 0.25, 0.0625) + &squares("alpha_v", 1.0, 0.25),
@@ -584,29 +438,20 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     ] {
         let import = rough(inside).unwrap();
         assert!(import.toml.contains(alpha), "{}", import.toml);
-        assert!(
-            import.notes.iter().any(|n| n.contains(note)),
-            "{:?}",
-            import.notes
-        );
+        assert!(import.notes.iter().any(|n| n.contains(note)), "{:?}", import.notes);
     }
     let mixed = rough(number("alpha_u", 0.1) + &squares("alpha_v", 0.4, 0.9));
     assert!(mixed.unwrap_err().to_string().contains("different textures"));
 
     std::fs::write(folder.path().join("w.pgm"), b"P5 1 1 255\n\x80").unwrap();
-    for (raw, keys) in [
-        ("", "luminance = true"),
-        (r#"<boolean name="raw" value="true"/>"#, "raw = true"),
-    ] {
+    for (raw, keys) in [("", "luminance = true"), (r#"<boolean name="raw" value="true"/>"#, "raw = true")] {
         let weight = format!(
             r#"<bsdf type="blendbsdf" id="gold"><texture type="bitmap" name="weight"><string name="filename" value="w.pgm"/>{raw}</texture>
             <bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>"#
         );
         let (before, after) = HAND.split_once(r#"<bsdf type="conductor" id="gold">"#).unwrap();
         let (_, after) = after.split_once("</bsdf>").unwrap();
-        let toml = imported(folder.path(), &format!("{before}{weight}{after}"))
-            .unwrap()
-            .toml;
+        let toml = imported(folder.path(), &format!("{before}{weight}{after}")).unwrap().toml;
         assert!(toml.contains(keys) && toml.contains("luminance = true"), "{toml}");
     }
 }
@@ -615,26 +460,16 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
 #[test]
 fn defaults_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
-    let text = HAND.replace(
-        "<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>",
-        "",
-    );
-    assert_eq!(
-        *imported(folder.path(), &text).unwrap().scene.render.max_depth,
-        64
-    );
+    let text =
+        HAND.replace("<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>", "");
+    assert_eq!(*imported(folder.path(), &text).unwrap().scene.render.max_depth, 64);
     let bare = |inside: &str| {
         let shape = format!("<shape type=\"sphere\">{inside}</shape></scene>");
-        imported(folder.path(), &HAND.replace("</scene>", &shape))
-            .unwrap()
-            .toml
+        imported(folder.path(), &HAND.replace("</scene>", &shape)).unwrap().toml
     };
     assert!(bare("").contains("albedo = 0.5"));
     let lamp = bare("<emitter type=\"area\"/>");
-    assert!(
-        lamp.contains("albedo = 0.0") && !lamp.contains("albedo = 0.5"),
-        "{lamp}"
-    );
+    assert!(lamp.contains("albedo = 0.0") && !lamp.contains("albedo = 0.5"), "{lamp}");
 }
 
 /// Integrators count path lengths differently; differences are noted.
@@ -667,26 +502,16 @@ fn references_reach_everything_at_the_top() {
     assert_eq!(*import.scene.camera.resolution, [32, 16]);
     assert!(import.toml.contains("[objects.emission]"), "{}", import.toml);
     assert!(
-        !import
-            .notes
-            .iter()
-            .any(|n| n.contains("is not used") || n.contains("box filter")),
+        !import.notes.iter().any(|n| n.contains("is not used") || n.contains("box filter")),
         "{:?}",
         import.notes
     );
     let text = text.replace("<ref id=\"gold\"/><ref id=\"lamp\"/>", "<ref id=\"gold\"/>");
     let notes = imported(folder.path(), &text).unwrap().notes;
-    assert!(
-        notes
-            .iter()
-            .any(|n| n.contains("`lamp`") && n.contains("is not used")),
-        "{notes:?}"
-    );
+    assert!(notes.iter().any(|n| n.contains("`lamp`") && n.contains("is not used")), "{notes:?}");
     // A second sensor.
-    let two = HAND.replace(
-        "<bsdf type=\"conductor\"",
-        "<sensor type=\"perspective\"/><bsdf type=\"conductor\"",
-    );
+    let two =
+        HAND.replace("<bsdf type=\"conductor\"", "<sensor type=\"perspective\"/><bsdf type=\"conductor\"");
     let import = imported(folder.path(), &two).unwrap();
     assert!(import.notes.iter().any(|n| n.contains("several sensors")));
     assert_eq!(*import.scene.camera.resolution, [32, 16]);

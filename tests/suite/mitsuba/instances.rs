@@ -39,10 +39,7 @@ fn same(a: &Scene, b: &Scene) -> usize {
     for _ in 0..20_000 {
         let origin = warp::sphere(stream.uniform2()) * 9.0;
         let target = warp::sphere(stream.uniform2()) * 3.0;
-        let ray = Ray {
-            origin,
-            dir: (target - origin).normalize(),
-        };
+        let ray = Ray { origin, dir: (target - origin).normalize() };
         let [p, q] = [a, b].map(|s| {
             let g = &s.geometry;
             g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h))
@@ -76,10 +73,7 @@ fn shape_groups_are_read() {
     let scene = sunstone::scene::from_text(&path, &import.toml).unwrap();
     assert_eq!(scene.geometry.copies(), (3, 1));
     let meets = |x: f32, y: f32| {
-        let ray = Ray {
-            origin: Vec3A::new(x, y, 9.0),
-            dir: Vec3A::NEG_Z,
-        };
+        let ray = Ray { origin: Vec3A::new(x, y, 9.0), dir: Vec3A::NEG_Z };
         scene.geometry.intersect(&ray, 100.0).map(|h| h.t)
     };
     // The first tree's ball; the second's, which is on the left and 1 wide and 2 high; the third's.
@@ -109,14 +103,8 @@ fn shape_groups_are_read() {
             let place = format!("<transform name=\"to_world\">{p}</transform>");
             group
                 .replace(cube, &format!("{cube}{p}"))
-                .replace(
-                    "<ref id=\"wall\"/></shape>",
-                    &format!("{place}<ref id=\"wall\"/></shape>"),
-                )
-                .replace(
-                    "</bsdf></bsdf></shape>",
-                    &format!("</bsdf></bsdf>{place}</shape>"),
-                )
+                .replace("<ref id=\"wall\"/></shape>", &format!("{place}<ref id=\"wall\"/></shape>"))
+                .replace("</bsdf></bsdf></shape>", &format!("</bsdf></bsdf>{place}</shape>"))
         })
         .collect();
     let text = format!("{}{copies}{}", &HAND[..start], &HAND[end..]);
@@ -131,19 +119,9 @@ fn shape_groups_are_read() {
 fn what_groups_cannot_be_is_told() {
     let folder = tempfile::tempdir().unwrap();
     for (from, to, line, message) in [
-        (
-            "<ref id=\"tree\"/></shape>\n",
-            "</shape>\n",
-            15,
-            "the instance has no shapegroup",
-        ),
+        ("<ref id=\"tree\"/></shape>\n", "</shape>\n", 15, "the instance has no shapegroup"),
         ("<ref id=\"tree\"/>", "<ref id=\"wall\"/>", 15, "one shapegroup"),
-        (
-            "<ref id=\"tree\"/>",
-            "<ref id=\"bush\"/>",
-            15,
-            "unknown id `bush`",
-        ),
+        ("<ref id=\"tree\"/>", "<ref id=\"bush\"/>", 15, "unknown id `bush`"),
         (
             "<shape type=\"shapegroup\" id=\"tree\">",
             "<shape type=\"shapegroup\" id=\"tree\"><shape type=\"instance\"/>",
@@ -235,19 +213,12 @@ fn groups_go_to_mitsuba_and_back() {
     let export = exported(folder.path(), SCENE).unwrap();
     assert_eq!(export.xml.matches("type=\"shapegroup\"").count(), 2);
     assert_eq!(export.xml.matches("type=\"instance\"").count(), 3);
-    assert!(
-        export.xml.contains("id=\"tree_group\""),
-        "the material has the name\n{}",
-        export.xml
-    );
+    assert!(export.xml.contains("id=\"tree_group\""), "the material has the name\n{}", export.xml);
     let out = folder.path().join("out");
     export.write(&out, false).unwrap();
     let path = folder.path().join("scene.toml");
     let back = Import::load(&out.join("scene.xml"), &path, &BTreeMap::new()).unwrap();
-    let (a, b) = (
-        built(folder.path(), SCENE).unwrap(),
-        built(folder.path(), &back.toml).unwrap(),
-    );
+    let (a, b) = (built(folder.path(), SCENE).unwrap(), built(folder.path(), &back.toml).unwrap());
     assert_eq!((a.geometry.copies(), b.geometry.copies()), ((3, 2), (3, 2)));
     assert!(same(&a, &b) > 5000);
 }
@@ -262,9 +233,7 @@ fn places_are_lists_or_arrays() {
     let two = [0.5, 0., 0., 1., 0., 0.7, 0., 0., 0., 0., -0.5, 0.];
     let rows = [one, two].concat();
     // The same with the first index running fastest.
-    let columns: Vec<f64> = (0..24)
-        .map(|k| [one, two][k % 2][(k / 2 % 3) * 4 + k / 6])
-        .collect();
+    let columns: Vec<f64> = (0..24).map(|k| [one, two][k % 2][(k / 2 % 3) * 4 + k / 6]).collect();
     for bytes in [npy("(2, 3, 4)", false, &rows), npy("(2, 3, 4)", true, &columns)] {
         write(&bytes);
         let scene = built(folder.path(), SCENE).unwrap();
@@ -277,22 +246,10 @@ fn places_are_lists_or_arrays() {
     for (bytes, message) in [
         (b"1 2 3\n".to_vec(), "line 1: expected 12 or 16 numbers, got 3"),
         (b"# nothing\n".to_vec(), "trees.txt contains no placements"),
-        (
-            TREES.replace("-2", "x").into_bytes(),
-            "line 2: `x` is not a number",
-        ),
-        (
-            TREES.replace("-2", "inf").into_bytes(),
-            "line 2: inf is not a finite number",
-        ),
-        (
-            TREES.replace("0,0,0,1 #", "0,0,1,1 #").into_bytes(),
-            "line 4: the last row",
-        ),
-        (
-            TREES.replace("0.7", "0").into_bytes(),
-            "copy 2 of the group has zero extent",
-        ),
+        (TREES.replace("-2", "x").into_bytes(), "line 2: `x` is not a number"),
+        (TREES.replace("-2", "inf").into_bytes(), "line 2: inf is not a finite number"),
+        (TREES.replace("0,0,0,1 #", "0,0,1,1 #").into_bytes(), "line 4: the last row"),
+        (TREES.replace("0.7", "0").into_bytes(), "copy 2 of the group has zero extent"),
         (vec![0xff, 0xfe, 0], "expected a text file or a .npy file"),
         (npy("(2, 12)", false, &rows), "got [2, 12]"),
         (npy("(2000000000, 3, 4)", false, &rows), "the file is truncated"),
@@ -314,16 +271,8 @@ fn places_are_lists_or_arrays() {
             "[groups.stone]",
             "the group `stone` is empty",
         ),
-        (
-            "material = \"tree\"",
-            "material = \"leaf\"",
-            "unknown material `leaf`",
-        ),
-        (
-            "[[groups.stone.objects]]",
-            "[[groups.stone.things]]",
-            "unknown field `things`",
-        ),
+        ("material = \"tree\"", "material = \"leaf\"", "unknown material `leaf`"),
+        ("[[groups.stone.objects]]", "[[groups.stone.things]]", "unknown field `things`"),
     ] {
         let text = SCENE.replacen(from, to, 1);
         assert_ne!(text, SCENE, "{from}");

@@ -119,30 +119,18 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let tile = |x: u32, y: u32| ((x * 50 + y * 71 + x * y * 13) % 200 + 40) as u8;
-    image::GrayImage::from_fn(4, 3, |x, y| image::Luma([tile(x, y)]))
-        .save(at("tiles.png"))
+    image::GrayImage::from_fn(4, 3, |x, y| image::Luma([tile(x, y)])).save(at("tiles.png")).unwrap();
+    image::RgbImage::from_fn(4, 3, |x, y| image::Rgb([128 + 5 * x as u8, 120 + 7 * y as u8, 240]))
+        .save(at("normals.png"))
         .unwrap();
-    image::RgbImage::from_fn(4, 3, |x, y| {
-        image::Rgb([128 + 5 * x as u8, 120 + 7 * y as u8, 240])
-    })
-    .save(at("normals.png"))
-    .unwrap();
     let tent = "v -0.4 0 0\nv 0.4 0 0\nv 0.4 0.5 0.2\nv -0.4 0.5 0.1\nvt 0 0\nvt 1 0.1\nvt 1 1\nvt 0 1\n\
                 vn 0 0 1\nvn 0.1 0 1\nvn 0 0.1 1\nvn 0.1 0.1 1\nf 1/1/1 2/2/2 3/3/3\nf 1/1/1 3/3/3 4/4/4\n";
     std::fs::write(at("tent.obj"), tent).unwrap();
-    write_table(
-        &at("table.pbsdf"),
-        &Axes::even([5, 4, 4], vec![500, 550, 600]),
-        |_, slab| {
-            for (k, v) in slab.iter_mut().enumerate() {
-                *v = if k % 16 == 0 {
-                    0.4
-                } else {
-                    0.02 * (k % 7) as f32 - 0.05
-                } + 1e-3 * (k / 48) as f32;
-            }
-        },
-    )
+    write_table(&at("table.pbsdf"), &Axes::even([5, 4, 4], vec![500, 550, 600]), |_, slab| {
+        for (k, v) in slab.iter_mut().enumerate() {
+            *v = if k % 16 == 0 { 0.4 } else { 0.02 * (k % 7) as f32 - 0.05 } + 1e-3 * (k / 48) as f32;
+        }
+    })
     .unwrap();
     folder
 }
@@ -158,12 +146,7 @@ fn imported(folder: &Path, xml: &str) -> Result<Import, InputError> {
 
 /// An import, or all its errors.
 fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
-    Import::from_text(
-        &folder.join("scene.xml"),
-        xml,
-        &folder.join("scene.toml"),
-        &BTreeMap::new(),
-    )
+    Import::from_text(&folder.join("scene.xml"), xml, &folder.join("scene.toml"), &BTreeMap::new())
 }
 
 fn near(a: f32, b: f32, scale: f32) -> bool {
@@ -172,19 +155,12 @@ fn near(a: f32, b: f32, scale: f32) -> bool {
 
 fn same_device(a: &Pinhole, b: &Pinhole) {
     assert_eq!(a.resolution, b.resolution);
-    assert!(
-        (a.focal - b.focal).length() < 1e-9 * a.focal.x,
-        "{} {}",
-        a.focal,
-        b.focal
-    );
+    assert!((a.focal - b.focal).length() < 1e-9 * a.focal.x, "{} {}", a.focal, b.focal);
     assert!((a.principal - b.principal).length() < 1e-9);
     assert_eq!(a.origin, b.origin);
-    for (x, y) in [
-        (a.axes.x_axis, b.axes.x_axis),
-        (a.axes.y_axis, b.axes.y_axis),
-        (a.axes.z_axis, b.axes.z_axis),
-    ] {
+    for (x, y) in
+        [(a.axes.x_axis, b.axes.x_axis), (a.axes.y_axis, b.axes.y_axis), (a.axes.z_axis, b.axes.z_axis)]
+    {
         assert!((x - y).length() < 1e-6);
     }
 }
@@ -223,14 +199,8 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     for _ in 0..3000 {
         let target = Vec3A::new(stream.uniform() * 5.0 - 2.5, stream.uniform() * 3.0 - 1.2, 0.0);
         let origin = target + warp::sphere(stream.uniform2()) * 5.0;
-        let ray = Ray {
-            origin,
-            dir: (target - origin).normalize(),
-        };
-        let (ha, hb) = (
-            a.geometry.intersect(&ray, f32::INFINITY),
-            b.geometry.intersect(&ray, f32::INFINITY),
-        );
+        let ray = Ray { origin, dir: (target - origin).normalize() };
+        let (ha, hb) = (a.geometry.intersect(&ray, f32::INFINITY), b.geometry.intersect(&ray, f32::INFINITY));
         assert_eq!(ha.is_some(), hb.is_some(), "{ray:?}");
         let (Some(ha), Some(hb)) = (ha, hb) else { continue };
         hits += 1;

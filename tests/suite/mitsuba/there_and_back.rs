@@ -80,8 +80,5 @@ fn the_text_of_an_import_says_what_its_value_says() {
     let back = Import::load(&out.join("scene.xml"), &toml, &BTreeMap::new()).unwrap();
     let read: SceneFile = toml::from_str(&back.toml).unwrap();
     assert_eq!(read, back.scene);
-    assert!(
-        back.toml
-            .starts_with("# Written by sunstone import from scene.xml.\n")
-    );
+    assert!(back.toml.starts_with("# Written by sunstone import from scene.xml.\n"));
 }

@@ -45,31 +45,13 @@ enum Image {
 }
 
 const METHODS: [(Method, Image); 7] = [
-    (
-        Method::new("-(3,3), epipolar", "Baek & Heide 2021"),
-        Image::Epipolar(15, -1.0),
-    ),
-    (
-        Method::new("-(3,3), all light", "without spatial probing"),
-        Image::All(15, -1.0),
-    ),
-    (
-        Method::new("-(3,3), non-epipolar", "the rest"),
-        Image::Other(15, -1.0),
-    ),
-    (
-        Method::new("(1,1), epipolar", "a pair of linear polarizers"),
-        Image::Epipolar(5, 1.0),
-    ),
-    (
-        Method::new("intensity, epipolar", "O'Toole et al. 2012"),
-        Image::Epipolar(0, 1.0),
-    ),
+    (Method::new("-(3,3), epipolar", "Baek & Heide 2021"), Image::Epipolar(15, -1.0)),
+    (Method::new("-(3,3), all light", "without spatial probing"), Image::All(15, -1.0)),
+    (Method::new("-(3,3), non-epipolar", "the rest"), Image::Other(15, -1.0)),
+    (Method::new("(1,1), epipolar", "a pair of linear polarizers"), Image::Epipolar(5, 1.0)),
+    (Method::new("intensity, epipolar", "O'Toole et al. 2012"), Image::Epipolar(0, 1.0)),
     (Method::new("intensity", "a photo"), Image::All(0, 1.0)),
-    (
-        Method::new("true normals", "closed form, a bound"),
-        Image::Predicted,
-    ),
+    (Method::new("true normals", "closed form, a bound"), Image::Predicted),
 ];
 
 /// Minimum share of surface light of a positive pixel.
@@ -93,11 +75,7 @@ impl Application for CrystalFaces {
     }
 
     fn plan(&self) -> Plan {
-        let layer = |name, layer| Truth::Layer {
-            name,
-            layer,
-            through: false,
-        };
+        let layer = |name, layer| Truth::Layer { name, layer, through: false };
         Plan {
             scene: "crystals/faces.toml",
             train: vec![0],
@@ -105,24 +83,13 @@ impl Application for CrystalFaces {
             test: (4..11).collect(),
             slices: vec!["polarimetric", "epipolar"],
             truth: vec![
-                Truth::Material {
-                    name: "crystal",
-                    of: &["quartz"],
-                },
+                Truth::Material { name: "crystal", of: &["quartz"] },
                 layer("normal", "geometric_normal"),
                 layer("position", "position"),
-                Truth::Slice {
-                    name: "paths",
-                    slice: "paths",
-                    of: itself,
-                    samples: 1,
-                },
+                Truth::Slice { name: "paths", slice: "paths", of: itself, samples: 1 },
             ],
             preview: Size { pixels: 64, spp: 512 },
-            full: Size {
-                pixels: 128,
-                spp: 1024,
-            },
+            full: Size { pixels: 128, spp: 1024 },
         }
     }
 
@@ -144,9 +111,7 @@ impl Application for CrystalFaces {
                 outcome.scores.extend(scores);
                 outcome.pictures.push(seen.picture(method.name, "image", &values));
             }
-            outcome
-                .pictures
-                .push(seen.picture("true normals", "surface light", &seen.surface));
+            outcome.pictures.push(seen.picture("true normals", "surface light", &seen.surface));
         }
         Ok(outcome)
     }
@@ -185,11 +150,7 @@ struct Seen {
 
 impl Seen {
     fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let missing = |what, name: &str| ApplyError::Missing {
-            variant: o.variant,
-            what,
-            name: name.into(),
-        };
+        let missing = |what, name: &str| ApplyError::Missing { variant: o.variant, what, name: name.into() };
         let rig = o.rig.as_ref();
         let rig = rig.ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
         let alpha = o.values.get("roughness").copied();
@@ -216,9 +177,8 @@ impl Seen {
         let vector = |m: &Map, i: usize| Vector3::from_column_slice(&m.data[3 * i..3 * i + 3]);
         let count = size[0] * size[1];
         let normal: Vec<Vector3<f64>> = (0..count).map(|i| vector(normal, i)).collect();
-        let is_face: Vec<bool> = (0..count)
-            .map(|i| share.data[i] >= WHOLE && normal[i].iter().all(|x| x.is_finite()))
-            .collect();
+        let is_face: Vec<bool> =
+            (0..count).map(|i| share.data[i] >= WHOLE && normal[i].iter().all(|x| x.is_finite())).collect();
         let faces = of_one_face(size, &is_face, &normal);
         if faces.is_empty() {
             return Err(ApplyError::Empty(format!(
@@ -302,12 +262,7 @@ impl Seen {
             name,
             variant: Some(self.variant),
             shared: false,
-            map: Map {
-                width: w,
-                height: h,
-                channels: 1,
-                data: values.to_vec(),
-            },
+            map: Map { width: w, height: h, channels: 1, data: values.to_vec() },
         }
     }
 }

@@ -67,10 +67,7 @@ mod tests {
     /// The values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
     #[test]
     fn circular_light_is_turned_as_pinned() {
-        let glass = Glass {
-            index: 1.5,
-            alpha: 0.3,
-        };
+        let glass = Glass { index: 1.5, alpha: 0.3 };
         assert!((glass.turned(1.0) - 0.04).abs() < 1e-12);
         assert!((glass.turned(0.5_f64.sqrt()) - 0.0279111).abs() < 1e-6);
         // Brewster's angle.
@@ -82,10 +79,7 @@ mod tests {
     /// G2 divided out.
     #[test]
     fn facets_are_normalized() {
-        let glass = Glass {
-            index: 1.5,
-            alpha: 0.4,
-        };
+        let glass = Glass { index: 1.5, alpha: 0.4 };
         let n = Vector3::z();
         let steps = 4000;
         let sum: f64 = (0..steps)

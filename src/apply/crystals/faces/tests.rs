@@ -25,11 +25,7 @@ fn device(x: f64) -> Pinhole {
 /// The left face is tilted by `lean` degrees to the left, the right face by 2° less to the right, so that the
 /// half vector, about 6° to the right, is closer to its normal. The outermost columns are ground only.
 fn normal(pixel: usize, lean: f64) -> Vector3<f64> {
-    let angle = if pixel % SIZE < SIZE / 2 {
-        -lean
-    } else {
-        lean - 2.0
-    };
+    let angle = if pixel % SIZE < SIZE / 2 { -lean } else { lean - 2.0 };
     let (sin, cos) = angle.to_radians().sin_cos();
     Vector3::new(sin, 0.0, cos)
 }
@@ -41,21 +37,11 @@ fn is_face(pixel: usize) -> bool {
 /// Faces are tilted by `lean` degrees, and the truth map has `truth`; the surface reflects `shine` times as
 /// much as glass.
 fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation {
-    let rig = Rig {
-        camera: device(-0.02),
-        projector: device(0.02),
-    };
-    let glass = Glass {
-        index: Mineral::Quartz.indices(550.0).iter().sum::<f64>() / 2.0,
-        alpha: ALPHA,
-    };
+    let rig = Rig { camera: device(-0.02), projector: device(0.02) };
+    let glass = Glass { index: Mineral::Quartz.indices(550.0).iter().sum::<f64>() / 2.0, alpha: ALPHA };
     let point = |pixel: usize| rig.camera.point(pixel % SIZE, pixel / SIZE, 0.2);
     let surface = |pixel: usize| {
-        if is_face(pixel) {
-            shine * glass.reflected(&rig, point(pixel), normal(pixel, lean))
-        } else {
-            0.0
-        }
+        if is_face(pixel) { shine * glass.reflected(&rig, point(pixel), normal(pixel, lean)) } else { 0.0 }
     };
     // Stripes, much brighter than the surface.
     let ground = |pixel: usize| if pixel / SIZE % 4 < 2 { 4.0 } else { 1.0 };
@@ -74,10 +60,7 @@ fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation
     };
     let vector = |v: Vector3<f64>| v.iter().copied().collect::<Vec<f64>>();
     let paths = labelled([SIZE; 2], 4, 3, |pixel, p| match p {
-        Path {
-            label: GLOSSY,
-            bounces: 1,
-        } => surface(pixel),
+        Path { label: GLOSSY, bounces: 1 } => surface(pixel),
         Path { label, bounces: 3 } if label == GLOSSY | DIFFUSE => ground(pixel),
         _ => 0.0,
     });
@@ -91,22 +74,16 @@ fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation
         ]
         .map(|(name, m)| (name.to_owned(), m))
         .into(),
-        slices: [
-            ("polarimetric", light(1.0)),
-            ("epipolar", light(0.5)),
-            ("paths", paths),
-        ]
-        .map(|(name, s)| (name.to_owned(), s))
-        .into(),
+        slices: [("polarimetric", light(1.0)), ("epipolar", light(0.5)), ("paths", paths)]
+            .map(|(name, s)| (name.to_owned(), s))
+            .into(),
         rig: Some(rig),
         ..Observation::default()
     }
 }
 
 fn run(o: Observation) -> Outcome {
-    CrystalFaces
-        .run(std::slice::from_ref(&o), std::slice::from_ref(&o))
-        .expect("it runs")
+    CrystalFaces.run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect("it runs")
 }
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
@@ -150,26 +127,11 @@ fn what_is_missing_is_said() {
         CrystalFaces.run(&all, &all).expect_err("it lacks something")
     };
     assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));
-    assert!(
-        failed(&|o| _ = o.values.remove("roughness"))
-            .to_string()
-            .contains("roughness")
-    );
-    assert!(
-        failed(&|o| drop(o.slices.remove("paths")))
-            .to_string()
-            .contains("paths")
-    );
-    assert!(
-        failed(&|o| drop(o.truth.remove("position")))
-            .to_string()
-            .contains("position")
-    );
+    assert!(failed(&|o| _ = o.values.remove("roughness")).to_string().contains("roughness"));
+    assert!(failed(&|o| drop(o.slices.remove("paths"))).to_string().contains("paths"));
+    assert!(failed(&|o| drop(o.truth.remove("position"))).to_string().contains("position"));
     let bare = failed(&|o| o.truth.get_mut("crystal").expect("it").data.fill(0.0));
-    assert!(
-        bare.to_string().contains("no pixel that shows a single face"),
-        "{bare}"
-    );
+    assert!(bare.to_string().contains("no pixel that shows a single face"), "{bare}");
     let small = failed(&|o| o.truth.get_mut("normal").expect("it").width -= 1);
     assert!(matches!(small, ApplyError::Sizes { .. }), "{small}");
 }

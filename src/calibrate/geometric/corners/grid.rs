@@ -25,10 +25,7 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
         })
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    near.into_iter()
-        .take(3)
-        .map(|(_, i)| i)
-        .find(|i| joined(image, here, &all[*i]))
+    near.into_iter().take(3).map(|(_, i)| i).find(|i| joined(image, here, &all[*i]))
 }
 
 /// Returns whether a side of a square joins two corners: one black-white order along the whole line.
@@ -67,15 +64,12 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
         }
         [x, y, -x, -y]
     };
-    let links: Vec<[Option<usize>; 4]> = (0..all.len())
-        .map(|i| ways(&all[i]).map(|way| neighbour(image, all, i, way)))
-        .collect();
+    let links: Vec<[Option<usize>; 4]> =
+        (0..all.len()).map(|i| ways(&all[i]).map(|way| neighbour(image, all, i, way))).collect();
     // Returns the direction of `to` that is closest to `way`.
     let same = |to: usize, way: Vector2<f64>| {
         let w = ways(&all[to]);
-        (0..4)
-            .max_by(|a, b| w[*a].dot(&way).total_cmp(&w[*b].dot(&way)))
-            .unwrap_or(0)
+        (0..4).max_by(|a, b| w[*a].dot(&way).total_cmp(&w[*b].dot(&way))).unwrap_or(0)
     };
     let mut taken = vec![false; all.len()];
     let mut grids = vec![];

@@ -29,10 +29,7 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
             strength[(y * w + x) as usize] = (xy * xy - xx * yy).max(0.0);
         }
     }
-    let field = Image {
-        values: strength,
-        ..*image
-    };
+    let field = Image { values: strength, ..*image };
     // The threshold refers to a typical candidate, since the strongest may be a specular highlight.
     let mut found = vec![];
     let reach = 3_isize;
@@ -58,12 +55,7 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
         return vec![];
     };
     let least = 0.02 * typical;
-    found
-        .into_iter()
-        .filter(|(s, _)| *s > least)
-        .take(MOST)
-        .map(|(_, p)| p)
-        .collect()
+    found.into_iter().filter(|(s, _)| *s > least).take(MOST).map(|(_, p)| p).collect()
 }
 
 /// Maximum number of candidates.
@@ -125,10 +117,7 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     });
     let (p, off) = tries.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))?;
     let moved = (Vector2::new(p[0], p[1]) - near).norm();
-    let (e1, e2) = (
-        Vector2::new(p[2].cos(), p[2].sin()),
-        Vector2::new(p[3].cos(), p[3].sin()),
-    );
+    let (e1, e2) = (Vector2::new(p[2].cos(), p[2].sin()), Vector2::new(p[3].cos(), p[3].sin()));
     let apart = e1.perp(&e2).abs();
     let sound = off < 0.35 * p[5].abs() && moved < 2.5 && apart > 0.25 && p[4] < radius;
     if !sound {
@@ -136,11 +125,7 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     }
     // Between +e1 and +e2 the model has the sign of (n1·e2)(n2·e1).
     let side = e1.perp(&e2) * e2.perp(&e1);
-    Some(Saddle {
-        at: Vector2::new(p[0], p[1]),
-        edges: [e1, e2],
-        contrast: p[5] * side.signum(),
-    })
+    Some(Saddle { at: Vector2::new(p[0], p[1]), edges: [e1, e2], contrast: p[5] * side.signum() })
 }
 
 /// Estimates the edge directions from sign changes on a ring, and mean and contrast there.
@@ -159,13 +144,9 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
     // A saddle is point-symmetric: use the even part of the ring.
-    let half: Vec<f64> = (0..RING / 2)
-        .map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean)
-        .collect();
+    let half: Vec<f64> = (0..RING / 2).map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean).collect();
     let swing = half.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-    let odd = (0..RING / 2)
-        .map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2))
-        .sum::<f64>();
+    let odd = (0..RING / 2).map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2)).sum::<f64>();
     let even = half.iter().map(|v| v * v).sum::<f64>();
     if swing <= 0.0 || odd > even {
         return None;
@@ -190,9 +171,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
     );
     let between = if rises { 1.0 } else { -1.0 };
     let contrast = swing * between * by[5].signum();
-    Some(Parameters::from([
-        near.x, near.y, a, b, 1.0, contrast, mean, 0.0, 0.0,
-    ]))
+    Some(Parameters::from([near.x, near.y, a, b, 1.0, contrast, mean, 0.0, 0.0]))
 }
 
 /// Fits the model by Levenberg–Marquardt. Returns the parameters and the root mean square of the residuals.
@@ -212,12 +191,7 @@ fn settle(image: &Image, mut p: Parameters, radius: f64) -> Option<(Parameters, 
     if pixels.len() < 20 {
         return None;
     }
-    let cost = |p: &Parameters| {
-        pixels
-            .iter()
-            .map(|(x, y, v)| (model(p, *x, *y).0 - v).powi(2))
-            .sum::<f64>()
-    };
+    let cost = |p: &Parameters| pixels.iter().map(|(x, y, v)| (model(p, *x, *y).0 - v).powi(2)).sum::<f64>();
     let mut best = cost(&p);
     let mut damping = 1e-3;
     for _ in 0..40 {
@@ -318,12 +292,8 @@ mod tests {
         let flat = Image::new(31, 31, vec![7.0; 961]).unwrap();
         assert!(candidates(&flat, 1.5).is_empty());
         assert_eq!(refine(&flat, Vector2::new(15.5, 15.5), 6.0), None);
-        let edge = Image::new(
-            31,
-            31,
-            (0..961).map(|i| if i % 31 < 14 { 1.0 } else { 9.0 }).collect(),
-        )
-        .unwrap();
+        let edge =
+            Image::new(31, 31, (0..961).map(|i| if i % 31 < 14 { 1.0 } else { 9.0 }).collect()).unwrap();
         assert_eq!(refine(&edge, Vector2::new(14.0, 15.5), 6.0), None);
     }
 }

@@ -136,10 +136,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
             next.push(i + w);
         }
         // Squares seen at an angle are narrower than their sides are long.
-        let side = next
-            .iter()
-            .map(|n| (full[*n].at - s.at).norm())
-            .fold(f64::INFINITY, f64::min);
+        let side = next.iter().map(|n| (full[*n].at - s.at).norm()).fold(f64::INFINITY, f64::min);
         let lean = s.edges[0].perp(&s.edges[1]).abs();
         smallest = smallest.min(side);
         let radius = (REACH * side * (0.4 + 0.6 * lean)).clamp(WINDOW[0], WINDOW[1]);
@@ -165,11 +162,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
     let orders: Vec<Vec<usize>> = quarters.map(turned).collect();
     let dark = |order: &Vec<usize>| {
         // The square outside the first corner.
-        let (a, b, c) = (
-            &refined[order[0]],
-            &refined[order[1]],
-            &refined[order[board.columns]],
-        );
+        let (a, b, c) = (&refined[order[0]], &refined[order[1]], &refined[order[board.columns]]);
         let outward = a.at - (b.at - a.at) * 0.3 - (c.at - a.at) * 0.3;
         let inward = a.at + (b.at - a.at) * 0.3 - (c.at - a.at) * 0.3;
         image.between(outward.x, outward.y) < image.between(inward.x, inward.y)
@@ -182,10 +175,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
             corner(a).total_cmp(&corner(b))
         })?,
     };
-    Some(Found {
-        corners: choice.iter().map(|i| refined[*i].at).collect(),
-        smallest,
-    })
+    Some(Found { corners: choice.iter().map(|i| refined[*i].at).collect(), smallest })
 }
 
 #[cfg(test)]
@@ -206,16 +196,9 @@ mod tests {
             };
             let ray = back.rotation * Vector3::new(n.x, n.y, 1.0);
             let p = back.translation - ray * (back.translation.z / ray.z);
-            let (i, j) = (
-                (p.x / board.square + 1.0).floor(),
-                (p.y / board.square + 1.0).floor(),
-            );
+            let (i, j) = ((p.x / board.square + 1.0).floor(), (p.y / board.square + 1.0).floor());
             let inside = (0.0..=board.columns as f64).contains(&i) && (0.0..=board.rows as f64).contains(&j);
-            if inside && (i + j) as i64 % 2 == 0 {
-                20.0
-            } else {
-                200.0
-            }
+            if inside && (i + j) as i64 % 2 == 0 { 20.0 } else { 200.0 }
         };
         let mut values = vec![];
         for y in 0..h {

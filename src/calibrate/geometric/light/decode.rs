@@ -25,11 +25,7 @@ impl Decoded {
     /// Returns the number of pixels with both coordinates.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.u
-            .iter()
-            .zip(&self.v)
-            .filter(|(u, v)| u.is_finite() && v.is_finite())
-            .count()
+        self.u.iter().zip(&self.v).filter(|(u, v)| u.is_finite() && v.is_finite()).count()
     }
 }
 
@@ -65,9 +61,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
         ));
     }
     let n = width * height;
-    let contrast: Vec<f32> = (0..n)
-        .map(|i| images[0].values[i] - images[1].values[i])
-        .collect();
+    let contrast: Vec<f32> = (0..n).map(|i| images[0].values[i] - images[1].values[i]).collect();
     let mut sorted = contrast.clone();
     sorted.sort_by(f32::total_cmp);
     let bright = sorted[(n - 1) * 99 / 100];
@@ -77,10 +71,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
             .rev()
             .filter_map(|b| {
                 let of = |inverted| {
-                    frames
-                        .iter()
-                        .find(|(p, _)| *p == Pattern::Bit(axis, b, inverted))
-                        .map(|(_, i)| *i)
+                    frames.iter().find(|(p, _)| *p == Pattern::Bit(axis, b, inverted)).map(|(_, i)| *i)
                 };
                 Some([of(false)?, of(true)?])
             })
@@ -104,12 +95,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
             })
             .collect()
     };
-    Ok(Decoded {
-        width,
-        height,
-        u: axis(Axis::Column),
-        v: axis(Axis::Row),
-    })
+    Ok(Decoded { width, height, u: axis(Axis::Column), v: axis(Axis::Row) })
 }
 
 /// Returns the coordinate of Gray bits, highest first, each as difference over contrast; NaN if invalid.
@@ -139,11 +125,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     };
     // At an edge both codes must be neighbors. The pixel then sees their border.
     let y = plain(code ^ (1 << (bits - place)));
-    if x.abs_diff(y) == 1 && x.max(y) < length {
-        f64::from(x.max(y))
-    } else {
-        f64::NAN
-    }
+    if x.abs_diff(y) == 1 && x.max(y) < length { f64::from(x.max(y)) } else { f64::NAN }
 }
 
 /// Refines a coarse coordinate to subpixels by the phase of the waves.
@@ -166,11 +148,7 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     let within = s.atan2(c) / TAU * period;
     let fine = within + period * ((coarse - within) / period).round();
     // The error of the codes is at most one pixel.
-    if (fine - coarse).abs() < 2.0 {
-        fine
-    } else {
-        f64::NAN
-    }
+    if (fine - coarse).abs() < 2.0 { fine } else { f64::NAN }
 }
 
 #[cfg(test)]
@@ -250,10 +228,8 @@ mod tests {
             .filter(|p| matches!(p, Pattern::Bit(Axis::Column, _, false)))
             .collect();
         for u in 0..999 {
-            let changed = bits
-                .iter()
-                .filter(|p| sequence.drive(**p, u, 0) != sequence.drive(**p, u + 1, 0))
-                .count();
+            let changed =
+                bits.iter().filter(|p| sequence.drive(**p, u, 0) != sequence.drive(**p, u + 1, 0)).count();
             assert_eq!(changed, 1);
         }
     }

@@ -20,10 +20,7 @@ pub fn at_corners(decoded: &Decoded, corners: &[Vector2<f64>], reach: f64) -> Ve
 fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thrown> {
     let (w, h) = (decoded.width as f64, decoded.height as f64);
     let range = |c: f64, n: f64| {
-        (
-            (c - reach).floor().clamp(0.0, n) as usize,
-            (c + reach).ceil().clamp(0.0, n) as usize,
-        )
+        ((c - reach).floor().clamp(0.0, n) as usize, (c + reach).ceil().clamp(0.0, n) as usize)
     };
     let ((x0, x1), (y0, y1)) = (range(corner.x, w), range(corner.y, h));
     let (mut from, mut to) = (vec![], vec![]);
@@ -44,11 +41,8 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
             return None;
         }
         let m = homography::fit(&from, &to)?;
-        let off: Vec<f64> = from
-            .iter()
-            .zip(&to)
-            .map(|(p, q)| (homography::apply(&m, *p) - q).norm())
-            .collect();
+        let off: Vec<f64> =
+            from.iter().zip(&to).map(|(p, q)| (homography::apply(&m, *p) - q).norm()).collect();
         let mut sorted = off.clone();
         sorted.sort_by(f64::total_cmp);
         let bound = (4.0 * sorted[sorted.len() / 2]).max(0.5);
@@ -65,10 +59,7 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
         to = kept.iter().map(|i| to[*i]).collect();
     }
     let m = homography::fit(&from, &to)?;
-    Some((
-        homography::apply(&m, Vector2::zeros()),
-        homography::slope(&m, Vector2::zeros()),
-    ))
+    Some((homography::apply(&m, Vector2::zeros()), homography::slope(&m, Vector2::zeros())))
 }
 
 #[cfg(test)]
@@ -84,22 +75,12 @@ mod tests {
             for x in 0..w {
                 let q = homography::apply(&m, Vector2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
                 u.push((q.x.floor() + 0.5) as f32);
-                v.push(if (x + y) % 13 == 0 {
-                    900.0
-                } else {
-                    (q.y.floor() + 0.5) as f32
-                });
+                v.push(if (x + y) % 13 == 0 { 900.0 } else { (q.y.floor() + 0.5) as f32 });
             }
         }
-        let decoded = Decoded {
-            width: 80,
-            height: 60,
-            u,
-            v,
-        };
-        let corners: Vec<_> = (0..10)
-            .map(|i| Vector2::new(20.3 + 3.7 * f64::from(i), 30.0 - 0.9 * f64::from(i)))
-            .collect();
+        let decoded = Decoded { width: 80, height: 60, u, v };
+        let corners: Vec<_> =
+            (0..10).map(|i| Vector2::new(20.3 + 3.7 * f64::from(i), 30.0 - 0.9 * f64::from(i))).collect();
         for (c, found) in corners.iter().zip(at_corners(&decoded, &corners, 14.0)) {
             let (at, slope) = found.expect("enough pixels");
             assert!(
@@ -109,9 +90,6 @@ mod tests {
             );
             assert!((slope - homography::slope(&m, *c)).norm() < 0.05);
         }
-        assert_eq!(
-            at_corners(&decoded, &[Vector2::new(-50.0, f64::NAN)], 14.0),
-            [None]
-        );
+        assert_eq!(at_corners(&decoded, &[Vector2::new(-50.0, f64::NAN)], 14.0), [None]);
     }
 }

@@ -119,7 +119,6 @@ impl Sequence {
     pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
         let [w, h] = self.size;
         let rows = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
-        rows.map(|(u, v)| (255.0 * self.drive(pattern, u, v)).round() as u8)
-            .collect()
+        rows.map(|(u, v)| (255.0 * self.drive(pattern, u, v)).round() as u8).collect()
     }
 }

@@ -103,47 +103,21 @@ impl Cmos {
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         number("exposure_s", self.exposure_s, "a positive time in seconds")?;
-        demand(
-            "bracket",
-            0.0,
-            !self.bracket.is_empty(),
-            "at least one exposure factor",
-        )?;
-        self.bracket
-            .iter()
-            .try_for_each(|f| number("bracket", *f, "positive exposure factors"))?;
+        demand("bracket", 0.0, !self.bracket.is_empty(), "at least one exposure factor")?;
+        self.bracket.iter().try_for_each(|f| number("bracket", *f, "positive exposure factors"))?;
         efficiency("quantum_efficiency", &self.quantum_efficiency)?;
-        number(
-            "photons_per_unit",
-            self.photons_per_unit,
-            "a positive number of photons",
-        )?;
+        number("photons_per_unit", self.photons_per_unit, "a positive number of photons")?;
         let (read, dark) = (self.read_noise_e, self.dark_current_e_s);
         demand("read_noise_e", read, non_negative(read), "zero or more electrons")?;
-        demand(
-            "dark_current_e_s",
-            dark,
-            non_negative(dark),
-            "zero or more electrons per second",
-        )?;
+        demand("dark_current_e_s", dark, non_negative(dark), "zero or more electrons per second")?;
         let holds = positive(self.full_well_e) && self.full_well_e > 2.0 * CERTAIN * read;
-        demand(
-            "full_well_e",
-            self.full_well_e,
-            holds,
-            "more than 8 times `read_noise_e`",
-        )?;
+        demand("full_well_e", self.full_well_e, holds, "more than 8 times `read_noise_e`")?;
         let bits = (1..=24).contains(&self.bit_depth);
         demand("bit_depth", f64::from(self.bit_depth), bits, "1 to 24 bits")?;
         number("gain_e_per_dn", self.gain(), "a positive number of electrons")?;
         let black = self.black_level_dn;
         let holds = non_negative(black) && black < self.top();
-        demand(
-            "black_level_dn",
-            black,
-            holds,
-            "zero or more, below the output's maximum",
-        )?;
+        demand("black_level_dn", black, holds, "zero or more, below the output's maximum")?;
         let holds = matches!(self.binning, 1 | 2);
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }
@@ -196,18 +170,11 @@ impl Cmos {
     pub fn sample(&self, radiance: f64, nm: f64, factor: f64, stream: &mut Stream) -> Reading {
         let (per_unit, dark) = self.electrons(nm, factor);
         let mean = (per_unit * radiance).max(0.0) + dark;
-        let made = if self.shot_noise {
-            poisson(mean, stream)
-        } else {
-            mean
-        };
+        let made = if self.shot_noise { poisson(mean, stream) } else { mean };
         let read = made.min(self.full_well_e) + self.read_noise_e * normal(stream);
         let dn = (read / self.gain() + self.black_level_dn).round();
         let dn = dn.clamp(0.0, self.top()) as u32;
-        Reading {
-            dn,
-            saturated: dn >= self.saturation_dn(),
-        }
+        Reading { dn, saturated: dn >= self.saturation_dn() }
     }
 
     /// Returns the mean and variance of one pixel's DN without clipping; arguments as for [`Self::sample`].
@@ -254,16 +221,11 @@ impl Cmos {
             let known = pairs.filter(|(e, _)| !e.saturated && e.radiance.is_finite());
             known.map(|(e, factor)| (e.radiance, self.electrons(nm, *factor)))
         };
-        let (made, per_unit) = exposures().fold((0.0, 0.0), |(a, b), (x, (per_unit, _))| {
-            (a + x * per_unit, b + per_unit)
-        });
+        let (made, per_unit) =
+            exposures().fold((0.0, 0.0), |(a, b), (x, (per_unit, _))| (a + x * per_unit, b + per_unit));
         if !positive(per_unit) {
             let saturated = estimates.iter().any(|e| e.saturated);
-            return if saturated {
-                Estimate::SATURATED
-            } else {
-                Estimate::UNKNOWN
-            };
+            return if saturated { Estimate::SATURATED } else { Estimate::UNKNOWN };
         }
         let pooled = (made / per_unit).max(0.0);
         let (mut sum, mut weights) = (0.0, 0.0);
@@ -324,11 +286,7 @@ impl Cmos {
     ) -> Result<Exposed, DetectorError> {
         self.check()?;
         area("an image", width, height, image.len())?;
-        count(
-            "the pixels of one capture",
-            image.len().min(u32::MAX as usize),
-            image.len(),
-        )?;
+        count("the pixels of one capture", image.len().min(u32::MAX as usize), image.len())?;
         finite(image)?;
         let exposures = u32::try_from(self.bracket.len()).unwrap_or(u32::MAX);
         let mut frames = vec![];
@@ -370,11 +328,7 @@ fn mean(estimates: impl Iterator<Item = Estimate>) -> Estimate {
         variance += e.variance;
         saturated |= e.saturated;
     }
-    Estimate {
-        radiance: sum / n,
-        variance: variance / (n * n),
-        saturated,
-    }
+    Estimate { radiance: sum / n, variance: variance / (n * n), saturated }
 }
 
 #[cfg(test)]

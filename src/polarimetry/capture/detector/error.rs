@@ -80,11 +80,7 @@ pub(in crate::capture) fn count(
     if expected == found {
         return Ok(());
     }
-    Err(DetectorError::Count {
-        what,
-        expected,
-        found,
-    })
+    Err(DetectorError::Count { what, expected, found })
 }
 
 /// Checks the length of an image. The size saturates on overflow, which no list can match.
@@ -100,10 +96,7 @@ pub(super) fn area(
 pub(super) fn finite(radiance: &[f64]) -> Result<(), DetectorError> {
     match radiance.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(index) => Err(DetectorError::Radiance {
-            index,
-            value: radiance[index],
-        }),
+        Some(index) => Err(DetectorError::Radiance { index, value: radiance[index] }),
     }
 }
 
@@ -113,10 +106,7 @@ mod tests {
 
     #[test]
     fn bad_efficiency_is_refused_by_name() {
-        assert_eq!(
-            efficiency("quantum_efficiency", &SpectralValue::Same(0.5)),
-            Ok(())
-        );
+        assert_eq!(efficiency("quantum_efficiency", &SpectralValue::Same(0.5)), Ok(()));
         let bad = [
             SpectralValue::Same(1.1),
             SpectralValue::Same(f64::NAN),

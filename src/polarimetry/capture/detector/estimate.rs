@@ -13,16 +13,8 @@ pub struct Estimate {
 
 impl Estimate {
     /// The estimate of a saturated reading.
-    pub const SATURATED: Self = Self {
-        radiance: f64::NAN,
-        variance: f64::INFINITY,
-        saturated: true,
-    };
+    pub const SATURATED: Self = Self { radiance: f64::NAN, variance: f64::INFINITY, saturated: true };
 
     /// The estimate of an instrument that receives no light.
-    pub const UNKNOWN: Self = Self {
-        radiance: f64::NAN,
-        variance: f64::INFINITY,
-        saturated: false,
-    };
+    pub const UNKNOWN: Self = Self { radiance: f64::NAN, variance: f64::INFINITY, saturated: false };
 }

@@ -126,18 +126,11 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     let checked = |section: Range<usize>, result: Result<(), DetectorError>| {
         result.map_err(|e| {
             let span = field_span(text, &section, &e);
-            error(
-                Some(span),
-                e.to_string(),
-                "correct the value, or remove it to use the default",
-            )
+            error(Some(span), e.to_string(), "correct the value, or remove it to use the default")
         })
     };
     let (own, found) = ((file.cmos, file.spad), (file.detector.cmos, file.detector.spad));
-    let both = [
-        own.0.is_some() || own.1.is_some(),
-        found.0.is_some() || found.1.is_some(),
-    ];
+    let both = [own.0.is_some() || own.1.is_some(), found.0.is_some() || found.1.is_some()];
     if both == [true, true] {
         return Err(error(
             None,
@@ -161,19 +154,12 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
                 let help = "remove one of them; demosaic = \"superpixel\" also halves the resolution";
                 return Err(error(Some(at.span()), message.to_owned(), help));
             }
-            Ok(Detector::Cmos {
-                camera: (*camera).clone(),
-                demosaic,
-            })
+            Ok(Detector::Cmos { camera: (*camera).clone(), demosaic })
         }
         (None, Some(diode)) => {
             if let Some(at) = file.demosaic {
                 let help = "remove it: each channel of a polarizer array has its own diode";
-                return Err(error(
-                    Some(at.span()),
-                    "`demosaic` applies only to [cmos]".to_owned(),
-                    help,
-                ));
+                return Err(error(Some(at.span()), "`demosaic` applies only to [cmos]".to_owned(), help));
             }
             checked(diode.span(), without_bins(&diode).check())?;
             Ok(Detector::Spad((*diode).clone()))
@@ -232,19 +218,9 @@ pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, Detecto
     let (standard, mut out) = (Spad::default(), diode.clone());
     let free = diode.bin_ps == standard.bin_ps;
     let agrees = free || (diode.bin_ps - bin_ps).abs() < 1e-6 * bin_ps;
-    demand(
-        "bin_ps",
-        diode.bin_ps,
-        agrees,
-        "the width of the slice's time bins (or remove the setting)",
-    )?;
+    demand("bin_ps", diode.bin_ps, agrees, "the width of the slice's time bins (or remove the setting)")?;
     let agrees = diode.bins == standard.bins || diode.bins == bins;
-    demand(
-        "bins",
-        diode.bins as f64,
-        agrees,
-        "the number of the slice's time bins (or remove the setting)",
-    )?;
+    demand("bins", diode.bins as f64, agrees, "the number of the slice's time bins (or remove the setting)")?;
     out.bin_ps = bin_ps;
     out.bins = bins;
     if diode.period_ps == standard.period_ps {
@@ -271,9 +247,7 @@ mod tests {
     #[test]
     fn both_instruments_are_read() {
         let camera = read("demosaic = \"superpixel\"\n[cmos]\nexposure_s = 0.5\n").expect("a camera");
-        let Detector::Cmos { camera, demosaic } = camera else {
-            panic!("{camera:?}")
-        };
+        let Detector::Cmos { camera, demosaic } = camera else { panic!("{camera:?}") };
         assert_eq!((camera.exposure_s, demosaic), (0.5, Some(Method::Superpixel)));
         assert_eq!(camera.bit_depth, Cmos::default().bit_depth);
         let none = read("demosaic = \"none\"\n[cmos]\nbinning = 2").expect("a camera");
@@ -281,11 +255,9 @@ mod tests {
         let diode = read("[spad]\npulses = 5").expect("a diode");
         assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
         // A slice's bins may fit a period that the default bins do not fit.
-        for text in [
-            "[spad]\nperiod_ps = 9990",
-            "[spad]\nperiod_ps = 9990\nbin_ps = 30",
-            "[spad]\nbins = 7000",
-        ] {
+        for text in
+            ["[spad]\nperiod_ps = 9990", "[spad]\nperiod_ps = 9990\nbin_ps = 30", "[spad]\nbins = 7000"]
+        {
             assert!(read(text).is_ok(), "{text}");
         }
     }
@@ -320,9 +292,7 @@ mod tests {
         assert!(fault("demosaic = \"bilinear\"\n[spad]").contains("d.toml:1:12"));
         assert!(fault("demosaic = \"bilinear\"\n[cmos]\nbinning = 2").contains("superpixel"));
         assert!(fault("demosaic = \"best\"\n[cmos]").contains("d.toml:1:12"));
-        let missing = load(Path::new("/nowhere/d.toml"), false)
-            .expect_err("no file")
-            .to_string();
+        let missing = load(Path::new("/nowhere/d.toml"), false).expect_err("no file").to_string();
         assert!(missing.contains("[cmos]"), "{missing}");
     }
 
@@ -334,18 +304,11 @@ mod tests {
         assert_eq!((diode.bin_ps, diode.period_bins()), (30.0, 3334));
         let long = with_bins(&Spad::default(), 5000, 25.0).expect("fits");
         assert_eq!(long.period_bins(), 5000);
-        let set = |bins, bin_ps| Spad {
-            bins,
-            bin_ps,
-            period_ps: 80_000.0,
-            ..Spad::default()
-        };
+        let set = |bins, bin_ps| Spad { bins, bin_ps, period_ps: 80_000.0, ..Spad::default() };
         assert!(with_bins(&set(64, 50.0), 64, 50.0).is_ok());
-        for (diode, field) in [
-            (set(63, 50.0), "bins"),
-            (set(64, 40.0), "bin_ps"),
-            (set(4000, 25.0), "period_ps"),
-        ] {
+        for (diode, field) in
+            [(set(63, 50.0), "bins"), (set(64, 40.0), "bin_ps"), (set(4000, 25.0), "period_ps")]
+        {
             let error = with_bins(&diode, 64, if field == "period_ps" { 30.0 } else { 50.0 });
             let error = error.expect_err("contradicts").to_string();
             assert!(error.starts_with(&format!("`{field}`")), "{error}");

@@ -34,11 +34,7 @@ pub struct Rate {
 }
 
 impl Rate {
-    const SATURATED: Self = Self {
-        value: f64::NAN,
-        variance: f64::INFINITY,
-        saturated: true,
-    };
+    const SATURATED: Self = Self { value: f64::NAN, variance: f64::INFINITY, saturated: true };
 }
 
 /// Applies Coates's correction to the counts of a period's bins in `pulses` periods, for a synchronous diode.
@@ -51,11 +47,7 @@ pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
         if left <= 0.0 {
             return Rate::SATURATED;
         }
-        Rate {
-            value: -(-n / armed).ln_1p(),
-            variance: n / (armed * left),
-            saturated: false,
-        }
+        Rate { value: -(-n / armed).ln_1p(), variance: n / (armed * left), saturated: false }
     };
     counts.iter().map(rate).collect()
 }
@@ -70,11 +62,7 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
         if armed.is_nan() || armed <= 0.0 {
             return Rate::SATURATED;
         }
-        Rate {
-            value: n / armed,
-            variance: n / (armed * armed),
-            saturated: false,
-        }
+        Rate { value: n / armed, variance: n / (armed * armed), saturated: false }
     };
     counts.iter().zip(armed).map(rate).collect()
 }
@@ -111,11 +99,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let back = |i: usize, d: usize| (i + bins - d % bins) % bins;
     // Counts of the `rest` bins before bin i.
     let window = |i: usize| {
-        if rest <= i {
-            before[i] - before[i - rest]
-        } else {
-            before[i] + total - before[i + bins - rest]
-        }
+        if rest <= i { before[i] - before[i - rest] } else { before[i] + total - before[i + bins - rest] }
     };
     let edges = [1.0, 2.0].map(|k| difference_below(dead - whole - k));
     let own = difference_below(dead) - 0.5;
@@ -129,11 +113,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
 /// H(s): the probability that one uniform number exceeds another by less than s.
 fn difference_below(s: f64) -> f64 {
     let s = s.clamp(-1.0, 1.0);
-    if s < 0.0 {
-        0.5 * (1.0 + s).powi(2)
-    } else {
-        1.0 - 0.5 * (1.0 - s).powi(2)
-    }
+    if s < 0.0 { 0.5 * (1.0 + s).powi(2) } else { 1.0 - 0.5 * (1.0 - s).powi(2) }
 }
 
 #[cfg(test)]
@@ -166,35 +146,22 @@ mod tests {
     #[test]
     fn coates_undoes_pile_up() {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
-        let counts: Vec<_> = (0..2000)
-            .map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key)))
-            .collect();
+        let counts: Vec<_> =
+            (0..2000).map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key))).collect();
         // Without correction, the last bin has a tenth of its photons, and its ratio to the first is far off.
         let raw = |i: usize| counts.iter().map(|c| c[i] as f64).sum::<f64>() / 2000.0 / 20_000.0;
         assert!((raw(7) / (f64::exp(-2.6) * (1.0 - f64::exp(-0.2))) - 1.0).abs() < 0.01);
         assert!(raw(7) < 0.1 * raw(0));
-        assert_unbiased(
-            &rates,
-            &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>(),
-        );
+        assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
     /// Dead times of part of a bin, several bins, part of a period, and more than one and two periods, with
     /// 0.95 photons per pulse: 300 captures of 10 000 pulses.
     #[test]
     fn live_time_undoes_dead_time() {
-        let rates: Vec<_> = (0..40)
-            .map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 })
-            .collect();
-        for (k, dead) in [0.5, 1.0, 1.6, 13.0, 25.3, 40.0, 52.7, 99.9]
-            .into_iter()
-            .enumerate()
-        {
-            let recovery = tcspc::Recovery {
-                dead,
-                after_pulsing: 0.0,
-                after_pulse: 0.0,
-            };
+        let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();
+        for (k, dead) in [0.5, 1.0, 1.6, 13.0, 25.3, 40.0, 52.7, 99.9].into_iter().enumerate() {
+            let recovery = tcspc::Recovery { dead, after_pulsing: 0.0, after_pulse: 0.0 };
             let capture = |key| {
                 let counts = tcspc::free_running(&rates, &recovery, 10_000, &mut stream(22, k as u32, key));
                 live_time(&counts, 10_000, dead)
@@ -232,11 +199,7 @@ mod tests {
         let rates = coates(&[3, 7, 0], 10);
         assert!((rates[0].value + 0.7_f64.ln()).abs() < 1e-12);
         assert!(rates[1].saturated && rates[2].saturated);
-        assert!(
-            live_time(&[10, 0], 10, 5.0)
-                .iter()
-                .all(|rate| rate.saturated && rate.value.is_nan())
-        );
+        assert!(live_time(&[10, 0], 10, 5.0).iter().all(|rate| rate.saturated && rate.value.is_nan()));
     }
 
     proptest! {

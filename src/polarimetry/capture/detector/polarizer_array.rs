@@ -103,11 +103,7 @@ pub fn split_bayer<T: Copy>(raw: &[T], width: usize, height: usize) -> Result<Ba
         let values = pixels.map(|(x, y)| raw[from(y, field / 2) * width + from(x, field % 2)]);
         values.collect()
     });
-    Ok(Bayer {
-        fields,
-        width: w,
-        height: h,
-    })
+    Ok(Bayer { fields, width: w, height: h })
 }
 
 /// Demosaics a raw frame.
@@ -117,9 +113,7 @@ pub fn split_bayer<T: Copy>(raw: &[T], width: usize, height: usize) -> Result<Ba
 /// # Errors
 /// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
 pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Result<Images, DetectorError> {
-    apart(raw, width, height, method, |weighted, weights, _| {
-        weighted / weights
-    })
+    apart(raw, width, height, method, |weighted, weights, _| weighted / weights)
 }
 
 /// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbours
@@ -133,9 +127,7 @@ pub fn demosaic_variance(
     height: usize,
     method: Method,
 ) -> Result<Images, DetectorError> {
-    apart(variance, width, height, method, |_, weights, squared| {
-        squared / (weights * weights)
-    })
+    apart(variance, width, height, method, |_, weights, squared| squared / (weights * weights))
 }
 
 /// Demosaics a raw frame; `value` receives Σ w v, Σ w and Σ w² v.
@@ -151,11 +143,8 @@ fn apart(
         Method::Superpixel => 2,
         Method::Bilinear => 1,
     };
-    let mut out = Images {
-        images: std::array::from_fn(|_| Vec::new()),
-        width: width / side,
-        height: height / side,
-    };
+    let mut out =
+        Images { images: std::array::from_fn(|_| Vec::new()), width: width / side, height: height / side };
     for (py, row) in LAYOUT.iter().enumerate() {
         for (px, polarizer) in row.iter().enumerate() {
             let image = &mut out.images[*polarizer];
@@ -234,9 +223,7 @@ mod tests {
     #[test]
     fn ramps_come_back_inside() {
         let [w, h] = SIZE;
-        let ramps = images(SIZE, |x, y, p| {
-            (p as f64 - 1.5) * x as f64 + 3.0 * y as f64 + p as f64
-        });
+        let ramps = images(SIZE, |x, y, p| (p as f64 - 1.5) * x as f64 + 3.0 * y as f64 + p as f64);
         let got = demosaic(&raw_of(&ramps, SIZE), w, h, Method::Bilinear).expect("has the size");
         assert_eq!((got.width, got.height), (w, h));
         for (got, want) in got.images.iter().zip(&ramps) {

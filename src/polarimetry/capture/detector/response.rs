@@ -42,11 +42,7 @@ impl Response {
     #[must_use]
     pub fn before(&self, t: f64) -> f64 {
         let Self { sigma, tail, tau } = *self;
-        let gauss = if sigma > 0.0 {
-            normal_distribution(t / sigma)
-        } else {
-            f64::from(u8::from(t >= 0.0))
-        };
+        let gauss = if sigma > 0.0 { normal_distribution(t / sigma) } else { f64::from(u8::from(t >= 0.0)) };
         if tail <= 0.0 || tau <= 0.0 {
             return gauss;
         }
@@ -78,10 +74,7 @@ impl Response {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.
         let reach = |time: f64| (time / bin).ceil().min(64.0 * bins as f64) as i64 + 1;
-        let (early, late) = (
-            reach(SIGMAS * self.sigma),
-            reach(SIGMAS * self.sigma + TAUS * self.tau),
-        );
+        let (early, late) = (reach(SIGMAS * self.sigma), reach(SIGMAS * self.sigma + TAUS * self.tau));
         let at = |k: i64| self.before((k as f64 - 0.5) * bin);
         let mut below = at(-early);
         for k in -early..=late {
@@ -129,11 +122,7 @@ mod tests {
             assert!((sum(1) - r.mean()).abs() < 1e-9, "{r:?}: {}", sum(1));
             // Second moment: σ² + 2aτ², plus 1/12 from the bins.
             let second = r.sigma.powi(2) + 2.0 * r.tail * r.tau.powi(2) + 1.0 / 12.0;
-            assert!(
-                (sum(2) / second - 1.0).abs() < 1e-9,
-                "{r:?}: {} for {second}",
-                sum(2)
-            );
+            assert!((sum(2) / second - 1.0).abs() < 1e-9, "{r:?}: {} for {second}", sum(2));
         }
     }
 

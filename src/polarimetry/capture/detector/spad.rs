@@ -113,46 +113,23 @@ impl Spad {
         let bins = self.period_ps / self.bin_ps;
         let whole =
             (bins - bins.round()).abs() < 1e-6 * bins.max(1.0) && (1.0..=MAX_BINS).contains(&bins.round());
-        demand(
-            "period_ps",
-            self.period_ps,
-            whole,
-            "a multiple of `bin_ps`, at most 1048576 bins",
-        )?;
+        demand("period_ps", self.period_ps, whole, "a multiple of `bin_ps`, at most 1048576 bins")?;
         let inside = (1..=self.period_bins()).contains(&self.bins);
         demand("bins", self.bins as f64, inside, "1 to the bins of `period_ps`")?;
         let holds = (1..=MAX_PULSES).contains(&self.pulses);
         demand("pulses", self.pulses as f64, holds, "1 to 1e12 pulses")?;
-        number(
-            "photons_per_unit",
-            self.photons_per_unit,
-            "a positive number of photons",
-        )?;
+        number("photons_per_unit", self.photons_per_unit, "a positive number of photons")?;
         efficiency("detection_efficiency", &self.detection_efficiency)?;
-        or_zero(
-            "dark_counts_per_s",
-            self.dark_counts_per_s,
-            "zero or more counts per second",
-        )?;
+        or_zero("dark_counts_per_s", self.dark_counts_per_s, "zero or more counts per second")?;
         let dead = self.dead_time_ps;
         or_zero("dead_time_ps", dead, "zero or more picoseconds")?;
         let p = self.after_pulsing;
-        demand(
-            "after_pulsing",
-            p,
-            (0.0..=0.9).contains(&p),
-            "a probability of at most 0.9",
-        )?;
+        demand("after_pulsing", p, (0.0..=0.9).contains(&p), "a probability of at most 0.9")?;
         let time = self.after_pulse_time_ps;
         or_zero("after_pulse_time_ps", time, "zero or more picoseconds")?;
         let within = |field, value: f64| {
             let holds = (0.0..=self.period_ps).contains(&value);
-            demand(
-                field,
-                value,
-                holds,
-                "zero or more picoseconds, at most `period_ps`",
-            )
+            demand(field, value, holds, "zero or more picoseconds, at most `period_ps`")
         };
         within("irf_fwhm_ps", self.irf_fwhm_ps)?;
         demand("irf_tail", self.irf_tail, share(self.irf_tail), "0 to 1")?;
@@ -166,11 +143,7 @@ impl Spad {
     }
 
     fn instrument(&self) -> Response {
-        Response {
-            sigma: self.irf_fwhm_ps / FWHM_PER_SIGMA,
-            tail: self.irf_tail,
-            tau: self.irf_tail_ps,
-        }
+        Response { sigma: self.irf_fwhm_ps / FWHM_PER_SIGMA, tail: self.irf_tail, tau: self.irf_tail_ps }
     }
 
     fn recovery(&self) -> Recovery {
@@ -221,17 +194,9 @@ impl Spad {
         let bins = response.len();
         let (per_unit, dark) = (self.per_unit(nm), self.dark());
         // Most of the response, and often of the light, is zero.
-        let taps: Vec<_> = response
-            .iter()
-            .enumerate()
-            .filter(|(_, share)| **share > 0.0)
-            .collect();
+        let taps: Vec<_> = response.iter().enumerate().filter(|(_, share)| **share > 0.0).collect();
         let mut rates = vec![0.0; bins];
-        for (j, radiance) in histogram
-            .iter()
-            .enumerate()
-            .filter(|(_, radiance)| **radiance != 0.0)
-        {
+        for (j, radiance) in histogram.iter().enumerate().filter(|(_, radiance)| **radiance != 0.0) {
             let start = j % bins;
             for (k, share) in &taps {
                 let i = start + k;

@@ -60,10 +60,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     if recovery.dead <= 0.0 && recovery.after_pulsing <= 0.0 {
         // Detections do not affect each other, so the counts are independent.
         let n = pulses as f64;
-        return rates
-            .iter()
-            .map(|rate| poisson(n * sound(*rate), stream) as u64)
-            .collect();
+        return rates.iter().map(|rate| poisson(n * sound(*rate), stream) as u64).collect();
     }
     let mut counts = vec![0; rates.len()];
     let clock = Clock::new(rates);
@@ -138,10 +135,7 @@ impl<'a> Clock<'a> {
     fn later(&self, time: Time, bins: f64) -> Time {
         let bin = time.bin + bins;
         let laps = (bin / self.bins()).floor();
-        Time {
-            pulse: time.pulse.saturating_add(laps as u64),
-            bin: (bin - laps * self.bins()).max(0.0),
-        }
+        Time { pulse: time.pulse.saturating_add(laps as u64), bin: (bin - laps * self.bins()).max(0.0) }
     }
 
     /// Returns the time when the integral of the rate from `time` reaches `wait`; `None` without light.
@@ -156,16 +150,10 @@ impl<'a> Clock<'a> {
         }
         let rest = target - laps * total;
         // Skips bins without light: their integral equals that of the next bin.
-        let bin = self
-            .integral
-            .partition_point(|sum| *sum <= rest)
-            .saturating_sub(1);
+        let bin = self.integral.partition_point(|sum| *sum <= rest).saturating_sub(1);
         let inside = (rest - self.integral.get(bin)?) / rate(bin);
         let inside = if inside < 1.0 { inside } else { 0.0 };
-        Some(Time {
-            pulse: time.pulse.saturating_add(laps as u64),
-            bin: bin as f64 + inside,
-        })
+        Some(Time { pulse: time.pulse.saturating_add(laps as u64), bin: bin as f64 + inside })
     }
 }
 
@@ -176,11 +164,7 @@ mod tests {
     use super::*;
 
     fn recovery(dead: f64) -> Recovery {
-        Recovery {
-            dead,
-            after_pulsing: 0.0,
-            after_pulse: 0.0,
-        }
+        Recovery { dead, after_pulsing: 0.0, after_pulse: 0.0 }
     }
 
     /// Returns the moments of the total counts of `n` captures.
@@ -193,9 +177,7 @@ mod tests {
     fn synchronous_counts_are_multinomial() {
         let rates = [0.1, 0.0, 0.7, 2.0, 0.05];
         let n = 1000.0;
-        let all: Vec<_> = (0..20_000)
-            .map(|key| synchronous(&rates, 1000, &mut stream(1, 0, key)))
-            .collect();
+        let all: Vec<_> = (0..20_000).map(|key| synchronous(&rates, 1000, &mut stream(1, 0, key))).collect();
         let mut armed: f64 = 1.0;
         let mut shares = Vec::new();
         for rate in rates {
@@ -228,10 +210,7 @@ mod tests {
                 .map(|key| free_running(&rates, &recovery(dead), 20_000, &mut stream(2, 0, key)))
                 .collect();
             for (i, rate) in rates.iter().enumerate().filter(|(_, rate)| **rate > 0.0) {
-                poisson_moments(
-                    &Moments::of(all.iter().map(|counts| counts[i] as f64)),
-                    20_000.0 * rate,
-                );
+                poisson_moments(&Moments::of(all.iter().map(|counts| counts[i] as f64)), 20_000.0 * rate);
             }
             assert!(all.iter().all(|counts| counts[2] == 0));
         }
@@ -246,9 +225,7 @@ mod tests {
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {
             let time = 10_000.0;
-            let seen = sums(400, |stream| {
-                free_running(&[rate; 20], &recovery(dead), 500, stream)
-            });
+            let seen = sums(400, |stream| free_running(&[rate; 20], &recovery(dead), 500, stream));
             let (mu, sigma) = (dead + 1.0 / rate, 1.0 / rate);
             let mean = (time + dead) / mu + (sigma * sigma - mu * mu) / (2.0 * mu * mu);
             assert!((mean / (rate * time / (1.0 + rate * dead)) - 1.0).abs() < 0.01);
@@ -270,14 +247,8 @@ mod tests {
     #[test]
     fn after_pulses_multiply_the_counts() {
         let p: f64 = 0.2;
-        let recovery = Recovery {
-            dead: 3.0,
-            after_pulsing: p,
-            after_pulse: 5.0,
-        };
-        let seen = sums(4000, |stream| {
-            free_running(&[1e-5; 10], &recovery, 1_000_000, stream)
-        });
+        let recovery = Recovery { dead: 3.0, after_pulsing: p, after_pulse: 5.0 };
+        let seen = sums(4000, |stream| free_running(&[1e-5; 10], &recovery, 1_000_000, stream));
         let variance = 100.0 * (1.0 + p) / (1.0 - p).powi(2);
         // Dead time and after-pulses that photons preempt reduce the counts by about 1e-3.
         assert!(
@@ -293,11 +264,7 @@ mod tests {
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];
         rates[0] = 1e-2;
-        let recovery = Recovery {
-            dead: 20.0,
-            after_pulsing: 0.1,
-            after_pulse: 10.0,
-        };
+        let recovery = Recovery { dead: 20.0, after_pulsing: 0.1, after_pulse: 10.0 };
         let counts = free_running(&rates, &recovery, 10_000_000, &mut stream(3, 0, 0));
         assert_eq!(counts[1..20].iter().sum::<u64>(), 0);
         let after: u64 = counts[20..].iter().sum();
@@ -324,11 +291,7 @@ mod tests {
             for rates in [vec![], vec![v], vec![v, 1e-3, v]] {
                 assert_eq!(synchronous(&rates, 50, &mut stream(5, 0, 0)).len(), rates.len());
                 for dead in [0.0, 0.3, 1e12] {
-                    let recovery = Recovery {
-                        dead,
-                        after_pulsing: 0.5,
-                        after_pulse: 1e3,
-                    };
+                    let recovery = Recovery { dead, after_pulsing: 0.5, after_pulse: 1e3 };
                     if most_detections(&rates, &recovery, 50) < 1e6 {
                         let _ = free_running(&rates, &recovery, 50, &mut stream(5, 0, 0));
                     }

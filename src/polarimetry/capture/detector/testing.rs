@@ -32,11 +32,7 @@ impl Moments {
     /// cumulant κ₄.
     pub fn assert_variance(&self, want: f64, fourth: f64) {
         let off = (self.variance - want) / ((2.0 * want * want + fourth) / self.n).sqrt();
-        assert!(
-            off.abs() < 5.0,
-            "variance {} is {off} sigma off {want}",
-            self.variance
-        );
+        assert!(off.abs() < 5.0, "variance {} is {off} sigma off {want}", self.variance);
     }
 }
 

@@ -194,11 +194,7 @@ impl Text<'_> {
     ) -> Result<Element, InputError> {
         let is_retarder = *e.kind == KindFile::Retarder;
         let stray = |span: std::ops::Range<usize>, name: &str, of: &str| {
-            self.error(
-                Some(span),
-                format!("`{name}` applies only to {of}"),
-                "remove it, or change `kind`",
-            )
+            self.error(Some(span), format!("`{name}` applies only to {of}"), "remove it, or change `kind`")
         };
         if is_retarder {
             if let Some(v) = &e.extinction {
@@ -207,9 +203,7 @@ impl Text<'_> {
         } else {
             let fields = [
                 e.retardance_deg.as_ref().map(|v| (v.span(), "retardance_deg")),
-                e.retardance_error_deg
-                    .as_ref()
-                    .map(|v| (v.span(), "retardance_error_deg")),
+                e.retardance_error_deg.as_ref().map(|v| (v.span(), "retardance_error_deg")),
                 e.order.as_ref().map(|v| (v.span(), "order")),
                 e.index.as_ref().map(|v| (v.span(), "index")),
             ];
@@ -252,9 +246,7 @@ impl Text<'_> {
             name: e.name.clone().unwrap_or_else(default),
             kind,
             angle: e.angle_deg.radians(),
-            axis_offset: self
-                .finite(e.axis_offset_deg.as_ref(), "axis_offset_deg", 0.0)?
-                .to_radians(),
+            axis_offset: self.finite(e.axis_offset_deg.as_ref(), "axis_offset_deg", 0.0)?.to_radians(),
             transmittance: self.spectral(e.transmittance.as_ref(), "transmittance", 1.0, [0.0, 1.0])?,
         })
     }
@@ -295,6 +287,5 @@ impl Text<'_> {
 
 /// Returns the default name of a scheme.
 pub(super) fn stem(path: &Path) -> String {
-    path.file_stem()
-        .map_or_else(|| "scheme".to_owned(), |s| s.to_string_lossy().into_owned())
+    path.file_stem().map_or_else(|| "scheme".to_owned(), |s| s.to_string_lossy().into_owned())
 }

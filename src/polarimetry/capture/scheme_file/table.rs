@@ -6,33 +6,22 @@ use super::format::{Text, stem};
 use base::locate::InputError;
 use std::path::Path;
 
-const COLUMNS: [&str; 6] = [
-    "polarizer_1",
-    "retarder_2",
-    "retarder_3",
-    "polarizer_4",
-    "retardance_2",
-    "retardance_3",
-];
+const COLUMNS: [&str; 6] =
+    ["polarizer_1", "retarder_2", "retarder_3", "polarizer_4", "retardance_2", "retardance_3"];
 
 /// Parses a scheme from a CSV table of angles.
 ///
 /// # Errors
 /// As [`load`](super::load).
 pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
-    let place = Text {
-        path,
-        text: text.into(),
-    };
+    let place = Text { path, text: text.into() };
     let help = "use the columns polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees (and retardance_2, retardance_3 where not 90)";
     let wrong = |e: csv::Error| {
         let at = e.position().map(|p| p.byte() as usize);
         place.error(at.map(|b| b..b), e.to_string(), help)
     };
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let headers = reader.headers().map_err(wrong)?.clone();
     let mut columns: [Option<Vec<f64>>; 6] = [const { None }; 6];
     let mut order = vec![];
@@ -72,17 +61,10 @@ pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let quarter = || Setting::Fixed(std::f64::consts::FRAC_PI_2);
     let generator = vec![
         Element::polarizer("polarizer_1", Setting::Each(p1)),
-        Element::retarder(
-            "retarder_2",
-            Setting::Each(r2),
-            d2.map_or_else(quarter, Setting::Each),
-        ),
+        Element::retarder("retarder_2", Setting::Each(r2), d2.map_or_else(quarter, Setting::Each)),
     ];
-    let mut analyzer = vec![Element::retarder(
-        "retarder_3",
-        Setting::Each(r3),
-        d3.map_or_else(quarter, Setting::Each),
-    )];
+    let mut analyzer =
+        vec![Element::retarder("retarder_3", Setting::Each(r3), d3.map_or_else(quarter, Setting::Each))];
     let sensor = match p4 {
         Some(p4) => {
             analyzer.push(Element::polarizer("polarizer_4", Setting::Each(p4)));

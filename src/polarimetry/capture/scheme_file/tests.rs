@@ -42,28 +42,17 @@ index = 1.6
 #[test]
 fn what_is_written_is_read() {
     let full = toml(FULL).expect("a scheme");
-    assert_eq!(
-        (full.captures(), full.measurements(), full.motors().len()),
-        (3, 12, 3)
-    );
+    assert_eq!((full.captures(), full.measurements(), full.motors().len()), (3, 12, 3));
     assert_eq!(full.generator()[1].name, "generator_2");
-    let schemes = [
-        Ok(full),
-        Scheme::drr(36, false),
-        Scheme::qrpr(5, true),
-        Scheme::liquid_crystal(16, false),
-    ];
+    let schemes =
+        [Ok(full), Scheme::drr(36, false), Scheme::qrpr(5, true), Scheme::liquid_crystal(16, false)];
     for scheme in schemes {
         let scheme = scheme.expect("a scheme");
         let text = to_toml(&scheme).expect("TOML");
         let back = toml(&text).expect(&text);
         assert_eq!(to_toml(&back).expect("TOML"), text);
         assert_eq!(back.motors(), scheme.motors());
-        let near = back
-            .parameters()
-            .iter()
-            .zip(scheme.parameters())
-            .all(|(a, b)| (a - b).abs() < 1e-10);
+        let near = back.parameters().iter().zip(scheme.parameters()).all(|(a, b)| (a - b).abs() < 1e-10);
         assert!(near, "{text}");
     }
 }
@@ -86,12 +75,7 @@ fn faults_have_places_and_fixes() {
         fault("source = [1, 1, 1, 0]\nsensor = { kind = \"intensity\" }")
             .contains("not a physical Stokes vector")
     );
-    assert!(
-        load(Path::new("/nowhere/s.toml"))
-            .expect_err("no file")
-            .to_string()
-            .contains("sunstone scheme")
-    );
+    assert!(load(Path::new("/nowhere/s.toml")).expect_err("no file").to_string().contains("sunstone scheme"));
 }
 
 /// A calibration file yields its scheme; without a scheme, the error names what is missing.
@@ -99,15 +83,9 @@ fn faults_have_places_and_fixes() {
 fn calibrations_are_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\
                   [temporal]\n[detector.cmos]\nread_noise_e = 3\n";
-    assert_eq!(
-        toml(&format!("{FULL}{others}")).expect("a scheme"),
-        toml(FULL).expect("a scheme")
-    );
+    assert_eq!(toml(&format!("{FULL}{others}")).expect("a scheme"), toml(FULL).expect("a scheme"));
     let answer = fault(others);
-    assert!(
-        answer.contains("missing field `sensor`") && answer.contains("rig calibrate"),
-        "{answer}"
-    );
+    assert!(answer.contains("missing field `sensor`") && answer.contains("rig calibrate"), "{answer}");
     assert!(fault(&format!("{FULL}[cameras]\n")).contains("unknown field `cameras`"));
 }
 

@@ -69,12 +69,7 @@ fn element_out(e: &Element) -> ElementOut {
     };
     match &e.kind {
         ElementKind::Polarizer { extinction } => out.extinction = unless(extinction, 0.0),
-        ElementKind::Retarder {
-            retardance,
-            error,
-            order,
-            index,
-        } => {
+        ElementKind::Retarder { retardance, error, order, index } => {
             out.kind = KindFile::Retarder;
             out.retardance_deg = Some(SettingFile::degrees(retardance));
             out.retardance_error_deg = unless(error, 0.0).map(|v| v.scaled(1.0_f64.to_degrees()));
@@ -91,15 +86,10 @@ fn element_out(e: &Element) -> ElementOut {
 /// If a number cannot be serialized, which cannot happen for a checked scheme.
 pub fn to_toml(scheme: &Scheme) -> Result<String, toml::ser::Error> {
     let sensor = match &scheme.sensor {
-        Sensor::Intensity => SensorOut {
-            kind: SensorKind::Intensity,
-            extinction: None,
-            axis_offsets_deg: None,
-        },
-        Sensor::PolarizerArray {
-            extinction,
-            axis_offsets,
-        } => SensorOut {
+        Sensor::Intensity => {
+            SensorOut { kind: SensorKind::Intensity, extinction: None, axis_offsets_deg: None }
+        }
+        Sensor::PolarizerArray { extinction, axis_offsets } => SensorOut {
             kind: SensorKind::PolarizerArray,
             extinction: unless(extinction, 0.0),
             axis_offsets_deg: (*axis_offsets != [0.0; 4]).then(|| axis_offsets.map(|v| tidy(v.to_degrees()))),

@@ -12,12 +12,7 @@ fn matrices(layout: Layout, scale: f64) -> Vec<f64> {
     (0..layout.pixels() * 16).map(of).collect()
 }
 
-const SMALL: Layout = Layout {
-    height: 4,
-    width: 6,
-    times: 2,
-    lanes: 3,
-};
+const SMALL: Layout = Layout { height: 4, width: 6, times: 2, lanes: 3 };
 
 fn rays() -> Vec<Ray> {
     [450.0, 550.0, 660.0].map(Ray::axial).to_vec()
@@ -28,13 +23,7 @@ fn drr(captures: usize, array: bool) -> Scheme {
 }
 
 fn camera(photons_per_unit: f64) -> Noise {
-    Noise::Cmos {
-        camera: Cmos {
-            photons_per_unit,
-            ..Cmos::default()
-        },
-        demosaic: None,
-    }
+    Noise::Cmos { camera: Cmos { photons_per_unit, ..Cmos::default() }, demosaic: None }
 }
 
 /// Returns a camera whose only noise is 24-bit quantization of 1e7 electrons.
@@ -72,11 +61,7 @@ fn without_noise_intensities_are_the_design_matrix() {
 
 #[test]
 fn normal_noise_has_its_mean_and_variance() {
-    let layout = Layout {
-        height: 40,
-        width: 50,
-        ..SMALL
-    };
+    let layout = Layout { height: 40, width: 50, ..SMALL };
     let m = matrices(layout, 1.0);
     let (scheme, sigma) = (drr(10, false), 0.03);
     let clean = simulate(&m, layout, &scheme, &rays(), &Noise::None, 5).expect("fits");
@@ -93,11 +78,8 @@ fn normal_noise_has_its_mean_and_variance() {
 #[test]
 fn variances_of_cameras_are_the_scatter() {
     let m = matrices(SMALL, 1.0);
-    for (demosaic, array) in [
-        (None, false),
-        (Some(Method::Bilinear), true),
-        (Some(Method::Superpixel), true),
-    ] {
+    for (demosaic, array) in [(None, false), (Some(Method::Bilinear), true), (Some(Method::Superpixel), true)]
+    {
         let with = |noise: Noise| match noise {
             Noise::Cmos { camera, .. } => Noise::Cmos { camera, demosaic },
             other => other,
@@ -119,15 +101,8 @@ fn variances_of_cameras_are_the_scatter() {
         assert!(stated / n > 0.0);
         let seen = Moments::of(off.into_iter());
         // Neighbours in a bilinear image share pixels: at least a quarter of the numbers are independent.
-        let independent = if demosaic == Some(Method::Bilinear) {
-            4.0
-        } else {
-            1.0
-        };
-        let of = Moments {
-            n: seen.n / independent,
-            ..seen
-        };
+        let independent = if demosaic == Some(Method::Bilinear) { 4.0 } else { 1.0 };
+        let of = Moments { n: seen.n / independent, ..seen };
         // The variance is computed from the reading, so the quotient is off by about 1/(2 √electrons).
         assert!(of.mean.abs() < 5.0 / of.n.sqrt() + 0.02, "{}", of.mean);
         of.assert_variance(1.0, 0.0);
@@ -137,23 +112,10 @@ fn variances_of_cameras_are_the_scatter() {
 #[test]
 fn threads_do_not_matter() {
     let m = matrices(SMALL, 1.0);
-    let diode = Noise::Spad(Spad {
-        bins: 2,
-        bin_ps: 1000.0,
-        period_ps: 20_000.0,
-        ..Spad::default()
-    });
-    for noise in [
-        Noise::Gaussian { sigma: 0.1 },
-        camera(1e5),
-        still(Some(Method::Bilinear), 1),
-        diode,
-    ] {
+    let diode = Noise::Spad(Spad { bins: 2, bin_ps: 1000.0, period_ps: 20_000.0, ..Spad::default() });
+    for noise in [Noise::Gaussian { sigma: 0.1 }, camera(1e5), still(Some(Method::Bilinear), 1), diode] {
         let of = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .expect("threads");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| simulate(&m, SMALL, &drr(8, true), &rays(), &noise, 3).expect("fits"))
         };
         let bits = |c: &Captured| c.intensities.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -174,22 +136,14 @@ fn too_much_light_is_no_number() {
 /// Binning halves the size, and readings equal the intensity of the mean matrix.
 #[test]
 fn binning_is_the_mean_of_the_matrices() {
-    let odd = Layout {
-        height: 5,
-        width: 7,
-        ..SMALL
-    };
+    let odd = Layout { height: 5, width: 7, ..SMALL };
     let m = matrices(odd, 1.0);
     let scheme = drr(16, false);
     let got = simulate(&m, odd, &scheme, &rays(), &still(None, 2), 0).expect("fits");
     assert_eq!((got.layout.height, got.layout.width), (2, 3));
     let mean = averaged(&m, odd, got.layout);
     let want = simulate(&mean, got.layout, &scheme, &rays(), &Noise::None, 0).expect("fits");
-    let worst = got
-        .intensities
-        .iter()
-        .zip(&want.intensities)
-        .map(|(a, b)| (a - b).abs());
+    let worst = got.intensities.iter().zip(&want.intensities).map(|(a, b)| (a - b).abs());
     assert!(worst.fold(0.0, f32::max) < 2e-6);
 }
 
@@ -197,35 +151,22 @@ fn binning_is_the_mean_of_the_matrices() {
 /// images.
 #[test]
 fn mosaics_of_even_images_come_back() {
-    let half = Layout {
-        height: 2,
-        width: 3,
-        ..SMALL
-    };
+    let half = Layout { height: 2, width: 3, ..SMALL };
     let small = matrices(half, 1.0);
     let inner = SMALL.times * SMALL.lanes * 16;
     let spread = |of: &dyn Fn(usize, usize) -> usize| -> Vec<f64> {
         let places = (0..SMALL.height * SMALL.width).map(|i| of(i / SMALL.width, i % SMALL.width));
-        places
-            .flat_map(|p| small[p * inner..(p + 1) * inner].to_vec())
-            .collect()
+        places.flat_map(|p| small[p * inner..(p + 1) * inner].to_vec()).collect()
     };
     let blocks = spread(&|y, x| y / 2 * 3 + x / 2);
     let even = spread(&|_, _| 0);
     for (m, method) in [(&blocks, Method::Superpixel), (&even, Method::Bilinear)] {
         let scheme = drr(8, true);
         let got = simulate(m, SMALL, &scheme, &rays(), &still(Some(method), 1), 0).expect("fits");
-        assert_eq!(
-            got.layout,
-            if method == Method::Superpixel { half } else { SMALL }
-        );
+        assert_eq!(got.layout, if method == Method::Superpixel { half } else { SMALL });
         let truth = averaged(m, SMALL, got.layout);
         let want = simulate(&truth, got.layout, &scheme, &rays(), &Noise::None, 0).expect("fits");
-        let worst = got
-            .intensities
-            .iter()
-            .zip(&want.intensities)
-            .map(|(a, b)| (a - b).abs());
+        let worst = got.intensities.iter().zip(&want.intensities).map(|(a, b)| (a - b).abs());
         assert!(worst.fold(0.0, f32::max) < 4e-6, "{method:?}");
     }
 }
@@ -233,12 +174,7 @@ fn mosaics_of_even_images_come_back() {
 /// Without jitter, a diode's mean counts equal the intensities of all time bins.
 #[test]
 fn diodes_count_what_is_there() {
-    let layout = Layout {
-        height: 1,
-        width: 3,
-        times: 40,
-        lanes: 1,
-    };
+    let layout = Layout { height: 1, width: 3, times: 40, lanes: 1 };
     let m = matrices(layout, 1.0);
     let diode = |bins| {
         Noise::Spad(Spad {

@@ -42,16 +42,10 @@ fn gradients_are_exact() {
         (18, false, true),
     ] {
         for estimator in [Estimator::LeastSquares, Estimator::Prior] {
-            for (angle_error, metric) in [
-                (0.0, None),
-                (0.01, None),
-                (0.0, Some(functionals())),
-                (0.01, Some(functionals())),
-            ] {
-                let objective = Objective {
-                    metric,
-                    ..objective(estimator, angle_error)
-                };
+            for (angle_error, metric) in
+                [(0.0, None), (0.01, None), (0.0, Some(functionals())), (0.01, Some(functionals()))]
+            {
+                let objective = Objective { metric, ..objective(estimator, angle_error) };
                 let scheme = if crystals {
                     Scheme::liquid_crystal(captures, array)
                 } else {
@@ -88,17 +82,12 @@ fn gradients_are_exact() {
 /// errors.
 #[test]
 fn errors_are_those_of_what_counts() {
-    for (captures, estimator) in [
-        (20, Estimator::LeastSquares),
-        (9, Estimator::LeastSquares),
-        (5, Estimator::Prior),
-    ] {
+    for (captures, estimator) in
+        [(20, Estimator::LeastSquares), (9, Estimator::LeastSquares), (5, Estimator::Prior)]
+    {
         let scheme = Scheme::qrpr(captures, false).expect("a scheme");
         let of = |metric| {
-            let objective = Objective {
-                metric,
-                ..objective(estimator, 0.01)
-            };
+            let objective = Objective { metric, ..objective(estimator, 0.01) };
             objective.gradient(&scheme)
         };
         let (all, identity) = (of(None), of(Some(Moment::identity())));
@@ -136,18 +125,10 @@ fn few_captures_reach_the_bound_of_one_functional() {
             metric: Some(metric(&[brightness])),
             ..objective(Estimator::Prior, 0.0)
         };
-        let search = Search {
-            starts: 4,
-            iterations: 100,
-            adam_steps: 0,
-            seed: 1,
-        };
+        let search = Search { starts: 4, iterations: 100, adam_steps: 0, seed: 1 };
         let template = Scheme::quad(captures, false).expect("a scheme");
         let found = learn(&template, &objective, &search).loss;
-        assert!(
-            (found / bound - 1.0).abs() < 1e-6,
-            "{captures}: {found} is not {bound}"
-        );
+        assert!((found / bound - 1.0).abs() < 1e-6, "{captures}: {found} is not {bound}");
     }
 }
 
@@ -188,9 +169,7 @@ fn the_closed_form_is_the_sampled_loss() {
             } else {
                 design.intensities(&t)
             };
-            intensities
-                .iter_mut()
-                .for_each(|i| *i += objective.sigma * normal());
+            intensities.iter_mut().for_each(|i| *i += objective.sigma * normal());
             let found = &w * intensities;
             let error: f64 = (0..16).map(|e| (found[e] - t[e]).powi(2)).sum();
             sum += error;
@@ -211,12 +190,7 @@ fn the_closed_form_is_the_sampled_loss() {
 fn learned_schemes_reach_the_bound() {
     let mut objective = objective(Estimator::LeastSquares, 0.0);
     objective.rays.truncate(1);
-    let search = Search {
-        starts: 6,
-        iterations: 250,
-        adam_steps: 0,
-        seed: 1,
-    };
+    let search = Search { starts: 6, iterations: 250, adam_steps: 0, seed: 1 };
     for (captures, array) in [(16, false), (20, false), (8, true)] {
         let template = Scheme::quad(captures, array).expect("a scheme");
         let learned = learn(&template, &objective, &search);
@@ -248,17 +222,9 @@ fn somebody_may_look_on_and_end_it() {
         }
     }
     let template = Scheme::quad(18, false).expect("a scheme");
-    let search = Search {
-        starts: 3,
-        iterations: 30,
-        adam_steps: 20,
-        seed: 1,
-    };
+    let search = Search { starts: 3, iterations: 30, adam_steps: 20, seed: 1 };
     let objective = objective(Estimator::LeastSquares, 0.0);
-    let all = Ends {
-        after: usize::MAX,
-        ..Ends::default()
-    };
+    let all = Ends { after: usize::MAX, ..Ends::default() };
     let found = learn_before(&template, &objective, &search, &all);
     assert_eq!((all.begun.into_inner(), all.done.into_inner()), (5, 5));
     for d in &found.descents {
@@ -275,17 +241,9 @@ fn somebody_may_look_on_and_end_it() {
 fn threads_do_not_matter() {
     let objective = objective(Estimator::Prior, 0.0);
     let template = Scheme::quad(4, true).expect("a scheme");
-    let search = Search {
-        starts: 4,
-        iterations: 40,
-        adam_steps: 0,
-        seed: 3,
-    };
+    let search = Search { starts: 4, iterations: 40, adam_steps: 0, seed: 3 };
     let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .expect("threads");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(|| learn(&template, &objective, &search).scheme.parameters())
     };
     assert_eq!(with(1), with(3));

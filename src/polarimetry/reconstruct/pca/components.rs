@@ -36,10 +36,7 @@ impl Components {
     #[must_use]
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
-        let finite = mean
-            .iter()
-            .chain(covariance.as_flattened())
-            .all(|e| e.is_finite());
+        let finite = mean.iter().chain(covariance.as_flattened()).all(|e| e.is_finite());
         if !(count > 0.0 && count.is_finite() && finite) {
             return None;
         }
@@ -52,9 +49,7 @@ impl Components {
         let total: f64 = variance.iter().sum();
         let vectors = order.map(|k| {
             let v: MatrixRow = std::array::from_fn(|i| eigen.eigenvectors[(i, k)]);
-            let largest = v
-                .iter()
-                .fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+            let largest = v.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
             v.map(|e| if largest < 0.0 { -e } else { e })
         });
         Some(Self {
@@ -96,11 +91,7 @@ mod tests {
         let v_t = svd.v_t.unwrap();
         for k in 0..16 {
             let sigma = svd.singular_values[k];
-            assert!(
-                (c.spectrum[k] - sigma).abs() < 1e-10,
-                "{k}: {} is not {sigma}",
-                c.spectrum[k]
-            );
+            assert!((c.spectrum[k] - sigma).abs() < 1e-10, "{k}: {} is not {sigma}", c.spectrum[k]);
             let along: f64 = (0..16).map(|i| v_t[(k, i)] * c.vectors[k][i]).sum();
             assert!((along.abs() - 1.0).abs() < 1e-10, "{k}: {along}");
             for i in 0..16 {
@@ -131,10 +122,7 @@ mod tests {
             };
             let left: f64 = rows.iter().map(square).sum();
             let tail: f64 = c.spectrum[n..].iter().map(|s| s * s).sum();
-            assert!(
-                (left - tail).abs() < 1e-10 * (1.0 + tail),
-                "{n}: {left} is not {tail}"
-            );
+            assert!((left - tail).abs() < 1e-10 * (1.0 + tail), "{n}: {left} is not {tail}");
         }
     }
 

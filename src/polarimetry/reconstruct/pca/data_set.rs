@@ -19,10 +19,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            c: 8.0,
-            samples: 2000,
-        }
+        Self { c: 8.0, samples: 2000 }
     }
 }
 
@@ -153,9 +150,7 @@ pub fn gather(
         tally.unreal
     );
     if tally.valid == 0 {
-        return Err(DataError::NoBins {
-            name: name.to_owned(),
-        });
+        return Err(DataError::NoBins { name: name.to_owned() });
     }
     Ok(Material {
         name: name.to_owned(),

@@ -35,10 +35,7 @@ pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
 pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
     let all = &data.materials;
     if k < 2 || all.len() < 2 {
-        return Err(DataError::Folds {
-            folds: k,
-            materials: all.len(),
-        });
+        return Err(DataError::Folds { folds: k, materials: all.len() });
     }
     let fold = |test: Vec<usize>| {
         let (tested, others): (Vec<_>, Vec<_>) = (0..all.len()).partition(|i| test.contains(i));
@@ -71,9 +68,7 @@ mod tests {
                 samples: vec![],
             }
         };
-        DataSet {
-            materials: (0..n).map(material).collect(),
-        }
+        DataSet { materials: (0..n).map(material).collect() }
     }
 
     /// Every material is tested once, and each fold contains all bins once.
@@ -111,10 +106,7 @@ mod tests {
     fn one_side_is_never_empty() {
         assert!(matches!(
             folds(&data(25), 1, Weight::Bins),
-            Err(DataError::Folds {
-                folds: 1,
-                materials: 25
-            })
+            Err(DataError::Folds { folds: 1, materials: 25 })
         ));
         assert!(folds(&data(1), 5, Weight::Bins).is_err());
         assert_eq!(folds(&data(2), 5, Weight::Bins).unwrap().len(), 2);

@@ -57,11 +57,7 @@ struct Choice {
 
 impl Choice {
     fn new(most: usize) -> Self {
-        Self {
-            most,
-            bound: if most == 0 { 0 } else { u64::MAX },
-            kept: vec![],
-        }
+        Self { most, bound: if most == 0 { 0 } else { u64::MAX }, kept: vec![] }
     }
 
     #[inline]
@@ -198,12 +194,7 @@ mod tests {
         g.take(Some(&with(7, -2.3)));
         g.take(Some(&with(7, -2.15)));
         g.take(Some(&entry(1)));
-        let want = Tally {
-            valid: 2,
-            holes: 3,
-            dark: 2,
-            unreal: 1,
-        };
+        let want = Tally { valid: 2, holes: 3, dark: 2, unreal: 1 };
         assert_eq!(g.tally, want);
         assert!((g.plain.mean()[7] + 2.15 / 4.0).abs() < 1e-7, "kept as measured");
         assert!((g.mapped.mean()[0] - 8.0_f64.atan()).abs() < 1e-15);
@@ -231,11 +222,7 @@ mod tests {
         let mean = |v: &[[f32; 16]]| v.iter().map(|m| f64::from(m[1]) / 0.5e-4).sum::<f64>() / v.len() as f64;
         for (part, k) in [(&chosen[..], 1000.0), (&chosen[..100], 100.0)] {
             let sigma = f64::from(n) / (12.0_f64 * k).sqrt();
-            assert!(
-                (mean(part) - f64::from(n) / 2.0).abs() < 5.0 * sigma,
-                "{}",
-                mean(part)
-            );
+            assert!((mean(part) - f64::from(n) / 2.0).abs() < 5.0 * sigma, "{}", mean(part));
         }
         assert!(slab(Gathered::new(0, 8.0, 0), 300).samples().is_empty());
     }

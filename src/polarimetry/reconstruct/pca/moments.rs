@@ -179,9 +179,8 @@ mod tests {
     /// A variance of 1e-12 with a mean of 1e4, which a sum of squares would lose entirely.
     #[test]
     fn small_variances_survive_large_means() {
-        let rows: Vec<MatrixRow> = (0..20_000)
-            .map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16])
-            .collect();
+        let rows: Vec<MatrixRow> =
+            (0..20_000).map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16]).collect();
         let c = Moments::of(&rows).covariance()[3][7];
         // The rows are rounded to 1e-12 of their size, 2e-6 of the expected result.
         assert!((c / 1e-12 - 1.0).abs() < 1e-5, "{c}");

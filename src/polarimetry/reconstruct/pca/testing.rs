@@ -12,10 +12,7 @@ pub fn rows(n: u32, seed: u64) -> Vec<MatrixRow> {
             let strong: [f64; 4] = std::array::from_fn(|_| uniform());
             std::array::from_fn(|i| {
                 let x = i as f64;
-                let waves = strong
-                    .iter()
-                    .zip(1..)
-                    .map(|(s, f)| s * (x * f64::from(f)).cos() / f64::from(f));
+                let waves = strong.iter().zip(1..).map(|(s, f)| s * (x * f64::from(f)).cos() / f64::from(f));
                 0.2 * x + waves.sum::<f64>() + 0.01 * uniform()
             })
         })

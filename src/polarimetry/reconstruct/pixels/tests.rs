@@ -7,13 +7,7 @@ use proptest::prelude::*;
 use rand_distr::{Distribution, StandardNormal};
 
 fn t(p: usize) -> [f64; 16] {
-    std::array::from_fn(|e| {
-        if e == 0 {
-            1.0
-        } else {
-            ((p * 16 + e) as f64).sin() * 0.2
-        }
-    })
+    std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.2 })
 }
 
 /// Returns the intensities of pixels that cycle through the wavelengths.
@@ -82,25 +76,18 @@ fn saturation_is_left_out_pixel_by_pixel() {
         }
     }
     assert!(clipped > 20);
-    let options = Options {
-        saturation: Some(limit),
-        ..Options::default()
-    };
+    let options = Options { saturation: Some(limit), ..Options::default() };
     let mut out = vec![0.0; 1600];
-    let tally = Reconstruction::new(&scheme, &rays, options)
-        .expect("rank 16")
-        .apply(&seen, None, &mut out, None);
+    let tally =
+        Reconstruction::new(&scheme, &rays, options).expect("rank 16").apply(&seen, None, &mut out, None);
     assert_eq!(tally.lost, 2);
     assert!(tally.partial > 5, "{tally:?}");
     for (p, m) in out.chunks(16).enumerate() {
         assert_eq!(m.iter().any(|v| v.is_nan()), p == 7 || p == 9);
     }
     out.drain(7 * 16..8 * 16);
-    let good = out
-        .chunks(16)
-        .enumerate()
-        .map(|(i, m)| (if i < 7 { i } else { i + 1 }, m))
-        .filter(|(p, _)| *p != 9);
+    let good =
+        out.chunks(16).enumerate().map(|(i, m)| (if i < 7 { i } else { i + 1 }, m)).filter(|(p, _)| *p != 9);
     for (p, m) in good {
         assert!((0..16).all(|e| (m[e] - t(p)[e]).abs() < 1e-6), "{p}");
     }
@@ -112,15 +99,8 @@ fn errors_are_honest() {
     let (scheme, rays, pixels, sigma) = (chromatic(24), rays(), 6000, 1e-3);
     let seen = captured(&scheme, &rays, pixels, sigma);
     let variances = vec![sigma * sigma; seen.len()];
-    for (noise, variances) in [
-        (Some(sigma), None),
-        (None, None),
-        (None, Some(variances.as_slice())),
-    ] {
-        let options = Options {
-            noise,
-            ..Options::default()
-        };
+    for (noise, variances) in [(Some(sigma), None), (None, None), (None, Some(variances.as_slice()))] {
+        let options = Options { noise, ..Options::default() };
         let (mut out, mut errors) = (vec![0.0; pixels * 16], vec![0.0; pixels * 16]);
         let r = Reconstruction::new(&scheme, &rays, options).expect("rank 16");
         r.apply(&seen, variances, &mut out, Some(&mut errors));
@@ -133,10 +113,7 @@ fn errors_are_honest() {
             // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); that of σ̂² over
             // 8 redundant measurements adds √(2/8/6000).
             let ratio: f64 = off[e] / said[e];
-            assert!(
-                (ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(),
-                "{noise:?} {e}: {ratio}"
-            );
+            assert!((ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(), "{noise:?} {e}: {ratio}");
         }
     }
 }
@@ -144,21 +121,12 @@ fn errors_are_honest() {
 /// Projected matrices are realizable, and matrices that already were do not change.
 #[test]
 fn projections_are_realizable() {
-    let (scheme, rays, pixels) = (
-        Scheme::drr(36, false).expect("a scheme"),
-        rays()[..1].to_vec(),
-        200,
-    );
+    let (scheme, rays, pixels) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec(), 200);
     let seen = captured(&scheme, &rays, pixels, 0.05);
     let (mut plain, mut projected) = (vec![0.0; pixels * 16], vec![0.0; pixels * 16]);
     for (realizable, out) in [(false, &mut plain), (true, &mut projected)] {
-        let options = Options {
-            realizable,
-            ..Options::default()
-        };
-        Reconstruction::new(&scheme, &rays, options)
-            .expect("rank 16")
-            .apply(&seen, None, out, None);
+        let options = Options { realizable, ..Options::default() };
+        Reconstruction::new(&scheme, &rays, options).expect("rank 16").apply(&seen, None, out, None);
     }
     let of = |m: &[f64]| std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
     let before = plain.chunks(16).filter(|m| is_realizable(&of(m), 1e-9)).count();
@@ -169,11 +137,7 @@ fn projections_are_realizable() {
 /// With few captures, there is no estimate without a prior, and a good one with it at any brightness.
 #[test]
 fn priors_serve_few_captures() {
-    let (scheme, rays, pixels) = (
-        Scheme::qrpr(8, false).expect("a scheme"),
-        rays()[..1].to_vec(),
-        400,
-    );
+    let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);
     let plain = Reconstruction::<f64>::new(&scheme, &rays, Options::default());
     assert!(plain.err().expect("rank 8").to_string().contains("--prior"));
     // Matrices of three parameters.
@@ -198,11 +162,7 @@ fn priors_serve_few_captures() {
     }
     // One measurement of one pixel is missing, so that it is solved individually.
     seen[3 * pixels + 11] = f64::NAN;
-    let options = Options {
-        prior: Some(s),
-        noise: Some(1e-6),
-        ..Options::default()
-    };
+    let options = Options { prior: Some(s), noise: Some(1e-6), ..Options::default() };
     let mut out = vec![0.0; pixels * 16];
     let r = Reconstruction::new(&scheme, &rays, options).expect("a prior");
     let tally = r.apply(&seen, None, &mut out, None);

@@ -103,11 +103,9 @@ impl Controller {
 
     fn answer(&mut self, message: &Message) -> Option<Message> {
         match message {
-            Message::RequestInfo => Some(Message::Info {
-                serial: 27_000_001,
-                model: "KDC101".into(),
-                firmware: [3, 0, 2],
-            }),
+            Message::RequestInfo => {
+                Some(Message::Info { serial: 27_000_001, model: "KDC101".into(), firmware: [3, 0, 2] })
+            }
             Message::Enable(on) => {
                 self.enabled = *on;
                 None

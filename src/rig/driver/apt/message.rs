@@ -103,11 +103,7 @@ impl Status {
 
     fn of(data: &[u8]) -> Option<Self> {
         let word = |at: usize| Some(u32::from_le_bytes(data.get(at..at + 4)?.try_into().ok()?));
-        Some(Self {
-            position: word(2)? as i32,
-            extra: word(6)?,
-            bits: word(10)?,
-        })
+        Some(Self { position: word(2)? as i32, extra: word(6)?, bits: word(10)? })
     }
 }
 
@@ -132,11 +128,7 @@ impl Message {
         };
         match self {
             Self::RequestInfo => short(0x0005, 0, 0),
-            Self::Info {
-                serial,
-                model,
-                firmware,
-            } => {
+            Self::Info { serial, model, firmware } => {
                 let mut data = serial.to_le_bytes().to_vec();
                 let mut name = model.as_bytes().to_vec();
                 name.resize(8, 0);
@@ -153,10 +145,7 @@ impl Message {
             Self::Identify => short(0x0223, 0, 0),
             Self::Enable(on) => short(0x0210, CHANNEL, if *on { 1 } else { 2 }),
             Self::StopUpdates => short(0x0012, 0, 0),
-            Self::SetVelocity {
-                acceleration,
-                velocity,
-            } => {
+            Self::SetVelocity { acceleration, velocity } => {
                 let mut data = vec![CHANNEL, 0];
                 for value in [0, *acceleration, *velocity] {
                     data.extend(value.to_le_bytes());
@@ -206,18 +195,13 @@ impl Message {
             (0x0012, 0) => Some(Self::StopUpdates),
             (0x0413, 14) => word(6)
                 .zip(word(10))
-                .map(|(acceleration, velocity)| Self::SetVelocity {
-                    acceleration,
-                    velocity,
-                }),
+                .map(|(acceleration, velocity)| Self::SetVelocity { acceleration, velocity }),
             (0x0443, 0) => Some(Self::Home),
             (0x0444, 0) => Some(Self::Homed),
             (0x0453, 6) => word(2).map(Self::MoveAbsolute),
             (0x0464, 0) => Some(Self::MoveCompleted(None)),
             (0x0464, 14) => status().map(|s| Self::MoveCompleted(Some(s))),
-            (0x0465, 0) => Some(Self::Stop {
-                abrupt: parameters[1] == 1,
-            }),
+            (0x0465, 0) => Some(Self::Stop { abrupt: parameters[1] == 1 }),
             (0x0466, 0) => Some(Self::MoveStopped(None)),
             (0x0466, 14) => status().map(|s| Self::MoveStopped(Some(s))),
             (0x0480, 0) => Some(Self::RequestStatus),

@@ -30,23 +30,18 @@ impl Model {
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         const COUNTS: f64 = 1919.641857862339;
-        let family = [
-            "PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M",
-        ];
-        family
-            .iter()
-            .any(|n| n.eq_ignore_ascii_case(name))
-            .then_some(Self {
-                counts_per_degree: COUNTS,
-                velocity: 42941.6615,
-                acceleration: 14.6574,
-                limits: StageLimits {
-                    range_deg: [-1e5, 1e5],
-                    velocity: 25.0,
-                    acceleration: 25.0,
-                    resolution_deg: 1.0 / COUNTS,
-                },
-            })
+        let family = ["PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M"];
+        family.iter().any(|n| n.eq_ignore_ascii_case(name)).then_some(Self {
+            counts_per_degree: COUNTS,
+            velocity: 42941.6615,
+            acceleration: 14.6574,
+            limits: StageLimits {
+                range_deg: [-1e5, 1e5],
+                velocity: 25.0,
+                acceleration: 25.0,
+                resolution_deg: 1.0 / COUNTS,
+            },
+        })
     }
 
     fn counts(&self, degrees: f64) -> i32 {
@@ -69,14 +64,8 @@ impl AptStage {
     /// # Errors
     /// [`Failure`] if the line is disconnected.
     pub fn new(name: &str, line: Box<dyn Line>, model: Model) -> Result<Self, Failure> {
-        let mut stage = Self {
-            name: name.to_owned(),
-            line,
-            parser: Parser::new(HOST),
-            model,
-            homed: false,
-            goal: None,
-        };
+        let mut stage =
+            Self { name: name.to_owned(), line, parser: Parser::new(HOST), model, homed: false, goal: None };
         stage.begin()?;
         Ok(stage)
     }
@@ -153,12 +142,7 @@ impl Instrument for AptStage {
         let until = Instant::now() + within;
         self.send(&Message::RequestInfo)?;
         loop {
-            if let Message::Info {
-                serial,
-                model,
-                firmware: [minor, interim, major],
-            } = self.next(until)?
-            {
+            if let Message::Info { serial, model, firmware: [minor, interim, major] } = self.next(until)? {
                 return Ok(Identity {
                     maker: "Thorlabs".into(),
                     model,
@@ -261,11 +245,7 @@ impl RotationStage for AptStage {
                 );
                 return Err(self.failure(Fault::Stalled, what));
             }
-            stands = if !reading.moving && last == Some(status.position) {
-                stands + 1
-            } else {
-                0
-            };
+            stands = if !reading.moving && last == Some(status.position) { stands + 1 } else { 0 };
             last = Some(status.position);
             if stands >= STANDS {
                 self.goal = None;

@@ -22,10 +22,7 @@ fn emulated() -> (AptStage, Trouble) {
     let trouble = Trouble::default();
     let same = trouble.clone();
     std::thread::spawn(move || emulator::run(theirs, quick(), same));
-    (
-        AptStage::new("retarder_2", Box::new(ours), quick()).expect("a stage"),
-        trouble,
-    )
+    (AptStage::new("retarder_2", Box::new(ours), quick()).expect("a stage"), trouble)
 }
 
 /// Bytes listed in Thorlabs' document.
@@ -36,10 +33,7 @@ fn bytes_are_the_documents() {
     assert_eq!(to(Message::Home), [0x43, 4, 1, 0, 0x50, 1]);
     assert_eq!(to(Message::RequestStatus), [0x80, 4, 1, 0, 0x50, 1]);
     let counts = (45.0_f64 * 1919.641857862339).round() as i32;
-    assert_eq!(
-        to(Message::MoveAbsolute(counts)),
-        [0x53, 4, 6, 0, 0xD0, 1, 1, 0, 0x70, 0x51, 1, 0]
-    );
+    assert_eq!(to(Message::MoveAbsolute(counts)), [0x53, 4, 6, 0, 0xD0, 1, 1, 0, 0x70, 0x51, 1, 0]);
 }
 
 #[test]
@@ -55,10 +49,7 @@ fn the_driver_conforms() {
 fn troubles_are_told_apart() {
     let (mut stage, trouble) = emulated();
     let long = Duration::from_secs(5);
-    assert_eq!(
-        stage.begin_move(1.0).expect_err("not homed").fault,
-        Fault::Refused
-    );
+    assert_eq!(stage.begin_move(1.0).expect_err("not homed").fault, Fault::Refused);
     stage.home(long).expect("homes");
     trouble.set(Trouble::NOISE);
     stage.begin_move(90.0).expect("begins");
@@ -71,10 +62,7 @@ fn troubles_are_told_apart() {
     stage.home(long).expect("homes again");
     trouble.set(Trouble::SILENT);
     let begun = Instant::now();
-    assert_eq!(
-        stage.read(Duration::from_millis(150)).expect_err("silent").fault,
-        Fault::Timeout
-    );
+    assert_eq!(stage.read(Duration::from_millis(150)).expect_err("silent").fault, Fault::Timeout);
     assert!(begun.elapsed() < Duration::from_secs(1));
     drop(stage);
 }
@@ -84,13 +72,8 @@ fn a_cable_that_is_out_is_known() {
     let (ours, theirs) = MemoryLine::pair();
     let mut stage = AptStage::new("p", Box::new(ours), quick()).expect("a stage");
     drop(theirs);
-    assert_eq!(
-        stage.identify(Duration::from_secs(1)).expect_err("gone").fault,
-        Fault::Disconnected
-    );
-    let missing = SerialLine::open("/dev/no-such-port", 115_200, true)
-        .err()
-        .expect("no port");
+    assert_eq!(stage.identify(Duration::from_secs(1)).expect_err("gone").fault, Fault::Disconnected);
+    let missing = SerialLine::open("/dev/no-such-port", 115_200, true).err().expect("no port");
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
@@ -105,9 +88,7 @@ fn the_driver_speaks_through_a_serial_device() {
     impl Line for Master {
         fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
             use std::io::Write;
-            self.0
-                .write_all(bytes)
-                .map_err(|e| LineError::Gone(e.to_string()))
+            self.0.write_all(bytes).map_err(|e| LineError::Gone(e.to_string()))
         }
         fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError> {
             use std::io::Read;
@@ -141,36 +122,22 @@ fn the_driver_speaks_through_a_serial_device() {
     let mut stage = AptStage::new("polarizer_1", Box::new(port), quick()).expect("a stage");
     let long = Duration::from_secs(5);
     let id = stage.identify(long).expect("answers");
-    assert_eq!(
-        (id.maker.as_str(), id.model.as_str(), id.firmware.as_str()),
-        ("Thorlabs", "KDC101", "2.0.3")
-    );
+    assert_eq!((id.maker.as_str(), id.model.as_str(), id.firmware.as_str()), ("Thorlabs", "KDC101", "2.0.3"));
     stage.home(long).expect("homes");
     stage.begin_move(123.4).expect("begins");
     assert!((stage.finish_move(long).expect("arrives").angle_deg - 123.4).abs() < 2e-3);
 }
 
 fn all() -> Vec<Message> {
-    let status = Status {
-        position: -86_384,
-        extra: 77,
-        bits: 0x8000_2410,
-    };
+    let status = Status { position: -86_384, extra: 77, bits: 0x8000_2410 };
     vec![
         Message::RequestInfo,
-        Message::Info {
-            serial: 27_123_456,
-            model: "KDC101".into(),
-            firmware: [1, 2, 3],
-        },
+        Message::Info { serial: 27_123_456, model: "KDC101".into(), firmware: [1, 2, 3] },
         Message::Identify,
         Message::Enable(true),
         Message::Enable(false),
         Message::StopUpdates,
-        Message::SetVelocity {
-            acceleration: 366,
-            velocity: 1_073_542,
-        },
+        Message::SetVelocity { acceleration: 366, velocity: 1_073_542 },
         Message::Home,
         Message::Homed,
         Message::MoveAbsolute(86_384),

@@ -187,16 +187,10 @@ impl Command {
             Self::Source(Source::Video) | Self::Validate => vec![0],
             Self::Source(Source::Flash) => vec![3],
             Self::Run(run) => vec![*run as u8],
-            Self::Exposure {
-                exposure_us,
-                period_us,
-            } => [exposure_us.to_le_bytes(), period_us.to_le_bytes()].concat(),
-            Self::Config {
-                entries,
-                repeat,
-                per_pulse,
-                images,
-            } => vec![
+            Self::Exposure { exposure_us, period_us } => {
+                [exposure_us.to_le_bytes(), period_us.to_le_bytes()].concat()
+            }
+            Self::Config { entries, repeat, per_pulse, images } => vec![
                 entries.saturating_sub(1),
                 u8::from(*repeat),
                 per_pulse.saturating_sub(1),

@@ -218,11 +218,7 @@ impl HidLine for Emulator {
         let done = match message.payload.split_first_chunk::<2>() {
             Some((code, data)) if state.trouble != Trouble::Refuses => {
                 let code = u16::from_le_bytes(*code);
-                if message.read {
-                    state.asked(code)
-                } else {
-                    state.describe(code, data).map(|()| vec![])
-                }
+                if message.read { state.asked(code) } else { state.describe(code, data).map(|()| vec![]) }
             }
             _ => None,
         };
@@ -230,11 +226,7 @@ impl HidLine for Emulator {
             let noise = message.number.wrapping_mul(37);
             state.answers.push_back([noise | 0x1; REPORT]);
         }
-        let answer = Message {
-            refused: done.is_none(),
-            payload: done.unwrap_or_default(),
-            ..message
-        };
+        let answer = Message { refused: done.is_none(), payload: done.unwrap_or_default(), ..message };
         state.answers.extend(answer.reports());
         Ok(())
     }

@@ -102,14 +102,11 @@ mod tests {
     fn pattern(of: impl Fn(u32, u32) -> bool) -> Pattern {
         let [w, h] = SIZE;
         let pixel = |i: u32| if of(i % w, i / w) { 255 } else { 0 };
-        Pattern {
-            width: w,
-            height: h,
-            pixels: (0..w * h).map(pixel).collect(),
-        }
+        Pattern { width: w, height: h, pixels: (0..w * h).map(pixel).collect() }
     }
 
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn patterns_come_back_once_each() {
         let mut all: Vec<Pattern> = (1..=30).map(|k| pattern(|x, y| (x / k + y) % 2 == 0)).collect();
         let made = all.clone();

@@ -52,12 +52,7 @@ impl Message {
     pub fn host(read: bool, number: u8, code: u16, data: &[u8]) -> Self {
         let mut payload = code.to_le_bytes().to_vec();
         payload.extend(data);
-        Self {
-            read,
-            refused: false,
-            number,
-            payload,
-        }
+        Self { read, refused: false, number, payload }
     }
 
     /// Encodes reports: flags, number, payload length (little-endian), payload, padded with zeros.

@@ -81,25 +81,13 @@ impl HidLine for HidRaw {
     fn reopen(&mut self) -> Result<(), LineError> {
         self.open = None;
         let [maker, product] = self.ids;
-        let path = find(Path::new("/sys/class/hidraw"), self.ids)
-            .into_iter()
-            .next()
-            .ok_or_else(|| {
-                LineError::Gone(format!(
-                    "HID device {maker:04x}:{product:04x} not found; check the cable"
-                ))
-            })?;
+        let path = find(Path::new("/sys/class/hidraw"), self.ids).into_iter().next().ok_or_else(|| {
+            LineError::Gone(format!("HID device {maker:04x}:{product:04x} not found; check the cable"))
+        })?;
         let gone = |e: std::io::Error| {
-            LineError::Gone(format!(
-                "{}: {e}; check read and write permissions",
-                path.display()
-            ))
+            LineError::Gone(format!("{}: {e}; check read and write permissions", path.display()))
         };
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&path)
-            .map_err(gone)?;
+        let file = OpenOptions::new().read(true).write(true).open(&path).map_err(gone)?;
         let mut source = file.try_clone().map_err(gone)?;
         let (to, reports) = channel();
         // The thread ends when the device disconnects, or at the first report after the receiver is dropped.

@@ -58,26 +58,18 @@ impl Dlpc350 {
     ) -> Result<Self, Failure> {
         let limit = |what: String| Err(Failure::new(Fault::Limit, name, what));
         if flash.0.len() > IMAGES || flash.0.iter().any(|i| i.len() > PLANES) {
-            return limit(format!(
-                "the flash holds at most {IMAGES} images of {PLANES} planes"
-            ));
+            return limit(format!("the flash holds at most {IMAGES} images of {PLANES} planes"));
         }
         if flash.0.iter().flatten().any(|p| !fits(p)) {
             let [w, h] = SIZE;
-            return limit(format!(
-                "patterns in flash must have {w} x {h} pixels with values 0 or 255"
-            ));
+            return limit(format!("patterns in flash must have {w} x {h} pixels with values 0 or 255"));
         }
         if leds == 0 || leds > 7 {
-            return limit(format!(
-                "invalid LED selection {leds}; add 1 for red, 2 for green, 4 for blue"
-            ));
+            return limit(format!("invalid LED selection {leds}; add 1 for red, 2 for green, 4 for blue"));
         }
         let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
         if !(SHORTEST_US..=1_000_000).contains(&period_us) {
-            return limit(format!(
-                "the period {period:?} is outside {SHORTEST_US} µs to 1 s"
-            ));
+            return limit(format!("the period {period:?} is outside {SHORTEST_US} µs to 1 s"));
         }
         Ok(Self {
             name: name.to_owned(),
@@ -138,10 +130,9 @@ impl Dlpc350 {
             match self.parser.feed(&report) {
                 Some(m) if m.number == self.number && m.read == read => {
                     if m.refused {
-                        return Err(self.failure(
-                            Fault::Refused,
-                            format!("the projector refused command {code:04X}"),
-                        ));
+                        return Err(
+                            self.failure(Fault::Refused, format!("the projector refused command {code:04X}"))
+                        );
                     }
                     return Ok(m.payload);
                 }
@@ -151,18 +142,14 @@ impl Dlpc350 {
     }
 
     fn tell(&mut self, command: &Command, until: Instant) -> Result<(), Failure> {
-        self.exchange(false, command.code(), &command.data(), until)
-            .map(drop)
+        self.exchange(false, command.code(), &command.data(), until).map(drop)
     }
 
     /// Sends a query and returns its reply of at least `least` bytes.
     fn ask(&mut self, question: Question, least: usize, until: Instant) -> Result<Vec<u8>, Failure> {
         let answer = self.exchange(true, question.code(), &[], until)?;
         if answer.len() < least {
-            let what = format!(
-                "got {} bytes in reply to {question:?}, expected {least}",
-                answer.len()
-            );
+            let what = format!("got {} bytes in reply to {question:?}, expected {least}", answer.len());
             return Err(self.failure(Fault::Disconnected, what));
         }
         Ok(answer)
@@ -172,22 +159,14 @@ impl Dlpc350 {
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {
-            return Some(Place {
-                image: 0,
-                plane: Entry::WHITE,
-                negative: all(0),
-            });
+            return Some(Place { image: 0, plane: Entry::WHITE, negative: all(0) });
         }
         let negative_of = |p: &Pattern| p.pixels.iter().zip(&pattern.pixels).all(|(a, b)| *a == 255 - b);
         for (i, image) in self.flash.0.iter().enumerate() {
             for (plane, held) in image.iter().enumerate() {
                 let negative = negative_of(held);
                 if negative || held.pixels == pattern.pixels {
-                    return Some(Place {
-                        image: i as u8,
-                        plane: plane as u8,
-                        negative,
-                    });
+                    return Some(Place { image: i as u8, plane: plane as u8, negative });
                 }
             }
         }
@@ -209,27 +188,16 @@ impl Dlpc350 {
             joined: false,
         };
         // Order of the guide: set everything while the sequence is stopped, then validate.
-        let triggers = self
-            .triggers
-            .commands()
-            .map_err(|e| self.failure(Fault::Limit, e))?;
+        let triggers = self.triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         let before = [
             Command::Run(Run::Stop),
             Command::PatternMode(true),
             Command::Source(Source::Flash),
-            Command::Config {
-                entries: 1,
-                repeat: true,
-                per_pulse: 1,
-                images: 1,
-            },
+            Command::Config { entries: 1, repeat: true, per_pulse: 1, images: 1 },
             Command::TriggerMode(1),
         ];
         let after = [
-            Command::Exposure {
-                exposure_us,
-                period_us: self.period_us,
-            },
+            Command::Exposure { exposure_us, period_us: self.period_us },
             Command::Open(Mailbox::Images),
             Command::Address(0),
             Command::ImageTable(vec![place.image]),
@@ -252,10 +220,7 @@ impl Dlpc350 {
             std::thread::sleep(Duration::from_millis(1));
         };
         if bits & 3 != 0 {
-            let what = format!(
-                "the projector rejected the sequence: {}",
-                complaints(bits).join(", ")
-            );
+            let what = format!("the projector rejected the sequence: {}", complaints(bits).join(", "));
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell(&Command::Run(Run::Start), until)
@@ -336,19 +301,13 @@ impl PatternProjector for Dlpc350 {
         let until = Instant::now() + within;
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
         if patterns.len() > IMAGES * PLANES {
-            return limit(format!(
-                "{} patterns exceed the limit of {}",
-                patterns.len(),
-                IMAGES * PLANES
-            ));
+            return limit(format!("{} patterns exceed the limit of {}", patterns.len(), IMAGES * PLANES));
         }
         let mut places = Vec::with_capacity(patterns.len());
         for (i, pattern) in patterns.iter().enumerate() {
             if !fits(pattern) {
                 let [w, h] = SIZE;
-                return limit(format!(
-                    "pattern {i} must have {w} x {h} pixels with values 0 or 255"
-                ));
+                return limit(format!("pattern {i} must have {w} x {h} pixels with values 0 or 255"));
             }
             match self.find(pattern) {
                 Some(place) => places.push(place),
@@ -360,12 +319,8 @@ impl PatternProjector for Dlpc350 {
             }
         }
         let images = self.ask(Question::Images, 1, until)?[0];
-        let needed = places
-            .iter()
-            .filter(|p| p.plane != Entry::WHITE)
-            .map(|p| p.image + 1)
-            .max()
-            .unwrap_or(0);
+        let needed =
+            places.iter().filter(|p| p.plane != Entry::WHITE).map(|p| p.image + 1).max().unwrap_or(0);
         if needed > images {
             let what = format!(
                 "the flash has {images} images, but the patterns need {needed}; the `flash` list does not match the firmware"
@@ -379,10 +334,7 @@ impl PatternProjector for Dlpc350 {
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let Some(place) = self.loaded.get(pattern).copied() else {
-            let what = format!(
-                "pattern {pattern} does not exist; {} patterns are loaded",
-                self.loaded.len()
-            );
+            let what = format!("pattern {pattern} does not exist; {} patterns are loaded", self.loaded.len());
             return Err(self.failure(Fault::Limit, what));
         };
         self.run(place, until)?;

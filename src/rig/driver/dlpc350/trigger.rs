@@ -106,10 +106,7 @@ impl Triggers {
         if let Some(i) = &self.input {
             let steps = (i.delay_us / STEP_US).round();
             if !(0.0..=LONGEST).contains(&steps) {
-                return Err(format!(
-                    "input.delay_us is {}; expected 0 to 56203 µs",
-                    i.delay_us
-                ));
+                return Err(format!("input.delay_us is {}; expected 0 to 56203 µs", i.delay_us));
             }
             all.push(Command::TriggerIn1(steps as u32));
         }

@@ -31,18 +31,8 @@ impl AnalogGalvo {
     /// [`Failure`]: limit, if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
-        wiring
-            .check(&limits)
-            .map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;
-        Ok(Self {
-            card,
-            clock,
-            wiring,
-            limits,
-            configured: false,
-            running: false,
-            at: None,
-        })
+        wiring.check(&limits).map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;
+        Ok(Self { card, clock, wiring, limits, configured: false, running: false, at: None })
     }
 
     fn left(&self, until: Duration) -> Duration {
@@ -63,10 +53,7 @@ impl AnalogGalvo {
         }
         let (way, settle) = match self.at.take() {
             Some(from) => (self.wiring.way(from, goal), self.wiring.settle),
-            None => (
-                goal.iter().map(|v| vec![*v]).collect(),
-                self.wiring.settle + self.wiring.longest(),
-            ),
+            None => (goal.iter().map(|v| vec![*v]).collect(), self.wiring.settle + self.wiring.longest()),
         };
         self.card.write(&way)?;
         self.running = true;

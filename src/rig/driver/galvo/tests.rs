@@ -16,13 +16,8 @@ use std::time::Duration;
 
 const WITHIN: Duration = Duration::from_secs(5);
 
-const CARD: AnalogLimits = AnalogLimits {
-    channels: 3,
-    volts: [-10.0, 10.0],
-    bits: 16,
-    rate_hz: [1.0, 1e6],
-    samples: 65_536,
-};
+const CARD: AnalogLimits =
+    AnalogLimits { channels: 3, volts: [-10.0, 10.0], bits: 16, rate_hz: [1.0, 1e6], samples: 65_536 };
 
 /// y is mounted in reverse and has a smaller gain.
 const WIRING: Wiring = Wiring {
@@ -42,11 +37,7 @@ fn world(faults: &[(Mishap, u64)]) -> Shared {
     let of_rig = rig.bench.as_ref().expect("a bench");
     let light = scenery(of_rig, [2, 2], None).expect("a sample");
     let world = bench(&rig, of_rig, &plan, light).expect("a bench");
-    let faults = faults.iter().map(|(kind, at)| FaultAt {
-        kind: *kind,
-        instrument: "galvo".into(),
-        at: *at,
-    });
+    let faults = faults.iter().map(|(kind, at)| FaultAt { kind: *kind, instrument: "galvo".into(), at: *at });
     world.plan_faults(faults.collect());
     world
 }
@@ -137,10 +128,7 @@ fn every_sample_stands_at_its_time() {
     galvo.point([0.0, 0.0], WITHIN).expect("points");
     let (begun, before) = (world.clock().now(), recording.lock().expect("it").len());
     let at = galvo.point([10.0, -6.0], WITHIN).expect("points");
-    assert!(
-        (at[0] - 10.0).abs() < 4e-4 && (at[1] + 6.0).abs() < 7e-4,
-        "{at:?}"
-    );
+    assert!((at[0] - 10.0).abs() < 4e-4 && (at[1] + 6.0).abs() < 7e-4, "{at:?}");
     assert_eq!(world.with(|w| w.pointing_deg), at);
     // 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by half a step, plus half a step of the goal.
     let n = 94;
@@ -150,14 +138,8 @@ fn every_sample_stands_at_its_time() {
         assert_eq!(*time, begun + Duration::from_secs_f64(k as f64 / 1e4));
         let u = (k + 1) as f64 / n as f64;
         let s = 10.0 * u.powi(3) - 15.0 * u.powi(4) + 6.0 * u.powi(5);
-        assert!(
-            (volts[2] - 4.0 * s).abs() <= 1.0001 * CARD.step(),
-            "{k}: {volts:?}"
-        );
-        assert!(
-            (volts[0] - 1.5 * s).abs() <= 1.0001 * CARD.step(),
-            "{k}: {volts:?}"
-        );
+        assert!((volts[2] - 4.0 * s).abs() <= 1.0001 * CARD.step(), "{k}: {volts:?}");
+        assert!((volts[0] - 1.5 * s).abs() <= 1.0001 * CARD.step(), "{k}: {volts:?}");
         assert_eq!(volts[1], 0.0);
         assert_eq!(volts[2], CARD.nearest(volts[2]));
     }
@@ -196,9 +178,7 @@ fn a_card_that_fails_is_told_and_forgiven() {
     }
     let mut galvo = scanner(&world(&[]), WIRING);
     galvo.point([0.0, 0.0], WITHIN).expect("points");
-    let short = galvo
-        .point([20.0, 0.0], Duration::from_millis(1))
-        .expect_err("too short");
+    let short = galvo.point([20.0, 0.0], Duration::from_millis(1)).expect_err("too short");
     assert_eq!(short.fault, Fault::Timeout);
     assert!((galvo.point([20.0, 0.0], WITHIN).expect("points")[0] - 20.0).abs() < 4e-4);
 }
@@ -207,55 +187,13 @@ fn a_card_that_fails_is_told_and_forgiven() {
 #[test]
 fn wiring_that_cannot_be_is_told() {
     for (wiring, words) in [
-        (
-            Wiring {
-                volts_per_degree: [1.2, 0.5],
-                ..WIRING
-            },
-            "reduce the range",
-        ),
-        (
-            Wiring {
-                volts_per_degree: [0.0, 0.5],
-                ..WIRING
-            },
-            "invalid volts_per_degree",
-        ),
-        (
-            Wiring {
-                channels: [3, 0],
-                ..WIRING
-            },
-            "must be different numbers",
-        ),
-        (
-            Wiring {
-                channels: [1, 1],
-                ..WIRING
-            },
-            "must be different numbers",
-        ),
-        (
-            Wiring {
-                rate_hz: 2e6,
-                ..WIRING
-            },
-            "samples per second",
-        ),
-        (
-            Wiring {
-                travel: Travel::Smooth(-1.0),
-                ..WIRING
-            },
-            "invalid speed",
-        ),
-        (
-            Wiring {
-                travel: Travel::Smooth(10.0),
-                ..WIRING
-            },
-            "the longest move",
-        ),
+        (Wiring { volts_per_degree: [1.2, 0.5], ..WIRING }, "reduce the range"),
+        (Wiring { volts_per_degree: [0.0, 0.5], ..WIRING }, "invalid volts_per_degree"),
+        (Wiring { channels: [3, 0], ..WIRING }, "must be different numbers"),
+        (Wiring { channels: [1, 1], ..WIRING }, "must be different numbers"),
+        (Wiring { rate_hz: 2e6, ..WIRING }, "samples per second"),
+        (Wiring { travel: Travel::Smooth(-1.0), ..WIRING }, "invalid speed"),
+        (Wiring { travel: Travel::Smooth(10.0), ..WIRING }, "the longest move"),
     ] {
         let found = wiring.check(&CARD).expect_err(words);
         assert!(found.contains(words), "{found}");

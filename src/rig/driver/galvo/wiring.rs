@@ -57,21 +57,14 @@ impl Wiring {
     /// Returns the settings of the card.
     #[must_use]
     pub fn settings(&self) -> AnalogSettings {
-        AnalogSettings {
-            channels: self.channels.to_vec(),
-            rate_hz: self.rate_hz,
-        }
+        AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }
 
     /// Returns the combined limits of mirrors and card.
     #[must_use]
     pub fn limits(&self, card: &AnalogLimits) -> GalvoLimits {
         let steps = self.volts_per_degree.map(|v| 2.0 * card.step() / v.abs());
-        GalvoLimits {
-            range_deg: self.range_deg,
-            resolution_deg: steps[0].max(steps[1]),
-            settle: self.settle,
-        }
+        GalvoLimits { range_deg: self.range_deg, resolution_deg: steps[0].max(steps[1]), settle: self.settle }
     }
 
     /// Returns the number of samples of a move between two voltages; at least 1.
@@ -98,11 +91,7 @@ impl Wiring {
         let n = self.samples(from, to);
         let axis = |i: usize| {
             let at = |k: usize| {
-                if k == n {
-                    to[i]
-                } else {
-                    from[i] + (to[i] - from[i]) * curve(k as f64 / n as f64)
-                }
+                if k == n { to[i] } else { from[i] + (to[i] - from[i]) * curve(k as f64 / n as f64) }
             };
             (1..=n).map(at).collect()
         };
@@ -114,11 +103,7 @@ impl Wiring {
     /// # Errors
     /// A message with the cause and how to fix it.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
-        if !self
-            .volts_per_degree
-            .iter()
-            .all(|v| (1e-3..=1e3).contains(&v.abs()))
-        {
+        if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(
                 "invalid volts_per_degree {:?}; expected 0.001 to 1000 V per degree, such as 0.8",
                 self.volts_per_degree

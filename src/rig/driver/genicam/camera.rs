@@ -12,12 +12,8 @@ use cameleon::StreamError;
 use std::time::Duration;
 
 /// Supported pixel formats.
-const FORMATS: [PixelFormat; 4] = [
-    PixelFormat::Mono8,
-    PixelFormat::Mono10p,
-    PixelFormat::Mono12p,
-    PixelFormat::Mono16,
-];
+const FORMATS: [PixelFormat; 4] =
+    [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
 
 /// Relative tolerance of the exposure time: cameras round it to their clock.
 const EXPOSURE_OFF: f64 = 0.01;
@@ -86,19 +82,14 @@ impl GenICamCamera {
         }
         let size = [n.integer("WidthMax")?, n.integer("HeightMax")?];
         self.limits.size = size.map(|v| u32::try_from(v).unwrap_or(0));
-        let steps = [
-            [n.step("Width")?, n.step("OffsetX")?],
-            [n.step("Height")?, n.step("OffsetY")?],
-        ];
+        let steps = [[n.step("Width")?, n.step("OffsetX")?], [n.step("Height")?, n.step("OffsetY")?]];
         self.limits.step = steps.map(|[a, b]| common_multiple(a, b));
         let micros = n.range("ExposureTime")?;
         self.limits.exposure =
             micros.map(|us| Duration::try_from_secs_f64(us / 1e6).unwrap_or(Duration::ZERO));
         self.limits.gain_db = n.range("Gain")?;
         let entries = n.entries("PixelFormat")?;
-        let known = FORMATS
-            .into_iter()
-            .filter(|f| entries.iter().any(|e| e == f.name()));
+        let known = FORMATS.into_iter().filter(|f| entries.iter().any(|e| e == f.name()));
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
@@ -223,9 +214,7 @@ impl Instrument for GenICamCamera {
 
     fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
         let n = &mut self.nodes;
-        let firmware = ["DeviceFirmwareVersion", "DeviceVersion"]
-            .into_iter()
-            .find(|f| n.has(f));
+        let firmware = ["DeviceFirmwareVersion", "DeviceVersion"].into_iter().find(|f| n.has(f));
         Ok(Identity {
             maker: n.text("DeviceVendorName")?,
             model: n.text("DeviceModelName")?,
@@ -259,9 +248,7 @@ impl AreaCamera for GenICamCamera {
     }
 
     fn configure(&mut self, settings: &CameraSettings, _within: Duration) -> Result<(), Failure> {
-        self.limits
-            .check(settings)
-            .map_err(|what| self.nodes.failure(Fault::Limit, what))?;
+        self.limits.check(settings).map_err(|what| self.nodes.failure(Fault::Limit, what))?;
         self.settings = None;
         self.halt()?;
         self.set(settings)?;
@@ -275,9 +262,7 @@ impl AreaCamera for GenICamCamera {
             return Err(self.nodes.failure(Fault::Refused, "the camera is not configured"));
         };
         if self.pending {
-            return Err(self
-                .nodes
-                .failure(Fault::Refused, "an exposure is already in progress"));
+            return Err(self.nodes.failure(Fault::Refused, "an exposure is already in progress"));
         }
         if settings.trigger == Trigger::Software {
             self.nodes.command("TriggerSoftware")?;
@@ -295,9 +280,7 @@ impl AreaCamera for GenICamCamera {
                 self.pending = false;
                 self.raw(block, &settings)
             }
-            Ok(None) => Err(self
-                .nodes
-                .failure(Fault::Timeout, "no frame arrived before the deadline")),
+            Ok(None) => Err(self.nodes.failure(Fault::Timeout, "no frame arrived before the deadline")),
             Err(e) => {
                 self.pending = false;
                 Err(self.of_stream(&e))

@@ -80,10 +80,7 @@ impl Fake {
         put(MANIFEST + 12, &[0, 0, 1, 1]);
         put(MANIFEST + 16, &(FILE as u64).to_le_bytes());
         put(MANIFEST + 24, &(XML.len() as u64).to_le_bytes());
-        assert!(
-            FILE + XML.len() < REGISTERS,
-            "the XML is too long for the fake's memory"
-        );
+        assert!(FILE + XML.len() < REGISTERS, "the XML is too long for the fake's memory");
         put(FILE, XML.as_bytes());
         for (i, value) in [16_u32, 12, 0, 0, 0x0108_0001, 100_000].iter().enumerate() {
             put(REGISTERS + 4 * i, &value.to_le_bytes());
@@ -118,12 +115,7 @@ impl State {
 
     fn expose(&mut self) {
         let at = |i: usize| self.register(REGISTERS + 4 * i);
-        let region = Region {
-            x: at(2),
-            y: at(3),
-            width: at(0),
-            height: at(1),
-        };
+        let region = Region { x: at(2), y: at(3), width: at(0), height: at(1) };
         let format = match at(4) {
             0x0108_0001 => PixelFormat::Mono8,
             0x010A_0046 => PixelFormat::Mono10p,
@@ -131,9 +123,7 @@ impl State {
             other => panic!("pixels {other:#x}"),
         };
         let exposure = Duration::from_nanos(u64::from(at(5)) * 100);
-        let numbers: Vec<u32> = (0..region.width * region.height)
-            .map(|k| k + self.count as u32)
-            .collect();
+        let numbers: Vec<u32> = (0..region.width * region.height).map(|k| k + self.count as u32).collect();
         let mut block = Block {
             region,
             format: Some(format),
@@ -192,9 +182,7 @@ impl DeviceControl for Fake {
         let locked = state.register(REGISTERS + 0x30) == 1;
         // Features that define the stream's layout are locked while it runs.
         if at < REGISTERS || data.len() != 4 || (locked && at < REGISTERS + 0x14) {
-            return Err(ControlError::InvalidData(
-                "this register cannot be written now".into(),
-            ));
+            return Err(ControlError::InvalidData("this register cannot be written now".into()));
         }
         state.memory[at..at + 4].copy_from_slice(data);
         state.effect(at);
@@ -249,11 +237,7 @@ impl Frames for Fake {
             if state.trouble == Trouble::Gone {
                 return Err(StreamError::Disconnected);
             }
-            if state
-                .waiting
-                .front()
-                .is_some_and(|(ready, _)| *ready <= Instant::now())
-            {
+            if state.waiting.front().is_some_and(|(ready, _)| *ready <= Instant::now()) {
                 return Ok(state.waiting.pop_front().map(|(_, block)| block));
             }
             drop(state);

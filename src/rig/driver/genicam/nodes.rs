@@ -52,11 +52,7 @@ impl Nodes {
             let what = format!("cannot parse the device description: {e}");
             Failure::new(Fault::Refused, name, what)
         })?;
-        Ok(Self {
-            name: name.to_owned(),
-            control,
-            context,
-        })
+        Ok(Self { name: name.to_owned(), control, context })
     }
 
     /// Returns the camera's name in the rig file.
@@ -95,10 +91,7 @@ impl Nodes {
     }
 
     fn params(&mut self) -> Params<'_> {
-        ParamsCtxt {
-            ctrl: self.control.as_mut(),
-            ctxt: &mut self.context,
-        }
+        ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
     /// Accesses a feature; `f` returns `None` if the feature has another type.
@@ -112,10 +105,7 @@ impl Nodes {
             return Err(self.failure(Fault::Refused, format!("no feature {feature}")));
         };
         match f(node, &mut params) {
-            None => Err(self.failure(
-                Fault::Refused,
-                format!("feature {feature} has an unexpected type"),
-            )),
+            None => Err(self.failure(Fault::Refused, format!("feature {feature} has an unexpected type"))),
             Some(Err(e)) => Err(self.failure(of_feature(&e), format!("{feature}: {e}"))),
             Some(Ok(value)) => Ok(value),
         }
@@ -213,15 +203,11 @@ impl Nodes {
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {
-            let what = format!(
-                "feature {feature} does not support {entry}; available: {}",
-                entries.join(", ")
-            );
+            let what =
+                format!("feature {feature} does not support {entry}; available: {}", entries.join(", "));
             return Err(self.failure(Fault::Limit, what));
         }
-        self.with(feature, |n, p| {
-            n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry))
-        })
+        self.with(feature, |n, p| n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry)))
     }
 
     /// Sets an enumeration if the camera has the feature and the entry.

@@ -76,10 +76,7 @@ pub struct Streamed<S> {
 impl<S> Streamed<S> {
     /// Wraps a stopped stream.
     pub fn new(stream: S) -> Self {
-        Self {
-            stream,
-            receiver: None,
-        }
+        Self { stream, receiver: None }
     }
 
     /// Returns the stream itself, for tests.

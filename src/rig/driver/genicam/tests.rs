@@ -20,12 +20,7 @@ fn camera(fake: &Fake) -> GenICamCamera {
 
 fn settings() -> CameraSettings {
     CameraSettings {
-        region: Region {
-            x: 4,
-            y: 6,
-            width: 8,
-            height: 4,
-        },
+        region: Region { x: 4, y: 6, width: 8, height: 4 },
         exposure: Duration::from_micros(1500),
         gain_db: 6.5,
         format: PixelFormat::Mono12p,
@@ -48,15 +43,9 @@ fn features_are_registers() {
     let mut camera = camera(&fake);
     let limits = camera.limits();
     assert_eq!((limits.size, limits.step), ([16, 12], [4, 2]));
-    assert_eq!(
-        limits.exposure,
-        [Duration::from_micros(10), Duration::from_secs(10)]
-    );
+    assert_eq!(limits.exposure, [Duration::from_micros(10), Duration::from_secs(10)]);
     assert_eq!(limits.gain_db, [0.0, 24.0]);
-    assert_eq!(
-        limits.formats,
-        [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p]
-    );
+    assert_eq!(limits.formats, [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p]);
     assert_eq!(camera.temperature_c(), Some(41.5));
     let identity = camera.identify(WITHIN).expect("answers");
     assert_eq!(
@@ -96,12 +85,7 @@ fn features_are_registers() {
     assert_eq!(pixels::unpack(&frame), Some((0..32).collect()));
     // The region moves to where the earlier width would not fit.
     let mut wide = settings();
-    wide.region = Region {
-        x: 12,
-        y: 0,
-        width: 4,
-        height: 12,
-    };
+    wide.region = Region { x: 12, y: 0, width: 4, height: 12 };
     wide.trigger = Trigger::Line;
     camera.configure(&wide, WITHIN).expect("sets");
     let written = std::mem::take(&mut fake.state().written);
@@ -135,10 +119,7 @@ fn what_goes_wrong_is_told() {
         }
         fake.state().trouble = Trouble::None;
         camera.reconnect(WITHIN).expect("connects");
-        assert_eq!(
-            camera.expose().expect_err("settings are forgotten").fault,
-            Fault::Refused
-        );
+        assert_eq!(camera.expose().expect_err("settings are forgotten").fault, Fault::Refused);
         camera.configure(&settings(), WITHIN).expect("sets");
         camera.expose().expect("exposes");
         camera.frame(WITHIN).expect("a frame");
@@ -146,10 +127,7 @@ fn what_goes_wrong_is_told() {
     let fake = Fake::new();
     let mut camera = camera(&fake);
     camera.configure(&settings(), WITHIN).expect("sets");
-    for (trouble, fault) in [
-        (Trouble::NoFrames, Fault::Timeout),
-        (Trouble::Stale, Fault::Disconnected),
-    ] {
+    for (trouble, fault) in [(Trouble::NoFrames, Fault::Timeout), (Trouble::Stale, Fault::Disconnected)] {
         fake.state().trouble = trouble;
         camera.expose().expect("exposes");
         let failure = camera.frame(Duration::from_millis(50)).expect_err("no frame");
@@ -163,17 +141,11 @@ fn what_goes_wrong_is_told() {
     assert_eq!(pixels::unpack(&camera.frame(WITHIN).expect("a frame")), None);
     let mut off = settings();
     off.exposure = Duration::from_micros(1_000_000_000);
-    assert_eq!(
-        camera.configure(&off, WITHIN).expect_err("too long").fault,
-        Fault::Limit
-    );
+    assert_eq!(camera.configure(&off, WITHIN).expect_err("too long").fault, Fault::Limit);
     off = settings();
     off.format = PixelFormat::Mono16;
     let failure = camera.configure(&off, WITHIN).expect_err("no such pixels");
-    assert!(
-        failure.fault == Fault::Limit && failure.what.contains("Mono8, Mono10p, Mono12p"),
-        "{failure}"
-    );
+    assert!(failure.fault == Fault::Limit && failure.what.contains("Mono8, Mono10p, Mono12p"), "{failure}");
 }
 
 /// A stream of `cameleon` that sends an error and closes.

@@ -24,11 +24,7 @@ pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenI
     let what = if there.is_empty() {
         "no USB3 Vision camera found; plug it in, and give this user access (udev)".to_owned()
     } else {
-        format!(
-            "no camera with serial number {}; found {}",
-            serial.unwrap_or_default(),
-            there.join(", ")
-        )
+        format!("no camera with serial number {}; found {}", serial.unwrap_or_default(), there.join(", "))
     };
     Err(Failure::new(Fault::Disconnected, name, what))
 }

@@ -38,12 +38,7 @@ pub struct Emulator(Arc<Mutex<State>>);
 
 impl Default for Emulator {
     fn default() -> Self {
-        Self(Arc::new(Mutex::new(State {
-            on: false,
-            rate_hz: 1e6,
-            errors: vec![],
-            trouble: Trouble::None,
-        })))
+        Self(Arc::new(Mutex::new(State { on: false, rate_hz: 1e6, errors: vec![], trouble: Trouble::None })))
     }
 }
 
@@ -129,11 +124,8 @@ impl Emulator {
                 return None;
             }
             ("SYST:ERR?", _) => {
-                let (number, text) = if state.errors.is_empty() {
-                    (0, "No error")
-                } else {
-                    state.errors.remove(0)
-                };
+                let (number, text) =
+                    if state.errors.is_empty() { (0, "No error") } else { state.errors.remove(0) };
                 format!("{number},\"{text}\"")
             }
             ("OUTP?", _) => u8::from(state.on).to_string(),

@@ -46,11 +46,7 @@ impl ScpiLaser {
 
     fn emitting(&mut self, until: Instant) -> Result<bool, Failure> {
         let answer = self.talk.ask(&self.table.ask_on, left(until))?;
-        Ok(self
-            .table
-            .on_answers
-            .iter()
-            .any(|a| a.eq_ignore_ascii_case(&answer)))
+        Ok(self.table.on_answers.iter().any(|a| a.eq_ignore_ascii_case(&answer)))
     }
 }
 
@@ -128,10 +124,6 @@ impl PulsedLaser for ScpiLaser {
             (Some(question), Some(nominal)) => self.talk.ask_number(&question, left(until))? / nominal,
             _ => 1.0,
         };
-        Ok(LaserState {
-            emitting,
-            rate_hz,
-            power,
-        })
+        Ok(LaserState { emitting, rate_hz, power })
     }
 }

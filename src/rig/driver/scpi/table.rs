@@ -89,19 +89,14 @@ impl LaserTable {
 
     #[must_use]
     pub fn limits(&self) -> LaserLimits {
-        LaserLimits {
-            nm: self.nm,
-            rate_hz: self.rate_hz,
-        }
+        LaserLimits { nm: self.nm, rate_hz: self.rate_hz }
     }
 
     /// Returns the command that sets a rate.
     #[must_use]
     pub fn rate(&self, hz: f64) -> Option<String> {
         // Every SCPI number may have an exponent.
-        self.set_rate
-            .as_ref()
-            .map(|c| c.replace("{hz}", &format!("{hz:E}")))
+        self.set_rate.as_ref().map(|c| c.replace("{hz}", &format!("{hz:E}")))
     }
 
     fn check(&self) -> Result<(), String> {
@@ -119,9 +114,7 @@ impl LaserTable {
                 return Err("`rate_hz` is a range, but `set_rate` is missing; add it".into());
             }
             Some(c) if c.matches("{hz}").count() != 1 => {
-                return Err(format!(
-                    "`set_rate` is `{c}`; it must contain {{hz}} exactly once"
-                ));
+                return Err(format!("`set_rate` is `{c}`; it must contain {{hz}} exactly once"));
             }
             _ => {}
         }
@@ -136,16 +129,11 @@ impl LaserTable {
             (Some(_), Some(p)) if p > 0.0 && p.is_finite() => {}
             _ => {
                 return Err(
-                    "`ask_power` and `nominal_power` (above 0) belong together; set both or none".into(),
+                    "`ask_power` and `nominal_power` (above 0) belong together; set both or none".into()
                 );
             }
         }
-        let optional = [
-            &self.set_rate,
-            &self.ask_rate,
-            &self.ask_power,
-            &self.ask_interlock,
-        ];
+        let optional = [&self.set_rate, &self.ask_rate, &self.ask_power, &self.ask_interlock];
         let commands = [&self.on, &self.off, &self.ask_on, &self.errors].into_iter();
         for command in commands.chain(optional.into_iter().flatten()) {
             if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {

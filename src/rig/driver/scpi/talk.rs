@@ -25,12 +25,7 @@ impl Talk {
     /// Creates an exchange over a line; `name` is the instrument's name in messages.
     #[must_use]
     pub fn new(name: &str, line: Box<dyn Line>) -> Self {
-        Self {
-            name: name.to_owned(),
-            line,
-            held: vec![],
-            out_of_step: false,
-        }
+        Self { name: name.to_owned(), line, held: vec![], out_of_step: false }
     }
 
     /// Returns the instrument's name in messages.
@@ -62,10 +57,8 @@ impl Talk {
     /// [`Failure`]: refused (not a single line), disconnected, timeout.
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-            return Err(self.failure(
-                Fault::Refused,
-                format!("{command:?} is not a command: it must be a single line"),
-            ));
+            return Err(self
+                .failure(Fault::Refused, format!("{command:?} is not a command: it must be a single line")));
         }
         if self.out_of_step {
             self.reopen()?;
@@ -133,19 +126,15 @@ impl Talk {
             _ => return Err(self.nonsense(question, "data without a block header")),
         };
         let length = self.take(question, digits, until)?;
-        let length = length.iter().try_fold(0_usize, |n, d| {
-            d.is_ascii_digit().then(|| 10 * n + usize::from(d - b'0'))
-        });
+        let length = length
+            .iter()
+            .try_fold(0_usize, |n, d| d.is_ascii_digit().then(|| 10 * n + usize::from(d - b'0')));
         let Some(length) = length.filter(|n| *n <= LARGEST) else {
             return Err(self.nonsense(question, "a block with an invalid length"));
         };
         let bytes = self.take(question, length, until)?;
         let end = self.take(question, 1, until)?;
-        let end = if end == b"\r" {
-            self.take(question, 1, until)?
-        } else {
-            end
-        };
+        let end = if end == b"\r" { self.take(question, 1, until)? } else { end };
         if end != b"\n" {
             return Err(self.nonsense(question, "a block longer than its header states"));
         }
@@ -190,10 +179,7 @@ impl Talk {
                 self.failure(fault, format!("`{after}` failed with `{answer}`"))
             });
         }
-        Err(self.failure(
-            Fault::Disconnected,
-            format!("`{question}` reports too many errors"),
-        ))
+        Err(self.failure(Fault::Disconnected, format!("`{question}` reports too many errors")))
     }
 
     /// Queries maker, model, serial number and firmware (`*IDN?`).
@@ -227,11 +213,7 @@ impl Talk {
 
     fn more(&mut self, question: &str, until: Instant) -> Result<(), Failure> {
         let left = until.saturating_duration_since(Instant::now());
-        let got = if left.is_zero() {
-            Err(LineError::Timeout)
-        } else {
-            self.line.receive(left)
-        };
+        let got = if left.is_zero() { Err(LineError::Timeout) } else { self.line.receive(left) };
         match got {
             Ok(bytes) => {
                 self.held.extend(bytes);
@@ -251,10 +233,9 @@ impl Talk {
 
     fn lost(&self, e: LineError, about: &str) -> Failure {
         match e {
-            LineError::Timeout => self.failure(
-                Fault::Timeout,
-                format!("no reply to `{about}` before the deadline"),
-            ),
+            LineError::Timeout => {
+                self.failure(Fault::Timeout, format!("no reply to `{about}` before the deadline"))
+            }
             LineError::Gone(why) => self.failure(Fault::Disconnected, why),
         }
     }

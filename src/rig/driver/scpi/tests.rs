@@ -52,21 +52,14 @@ fn troubles_are_told_apart() {
         let begun = Instant::now();
         let failure = laser.state(SHORT).expect_err("fails");
         assert_eq!(failure.fault, fault, "{trouble:?}: {failure}");
-        assert!(
-            begun.elapsed() < 10 * SHORT,
-            "{trouble:?} took {:?}",
-            begun.elapsed()
-        );
+        assert!(begun.elapsed() < 10 * SHORT, "{trouble:?} took {:?}", begun.elapsed());
         emulator.trouble(Trouble::None);
         // No reconnection is needed: the driver knows that a late reply may be pending.
         assert!(laser.state(LONG).expect("answers again").emitting);
     }
     laser.emit(false, 0.0, LONG).expect("goes dark");
     emulator.trouble(Trouble::Interlock);
-    assert_eq!(
-        laser.emit(true, 1e6, LONG).expect_err("open").fault,
-        Fault::Refused
-    );
+    assert_eq!(laser.emit(true, 1e6, LONG).expect_err("open").fault, Fault::Refused);
     assert!(!emulator.shines());
 }
 
@@ -97,22 +90,13 @@ fn errors_of_the_instrument_are_kinds() {
     let mut laser =
         ScpiLaser::connect("laser", LaserTable::parse(&text).expect("a table")).expect("connects");
     let failure = laser.emit(true, 5e9, LONG).expect_err("out of range");
-    assert!(
-        failure.fault == Fault::Limit && failure.what.contains("-222"),
-        "{failure}"
-    );
-    assert!(
-        !laser.state(LONG).expect("answers").emitting,
-        "light of a wrong rate is never let out"
-    );
+    assert!(failure.fault == Fault::Limit && failure.what.contains("-222"), "{failure}");
+    assert!(!laser.state(LONG).expect("answers").emitting, "light of a wrong rate is never let out");
     let text = text.replace("SOUR:FREQ {hz}", "SOUR:FREK {hz}");
     let mut laser =
         ScpiLaser::connect("laser", LaserTable::parse(&text).expect("a table")).expect("connects");
     let failure = laser.emit(true, 1e6, LONG).expect_err("unknown");
-    assert!(
-        failure.fault == Fault::Refused && failure.what.contains("-113"),
-        "{failure}"
-    );
+    assert!(failure.fault == Fault::Refused && failure.what.contains("-113"), "{failure}");
 }
 
 #[test]
@@ -134,13 +118,8 @@ fn tables_are_checked() {
         assert!(message.contains(word), "{message}");
     }
     let missing = LaserTable::parse(&Emulator::table("127.0.0.1:1")).expect("a table");
-    let failure = ScpiLaser::connect("laser", missing)
-        .err()
-        .expect("nobody listens");
-    assert!(
-        failure.fault == Fault::Disconnected && failure.what.contains("127.0.0.1:1"),
-        "{failure}"
-    );
+    let failure = ScpiLaser::connect("laser", missing).err().expect("nobody listens");
+    assert!(failure.fault == Fault::Disconnected && failure.what.contains("127.0.0.1:1"), "{failure}");
 }
 
 /// Tests another vendor's commands: the delay generator from the documentation.
@@ -170,18 +149,11 @@ fn another_vendors_words_do() {
         }
         all
     });
-    let mut laser = ScpiLaser::new(
-        "delays",
-        Box::new(ours),
-        LaserTable::parse(table).expect("a table"),
-    );
+    let mut laser = ScpiLaser::new("delays", Box::new(ours), LaserTable::parse(table).expect("a table"));
     laser.emit(true, 25_000.0, LONG).expect("shines");
     drop(laser);
     let message = message.join().expect("ends");
-    assert_eq!(
-        message.concat(),
-        "TRAT 2.5E4\n*OPC?\nLERR?\nTSRC 0\n*OPC?\nLERR?\nTSRC?\n"
-    );
+    assert_eq!(message.concat(), "TRAT 2.5E4\n*OPC?\nLERR?\nTSRC 0\n*OPC?\nLERR?\nTSRC?\n");
 }
 
 #[test]
@@ -203,12 +175,7 @@ fn blocks_are_as_long_as_they_say() {
         got
     };
     assert_eq!(ask(b"#15a\nb#c\n").expect("a block"), b"a\nb#c");
-    assert_eq!(
-        ask(b"#210\0\x01\x02\x03\x04\x05\x06\x07\x08\x09\r\n")
-            .expect("a block")
-            .len(),
-        10
-    );
+    assert_eq!(ask(b"#210\0\x01\x02\x03\x04\x05\x06\x07\x08\x09\r\n").expect("a block").len(), 10);
     assert_eq!(ask(b"#10\n").expect("an empty block"), b"");
     for (wrong, fault) in [
         (&b"#0abc\n"[..], Fault::Disconnected),
@@ -232,11 +199,7 @@ impl Line for Garbage {
     fn receive(&mut self, _within: Duration) -> Result<Vec<u8>, LineError> {
         let n = self.0.len().min(7);
         let bytes: Vec<u8> = self.0.drain(..n).collect();
-        if bytes.is_empty() {
-            Err(LineError::Timeout)
-        } else {
-            Ok(bytes)
-        }
+        if bytes.is_empty() { Err(LineError::Timeout) } else { Ok(bytes) }
     }
     fn reopen(&mut self) -> Result<(), LineError> {
         Ok(())
@@ -248,6 +211,7 @@ proptest! {
 
     /// Ten thousand random streams: no panic, no hang, and the laser never emits without reporting it.
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn garbage_is_no_answer(
         bytes in prop::collection::vec(prop_oneof![any::<u8>(), prop::sample::select(b"#0123456789,\n+-.E\"".to_vec())], 0..120),
         which in 0..5_u8,

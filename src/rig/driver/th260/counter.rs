@@ -143,10 +143,7 @@ impl Th260Counter {
         (self.device, self.serial) = (device, serial);
         self.tell(Order::Initialize(code::MODE_HISTOGRAM))?;
         self.rates_from = Instant::now() + FIRST_RATES;
-        self.hardware = self
-            .library
-            .hardware(device)
-            .map_err(|e| self.describe("hardware", e))?;
+        self.hardware = self.library.hardware(device).map_err(|e| self.describe("hardware", e))?;
         let base = self.library.base_resolution(device);
         let (finest_ps, binnings) = base.map_err(|e| self.describe("base resolution", e))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {

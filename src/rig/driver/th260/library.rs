@@ -305,11 +305,7 @@ impl Th260 for Loaded {
         good(unsafe {
             (self.get_hardware)(device, chars(&mut model), chars(&mut part), chars(&mut version))
         })?;
-        Ok(Hardware {
-            model: text(&model),
-            part: text(&part),
-            version: text(&version),
-        })
+        Ok(Hardware { model: text(&model), part: text(&part), version: text(&version) })
     }
 
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32> {

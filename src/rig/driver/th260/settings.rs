@@ -70,7 +70,7 @@ impl Th260Settings {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
             return Err(
-                "`sync_mv` and `input_mv` must be -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into(),
+                "`sync_mv` and `input_mv` must be -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into()
             );
         }
         if !(-40..=0).contains(&self.zero_cross_mv) {
@@ -110,10 +110,7 @@ impl Measurement {
     /// A message that names the setting that the board does not support.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
-            return Err(format!(
-                "{} bins; expected 1 to {LONGEST_HISTOGRAM}",
-                settings.bins
-            ));
+            return Err(format!("{} bins; expected 1 to {LONGEST_HISTOGRAM}", settings.bins));
         }
         let binning = (0..binnings).find(|b| {
             let width = base_ps * 2.0_f64.powi(*b);

@@ -83,14 +83,7 @@ fn a_board_is_told_what_the_manual_says() {
     };
     let board = Th260Counter::new("counter", Box::new(fake.clone()), inputs).expect("a counter");
     let message = std::mem::take(&mut fake.state().reported);
-    assert_eq!(
-        message[1..4],
-        [
-            Order::SyncDivider(4),
-            Order::SyncEdge(200, 1),
-            Order::InputEdge(1, -300, 0)
-        ]
-    );
+    assert_eq!(message[1..4], [Order::SyncDivider(4), Order::SyncEdge(200, 1), Order::InputEdge(1, -300, 0)]);
     assert_eq!(board.limits().finest_ps, 250.0);
 }
 
@@ -110,10 +103,7 @@ fn measurements_are_on_the_boards_scale() {
     for (bins, length) in [(1, 0), (1024, 0), (1025, 1), (32_768, 5)] {
         assert_eq!(on(&|s| s.bins = bins).expect("one").length_code, length);
     }
-    assert_eq!(
-        on(&|s| s.bin_ps = 25.0 * 2.0_f64.powi(21)).expect("one").binning,
-        21
-    );
+    assert_eq!(on(&|s| s.bin_ps = 25.0 * 2.0_f64.powi(21)).expect("one").binning, 21);
     let refused: [&dyn Fn(&mut CounterSettings); 12] = [
         &|s| s.bins = 0,
         &|s| s.bins = 32_769,
@@ -188,25 +178,14 @@ fn codes_become_faults() {
         board.begin().expect("begins");
         assert_eq!(board.finish(WITHIN).expect("counts").counts.len(), 400);
     }
-    for call in [
-        "Open",
-        "Initialize",
-        "Hardware",
-        "Base",
-        "Inputs",
-        "SyncDivider",
-        "SyncCfd",
-        "InputCfd",
-        "StopAt",
-    ] {
+    for call in
+        ["Open", "Initialize", "Hardware", "Base", "Inputs", "SyncDivider", "SyncCfd", "InputCfd", "StopAt"]
+    {
         let fake = Fake::new("P");
         fake.state().fails = Some((call, -11));
         let made = Th260Counter::new("counter", Box::new(fake), Th260Settings::default());
         let failure = made.err().expect(call);
-        assert!(
-            failure.fault == Fault::Refused && failure.what.contains("close the program"),
-            "{failure}"
-        );
+        assert!(failure.fault == Fault::Refused && failure.what.contains("close the program"), "{failure}");
     }
 }
 
@@ -215,11 +194,9 @@ fn what_a_board_reports_is_told() {
     let fake = Fake::new("P");
     let mut board = counter(&fake);
     board.configure(&settings(), WITHIN).expect("sets");
-    for (flags, fault) in [
-        (0x0001, Fault::Saturated),
-        (0x0010, Fault::Disconnected),
-        (0x0021, Fault::Disconnected),
-    ] {
+    for (flags, fault) in
+        [(0x0001, Fault::Saturated), (0x0010, Fault::Disconnected), (0x0021, Fault::Disconnected)]
+    {
         fake.state().flags = flags;
         board.begin().expect("begins");
         assert_eq!(board.finish(WITHIN).expect_err("it fails").fault, fault);
@@ -227,10 +204,7 @@ fn what_a_board_reports_is_told() {
     fake.state().flags = 0;
     fake.state().sync_rate = 0;
     let failure = board.begin().expect_err("no light");
-    assert!(
-        failure.fault == Fault::Refused && failure.what.contains("sync"),
-        "{failure}"
-    );
+    assert!(failure.fault == Fault::Refused && failure.what.contains("sync"), "{failure}");
     fake.state().sync_rate = 1;
     board.begin().expect("begins");
     board.finish(WITHIN).expect("counts");
@@ -239,18 +213,13 @@ fn what_a_board_reports_is_told() {
 /// The driver opens the board that the rig file names, or lists the available boards in the error.
 #[test]
 fn boards_are_told_apart() {
-    let named = |serial: &str| Th260Settings {
-        serial: Some(serial.into()),
-        ..Th260Settings::default()
-    };
+    let named = |serial: &str| Th260Settings { serial: Some(serial.into()), ..Th260Settings::default() };
     let fake = Fake::new("P");
     fake.state().serials = vec!["1000001", "1000002"];
     let mut board = Th260Counter::new("counter", Box::new(fake.clone()), named("1000002")).expect("it");
     assert_eq!(board.identify(WITHIN).expect("answers").serial, "1000002");
     assert_eq!(fake.state().reported[..2], [Order::Close, Order::Initialize(0)]);
-    let failure = Th260Counter::new("counter", Box::new(fake.clone()), named("7"))
-        .err()
-        .expect("none");
+    let failure = Th260Counter::new("counter", Box::new(fake.clone()), named("7")).err().expect("none");
     assert!(failure.what.contains("found 1000001, 1000002"), "{failure}");
     fake.state().serials.clear();
     for failure in [
@@ -260,42 +229,16 @@ fn boards_are_told_apart() {
     ] {
         assert_eq!(failure.expect("it is gone").fault, Fault::Disconnected);
     }
-    let failure = Th260Counter::new("counter", Box::new(fake), Th260Settings::default())
-        .err()
-        .expect("none");
+    let failure = Th260Counter::new("counter", Box::new(fake), Th260Settings::default()).err().expect("none");
     assert!(
         failure.fault == Fault::Disconnected && failure.what.contains("check that the board"),
         "{failure}"
     );
     for (bad, words) in [
-        (
-            Th260Settings {
-                sync_mv: 1500,
-                ..Th260Settings::default()
-            },
-            "-1200 to 1200",
-        ),
-        (
-            Th260Settings {
-                zero_cross_mv: 5,
-                ..Th260Settings::default()
-            },
-            "zero_cross_mv",
-        ),
-        (
-            Th260Settings {
-                sync_divider: 3,
-                ..Th260Settings::default()
-            },
-            "sync_divider",
-        ),
-        (
-            Th260Settings {
-                channel: 2,
-                ..Th260Settings::default()
-            },
-            "channel",
-        ),
+        (Th260Settings { sync_mv: 1500, ..Th260Settings::default() }, "-1200 to 1200"),
+        (Th260Settings { zero_cross_mv: 5, ..Th260Settings::default() }, "zero_cross_mv"),
+        (Th260Settings { sync_divider: 3, ..Th260Settings::default() }, "sync_divider"),
+        (Th260Settings { channel: 2, ..Th260Settings::default() }, "channel"),
     ] {
         assert!(bad.check().expect_err(words).contains(words));
     }
@@ -307,11 +250,7 @@ fn a_library_that_is_not_there_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = folder.path().join("text.so");
     std::fs::write(&text, "no library").expect("writes");
-    let other = compile(
-        folder.path(),
-        "other",
-        "#[unsafe(no_mangle)] pub extern \"C\" fn f() {}",
-    );
+    let other = compile(folder.path(), "other", "#[unsafe(no_mangle)] pub extern \"C\" fn f() {}");
     for (file, words) in [
         (folder.path().join("absent.so"), "absent.so"),
         (text, "text.so"),
@@ -325,41 +264,19 @@ fn a_library_that_is_not_there_is_told() {
     }
     // If the real library is installed, there is no error to check.
     if let Err(message) = load(None) {
-        assert!(
-            names().iter().all(|n| message.contains(&*n.to_string_lossy())),
-            "{message}"
-        );
+        assert!(names().iter().all(|n| message.contains(&*n.to_string_lossy())), "{message}");
     }
 }
 
 /// Compiles a library from source text.
 fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
-    let (from, to) = (
-        folder.join(format!("{name}.rs")),
-        folder.join(format!("{name}.so")),
-    );
+    let (from, to) = (folder.join(format!("{name}.rs")), folder.join(format!("{name}.so")));
     std::fs::write(&from, source).expect("writes");
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let mut command = Command::new(rustc);
-    command.args([
-        "--edition",
-        "2024",
-        "--crate-type",
-        "cdylib",
-        "-A",
-        "non_snake_case",
-        "-o",
-    ]);
-    let output = command
-        .arg(&to)
-        .arg(&from)
-        .output()
-        .expect("rustc, with which this was compiled");
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    command.args(["--edition", "2024", "--crate-type", "cdylib", "-A", "non_snake_case", "-o"]);
+    let output = command.arg(&to).arg(&from).output().expect("rustc, with which this was compiled");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     to
 }
 
@@ -384,10 +301,7 @@ fn a_loaded_library_conforms() {
     // The board is open: a second program is refused with the library's text.
     let second = Th260Counter::load("counter", Some(&file), Th260Settings::default());
     let failure = second.err().expect("it is locked");
-    assert!(
-        failure.fault == Fault::Refused && failure.what.contains("fake text of -11"),
-        "{failure}"
-    );
+    assert!(failure.fault == Fault::Refused && failure.what.contains("fake text of -11"), "{failure}");
     // The first program still holds the board.
     board.begin().expect("begins");
     board.finish(WITHIN).expect("counts");

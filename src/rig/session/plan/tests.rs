@@ -36,10 +36,7 @@ fn faults_name_their_place_and_fix() {
     ];
     for (old, new, want) in cases {
         let message = read(&GOOD.replacen(old, new, 1)).expect_err("a fault");
-        assert!(
-            message.contains(want) && message.contains("fix"),
-            "{new}: {message}"
-        );
+        assert!(message.contains(want) && message.contains("fix"), "{new}: {message}");
     }
 }
 

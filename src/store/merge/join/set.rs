@@ -45,29 +45,14 @@ impl Set {
 fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> {
     let found = TensorStore::open(path)?;
     let Some(part) = found.part() else {
-        let mut others = all
-            .iter()
-            .filter_map(|p| Some((p, TensorStore::open(p).ok()?.part()?)));
+        let mut others = all.iter().filter_map(|p| Some((p, TensorStore::open(p).ok()?.part()?)));
         return Err(match others.next() {
-            Some((of, part)) => JoinError::Mixed {
-                part: of.clone(),
-                of: part,
-                other: path.to_owned(),
-            },
-            None => JoinError::NoPart {
-                path: path.to_owned(),
-            },
+            Some((of, part)) => JoinError::Mixed { part: of.clone(), of: part, other: path.to_owned() },
+            None => JoinError::NoPart { path: path.to_owned() },
         });
     };
-    let unfinished = || JoinError::Unfinished {
-        path: path.to_owned(),
-        part,
-    };
-    let store = if base::journal::exists(path) {
-        None
-    } else {
-        TensorStore::open_part(path)?
-    };
+    let unfinished = || JoinError::Unfinished { path: path.to_owned(), part };
+    let store = if base::journal::exists(path) { None } else { TensorStore::open_part(path)? };
     let store = store.ok_or_else(unfinished)?;
     crate::denoised::refuse(&store)?;
     Ok((part, store))
@@ -76,10 +61,7 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> 
 /// Returns the number of tiles of the render.
 fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
-        return Err(AccessError::NoSamples {
-            path: store.path().to_owned(),
-        }
-        .into());
+        return Err(AccessError::NoSamples { path: store.path().to_owned() }.into());
     };
     Ok((shape[0].div_ceil(chunk[0]) * shape[1].div_ceil(chunk[1])) as u32)
 }
@@ -160,9 +142,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
             }
         }
     }
-    let missing: Vec<u32> = (0..tiles)
-        .filter(|tile| owners[*tile as usize].is_none())
-        .collect();
+    let missing: Vec<u32> = (0..tiles).filter(|tile| owners[*tile as usize].is_none()).collect();
     if missing.is_empty() {
         return Ok(());
     }
@@ -173,13 +153,10 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
 /// Returns the error for missing shares, if all parts are shares of one number, otherwise for missing tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
-        && parts
-            .iter()
-            .all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
+        && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
     {
-        let absent: Vec<u32> = (1..=of)
-            .filter(|number| !parts.contains(&Part::Share { number: *number, of }))
-            .collect();
+        let absent: Vec<u32> =
+            (1..=of).filter(|number| !parts.contains(&Part::Share { number: *number, of })).collect();
         let option = match absent[..] {
             [one] => format!("--part {one}/{of}"),
             _ => format!("--part K/{of}"),
@@ -198,13 +175,9 @@ fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
         }
     }
     let (first, last) = ranges[0];
-    let names = ranges.iter().map(|(first, last)| {
-        if first == last {
-            first.to_string()
-        } else {
-            format!("{first} to {last}")
-        }
-    });
+    let names = ranges
+        .iter()
+        .map(|(first, last)| if first == last { first.to_string() } else { format!("{first} to {last}") });
     JoinError::Missing {
         missing: match missing {
             [one] => format!("tile {one} is"),
@@ -238,15 +211,9 @@ mod tests {
         let share = |number| Part::Share { number, of: 8 };
         let text = |parts: &[Part], missing: &[u32]| describe(parts, missing).to_string();
         let two = text(&[1, 2, 4, 6, 7, 8].map(share), &[2, 4, 10]);
-        assert!(
-            two.starts_with("parts 3 and 5 of 8 are missing") && two.contains("--part K/8"),
-            "{two}"
-        );
+        assert!(two.starts_with("parts 3 and 5 of 8 are missing") && two.contains("--part K/8"), "{two}");
         let one = text(&[1, 2, 3, 4, 5, 6, 8].map(share), &[6]);
-        assert!(
-            one.starts_with("part 7 of 8 is missing") && one.contains("--part 7/8"),
-            "{one}"
-        );
+        assert!(one.starts_with("part 7 of 8 is missing") && one.contains("--part 7/8"), "{one}");
         let mixed = text(&[share(1), Part::Tiles { first: 1, last: 3 }], &[5, 6, 7, 9]);
         assert!(mixed.starts_with("tiles 5 to 7 and 9 are missing"), "{mixed}");
         let range = text(&[Part::Tiles { first: 4, last: 9 }], &[0, 1, 2, 3]);

@@ -3,11 +3,7 @@
 use super::*;
 
 fn axis(name: &str, n: usize) -> FrameAxis {
-    FrameAxis {
-        name: name.into(),
-        units: "1".into(),
-        coords: (0..n).map(|i| i as f64).collect(),
-    }
+    FrameAxis { name: name.into(), units: "1".into(), coords: (0..n).map(|i| i as f64).collect() }
 }
 
 #[test]
@@ -26,19 +22,13 @@ fn what_is_written_is_read() {
             units: "1".into(),
             values: (0..layout.frame_len()).map(|i| i as f64).collect(),
         };
-        let short = FrameMap {
-            values: vec![0.0; 3],
-            ..map.clone()
-        };
+        let short = FrameMap { values: vec![0.0; 3], ..map.clone() };
         // A failed creation leaves nothing.
         let maps = [map.clone(), short];
         assert!(FrameStore::create(&path, &layout, &maps, &Map::new(), false).is_err());
         assert!(!path.exists() && !staging::part_of(&path).exists());
         let store = FrameStore::create(&path, &layout, &maps[..1], &Map::new(), false).expect("a store");
-        assert_eq!(
-            store.read_map("shot_of").expect("reads"),
-            Some(map.values.clone())
-        );
+        assert_eq!(store.read_map("shot_of").expect("reads"), Some(map.values.clone()));
         let chunks = layout.frames() / layout.frames_per_chunk();
         let len = layout.frames_per_chunk() * layout.frame_len();
         let chunk = |i: usize| -> Vec<u32> { (0..len).map(|k| (i * 1000 + k) as u32).collect() };
@@ -47,14 +37,8 @@ fn what_is_written_is_read() {
         }
         let angles: Vec<f64> = (0..6).map(f64::from).collect();
         store.write_column("angle", "degree", &angles).expect("writes");
-        assert!(matches!(
-            FrameStore::open(&path),
-            Err(OpenError::Unfinished { .. })
-        ));
-        assert!(matches!(
-            FrameStore::open_for_write(&path),
-            Err(OpenError::Locked { .. })
-        ));
+        assert!(matches!(FrameStore::open(&path), Err(OpenError::Unfinished { .. })));
+        assert!(matches!(FrameStore::open_for_write(&path), Err(OpenError::Locked { .. })));
         store.finish().expect("finishes");
         drop(store);
         let read = FrameStore::open(&path).expect("a store");

@@ -16,9 +16,7 @@ fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
         let dark = 4 * data.len() / shape[0] as usize;
         data[..dark].fill(0.0);
         for field in [Field::Mean, Field::StdError] {
-            slice
-                .write(field, &vec![0; shape.len()], &shape, &data)
-                .expect("writes");
+            slice.write(field, &vec![0; shape.len()], &shape, &data).expect("writes");
         }
     }
     store.write_samples([0, 0], [7, 11], &[9; 77]).expect("writes");
@@ -79,21 +77,14 @@ fn requests_are_few() {
     assert_eq!(requests("few"), opened + 1 + 3, "a row of three tiles is lit");
     let chunks: Vec<_> = slice.chunks(Field::StdError).expect("has it").collect();
     let fields = [Field::StdError, Field::Mean];
-    assert_eq!(
-        slice.fetch_ahead(&fields, &chunks).expect("fetches"),
-        chunks.len()
-    );
+    assert_eq!(slice.fetch_ahead(&fields, &chunks).expect("fetches"), chunks.len());
     let fetched = requests("few");
     for (start, shape) in &chunks {
         for field in fields {
             slice.read(field, start, shape).expect("reads");
         }
     }
-    assert_eq!(
-        requests("few"),
-        fetched,
-        "what is fetched ahead is not fetched again"
-    );
+    assert_eq!(requests("few"), fetched, "what is fetched ahead is not fetched again");
 }
 
 #[test]
@@ -131,23 +122,13 @@ fn damage_is_found() {
     assert_eq!(message(), "nothing");
     // All files except the manifest are from a later render.
     let root = std::fs::read(folder.path().join("zarr.json")).expect("reads");
-    let later = String::from_utf8(root.clone())
-        .expect("JSON")
-        .replace("abc", "abd");
+    let later = String::from_utf8(root.clone()).expect("JSON").replace("abc", "abd");
     put(&objects, "a/out.zarr/zarr.json", later.into_bytes());
-    assert!(
-        message().contains("differs from the one written"),
-        "{}",
-        message()
-    );
+    assert!(message().contains("differs from the one written"), "{}", message());
     put(&objects, "a/out.zarr/zarr.json", root);
     put(&objects, "a/out.zarr/steady/mean/c.9.9", vec![1]);
     assert_eq!(faults().len(), 1);
-    put(
-        &objects,
-        "a/out.zarr/manifest.txt",
-        b"sunstone manifest 1: 0 files\n".to_vec(),
-    );
+    put(&objects, "a/out.zarr/manifest.txt", b"sunstone manifest 1: 0 files\n".to_vec());
     assert!(message().contains("manifest.txt is damaged"), "{}", message());
 }
 
@@ -158,18 +139,12 @@ fn what_is_not_finished_is_not_read() {
     let store = TensorStore::open(&address).expect("opens");
     assert!(!store.is_finished());
     let slice = store.slice("steady").expect("a slice");
-    assert!(matches!(
-        slice.read_all(Field::Mean),
-        Err(AccessError::Unfinished { .. })
-    ));
+    assert!(matches!(slice.read_all(Field::Mean), Err(AccessError::Unfinished { .. })));
     assert!(matches!(verify(&address), Err(OpenError::Unfinished { .. })));
     let partial = TensorStore::open_partial(&address).expect("opens");
     let values = partial.slice("steady").expect("a slice").read_all(Field::Mean);
     assert!(values.expect("reads").data.iter().all(|v| v.is_finite()));
     let nothing = PathBuf::from("memory://unfinished/b.zarr");
-    assert!(matches!(
-        TensorStore::open(&nothing),
-        Err(OpenError::Missing { .. })
-    ));
+    assert!(matches!(TensorStore::open(&nothing), Err(OpenError::Missing { .. })));
     assert!(matches!(verify(&nothing), Err(OpenError::Missing { .. })));
 }

@@ -13,20 +13,13 @@ fn a_profile_is_few_ranges() {
     upload(&sharded, "ranges", "s.zarr");
     let address = address("memory", "ranges");
     same(&plain, &address);
-    assert_eq!(
-        verify(&address).expect("a store"),
-        verify(&sharded).expect("a store")
-    );
+    assert_eq!(verify(&address).expect("a store"), verify(&sharded).expect("a store"));
     let earlier = requests("ranges");
     let store = TensorStore::open(&address).expect("opens");
     assert_eq!(requests("ranges") - earlier, 2);
     let slice = store.slice("timed").expect("a slice");
     let opened = requests("ranges");
-    assert_eq!(
-        opened - earlier,
-        2,
-        "its coordinates came with the root's description"
-    );
+    assert_eq!(opened - earlier, 2, "its coordinates came with the root's description");
     let shape = slice.layout().shape();
     let region = |y, x| {
         let (mut at, mut profile) = (vec![0; shape.len()], shape.clone());
@@ -50,23 +43,15 @@ fn a_profile_is_few_ranges() {
     assert!(requests("ranges") - before <= 1);
     // Complete reads need the tails and one request for adjacent chunks.
     let all = shards(&sharded);
-    let of_error = all
-        .iter()
-        .filter(|(p, _)| p.starts_with("timed/std_error"))
-        .count() as u64;
+    let of_error = all.iter().filter(|(p, _)| p.starts_with("timed/std_error")).count() as u64;
     let before = requests("ranges");
     slice.read_all(Field::StdError).expect("reads");
     let asked = requests("ranges") - before;
-    assert!(
-        (of_error + 1..=2 * of_error).contains(&asked),
-        "{asked} of {of_error} shards"
-    );
+    assert!((of_error + 1..=2 * of_error).contains(&asked), "{asked} of {of_error} shards");
     // Data that was fetched together is not fetched again.
     let (at, profile) = region(6, 2);
     let fields = [Field::Mean, Field::StdError];
-    slice
-        .fetch_together(&fields.map(|f| (f, at.clone(), profile.clone())))
-        .expect("fetches");
+    slice.fetch_together(&fields.map(|f| (f, at.clone(), profile.clone()))).expect("fetches");
     let fetched = requests("ranges");
     for field in fields {
         slice.read(field, &at, &profile).expect("reads");
@@ -110,10 +95,8 @@ fn damage_is_found_by_ranges() {
     let (_dir, [plain, sharded]) = both();
     upload(&sharded, "shardfaults", "s.zarr");
     let address = address("memory", "shardfaults");
-    let all: Vec<_> = shards(&sharded)
-        .into_iter()
-        .filter(|(name, _)| name.starts_with("timed/mean"))
-        .collect();
+    let all: Vec<_> =
+        shards(&sharded).into_iter().filter(|(name, _)| name.starts_with("timed/mean")).collect();
     let read = || {
         let store = TensorStore::open(&address).expect("opens");
         let slice = store.slice("timed").expect("a slice");
@@ -140,10 +123,7 @@ fn damage_is_found_by_ranges() {
     ] {
         put(&objects, &place(0), bytes);
         let message = read().expect_err(what);
-        assert!(
-            message.contains("timed/mean") && message.contains("cannot read"),
-            "{what}: {message}"
-        );
+        assert!(message.contains("timed/mean") && message.contains("cannot read"), "{what}: {message}");
         let faults = verify(&address).expect("a store").faults;
         assert!(
             faults.len() == 1 && faults[0].starts_with(all[0].0.to_str().expect("text")),

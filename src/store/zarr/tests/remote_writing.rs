@@ -20,15 +20,12 @@ pub(super) fn address(scheme: &str, name: &str) -> PathBuf {
 /// Returns the objects of a store with their bytes.
 pub(super) fn objects_of(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let address = address("memory", name);
-    let objects = remote_store::objects_of(&address)
-        .expect("an address")
-        .expect("objects");
+    let objects = remote_store::objects_of(&address).expect("an address").expect("objects");
     let found = objects.list().expect("lists");
     let names: Vec<String> = found.into_iter().map(|(name, _)| name).collect();
     let bytes = objects.get_many(&names).expect("reads");
     let all = names.into_iter().zip(bytes);
-    all.map(|(name, bytes)| (name.into(), bytes.expect("is there").to_vec()))
-        .collect()
+    all.map(|(name, bytes)| (name.into(), bytes.expect("is there").to_vec())).collect()
 }
 
 fn job(part: Option<Part>) -> Job {
@@ -37,10 +34,7 @@ fn job(part: Option<Part>) -> Job {
         attributes[tensor::part::ATTRIBUTE] = part.to_json();
     }
     Job {
-        slices: layouts()
-            .into_iter()
-            .map(|(layout, attributes)| JobSlice { layout, attributes })
-            .collect(),
+        slices: layouts().into_iter().map(|(layout, attributes)| JobSlice { layout, attributes }).collect(),
         attributes: attributes.as_object().expect("a table").clone(),
         camera: [11, 7],
         tile: 4,
@@ -49,11 +43,7 @@ fn job(part: Option<Part>) -> Job {
 
 /// Renders the missing tiles.
 fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError> {
-    let mut sink = ZarrSink::new(Target {
-        path: path.to_owned(),
-        resume,
-        replace: false,
-    });
+    let mut sink = ZarrSink::new(Target { path: path.to_owned(), resume, replace: false });
     let done = sink.begin(&job(part))?;
     for tile in 0..6 {
         if done.iter().any(|r| r.tile == tile) || part.is_some_and(|p| !p.contains(tile)) {
@@ -71,31 +61,14 @@ fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError
                 if tile == 1 {
                     data.fill(0.0);
                 }
-                sink.put(&Piece {
-                    slice,
-                    field,
-                    start: &start,
-                    shape: &shape,
-                    data: &data,
-                    touched: &[],
-                })?;
+                sink.put(&Piece { slice, field, start: &start, shape: &shape, data: &data, touched: &[] })?;
             }
         }
         let counts = vec![4; (size[0] * size[1]) as usize];
-        sink.put_samples(&SampleCounts {
-            start: corner,
-            shape: size,
-            counts: &counts,
-        })?;
-        sink.tile_done(&TileRecord {
-            tile,
-            ..TileRecord::default()
-        })?;
+        sink.put_samples(&SampleCounts { start: corner, shape: size, counts: &counts })?;
+        sink.tile_done(&TileRecord { tile, ..TileRecord::default() })?;
     }
-    sink.end(&Summary {
-        complete: true,
-        ..Summary::default()
-    })
+    sink.end(&Summary { complete: true, ..Summary::default() })
 }
 
 /// Returns the files of the same store in a folder.
@@ -187,19 +160,11 @@ fn a_merge_may_be_killed_anywhere() {
                         continue;
                     }
                     let data = ramp(region::volume(&shape).expect("a size"));
-                    let failed = |e: String| CreateError::Write {
-                        path: path.to_owned(),
-                        cause: e,
-                    };
-                    slice
-                        .write(Field::Mean, &start, &shape, &data)
-                        .map_err(|e| failed(e.to_string()))?;
+                    let failed = |e: String| CreateError::Write { path: path.to_owned(), cause: e };
+                    slice.write(Field::Mean, &start, &shape, &data).map_err(|e| failed(e.to_string()))?;
                 }
             }
-            store.finish().map_err(|e| CreateError::Write {
-                path: path.to_owned(),
-                cause: e.to_string(),
-            })
+            store.finish().map_err(|e| CreateError::Write { path: path.to_owned(), cause: e.to_string() })
         };
         let none = Map::new();
         TensorStore::create_from(path, &layouts(), &none, None, false, Some(origin), fill)
@@ -248,10 +213,7 @@ fn a_render_goes_over_a_bad_line() {
     assert_eq!(objects_of("bad"), expected);
     render(&address("flaky", "bad"), true, None).expect("is complete");
     assert_eq!(objects_of("bad"), expected);
-    assert_eq!(
-        verify(&address("flaky", "bad")).expect("a store").faults,
-        Vec::<String>::new()
-    );
+    assert_eq!(verify(&address("flaky", "bad")).expect("a store").faults, Vec::<String>::new());
 }
 
 /// Chunks are written repeatedly, pixel by pixel.
@@ -304,9 +266,7 @@ fn stores_alone_are_replaced() {
 fn who_lost_the_lock_writes_no_more() {
     let address = address("memory", "lost");
     drop(create(&address));
-    let objects = remote_store::objects_of(&address)
-        .expect("an address")
-        .expect("objects");
+    let objects = remote_store::objects_of(&address).expect("an address").expect("objects");
     let lock = ObjectLock::take(&objects, Duration::from_secs(1)).expect("free");
     let (storage, held) = remote_store::open_locked(&address, &objects, lock).expect("opens");
     let store = TensorStore::over(storage, State::Writing, Some(held)).expect("opens");
@@ -320,17 +280,11 @@ fn who_lost_the_lock_writes_no_more() {
         assert!(begun.elapsed() < Duration::from_secs(30), "it is not noticed");
         std::thread::sleep(Duration::from_millis(20));
     };
-    assert!(
-        message.contains("lock") && message.contains("--resume"),
-        "{message}"
-    );
+    assert!(message.contains("lock") && message.contains("--resume"), "{message}");
     assert!(store.finish().is_err());
     assert!(!TensorStore::open(&address).expect("opens").is_finished());
     drop(store);
-    assert!(
-        objects_of("lost").contains_key(Path::new(".sunstone-lock")),
-        "it is another's"
-    );
+    assert!(objects_of("lost").contains_key(Path::new(".sunstone-lock")), "it is another's");
 }
 
 #[test]

@@ -41,9 +41,7 @@ fn below_an_address_it_is_the_same() {
         found.expect("an address")
     };
     assert!(!remove(path).expect("nothing there"));
-    objects()
-        .put("letter.txt", b"dear".to_vec().into())
-        .expect("puts");
+    objects().put("letter.txt", b"dear".to_vec().into()).expect("puts");
     assert!(matches!(remove(path), Err(RemoveError::NotAStore { .. })));
     assert_eq!(objects().list().expect("lists").len(), 1);
     objects().delete(vec!["letter.txt".into()]).expect("deletes");

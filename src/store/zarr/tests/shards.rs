@@ -5,21 +5,13 @@ use crate::merge::{Options, merge};
 use crate::shard::{ShardError, shard, shard_to};
 
 /// Limits that give shards of several chunks for the small test stores.
-pub(super) const SMALL: Limits = Limits {
-    piece: 900,
-    enough: 20 << 10,
-    most: 60 << 10,
-    pieces: 400,
-};
+pub(super) const SMALL: Limits = Limits { piece: 900, enough: 20 << 10, most: 60 << 10, pieces: 400 };
 
 /// Writes a finished store with dark tiles, negative zeros and NaN.
 pub(super) fn finished(path: &Path, seed: u64) {
     let attributes =
         json!({"scene_sha256": "abc", "seeds": [seed], "samples_per_pixel": 9, "wall_time_s": 0.5});
-    let samples = SampleGrid {
-        camera: [11, 7],
-        tile: 4,
-    };
+    let samples = SampleGrid { camera: [11, 7], tile: 4 };
     let attributes = attributes.as_object().expect("a table");
     let store = TensorStore::create(path, &layouts(), attributes, Some(samples), false).expect("makes");
     for (layout, _) in layouts() {
@@ -27,15 +19,12 @@ pub(super) fn finished(path: &Path, seed: u64) {
         for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
             let shape = slice.field_layout(field).expect("has it").shape();
             let n = region::volume(&shape).expect("a size");
-            let mut data: Vec<f32> = (0..n)
-                .map(|i| ((i + 7 * seed as usize) as f32 * 0.37).sin() + 2.0)
-                .collect();
+            let mut data: Vec<f32> =
+                (0..n).map(|i| ((i + 7 * seed as usize) as f32 * 0.37).sin() + 2.0).collect();
             data[..4 * n / shape[0] as usize].fill(0.0);
             data[n / 2] = f32::NAN;
             data[n - 40..].fill(-0.0);
-            slice
-                .write(field, &vec![0; shape.len()], &shape, &data)
-                .expect("writes");
+            slice.write(field, &vec![0; shape.len()], &shape, &data).expect("writes");
         }
     }
     store.write_samples([0, 0], [7, 11], &[9; 77]).expect("writes");
@@ -86,9 +75,7 @@ pub(super) fn same(a: &Path, b: &Path) {
 pub(super) fn shards(path: &Path) -> Vec<(PathBuf, usize)> {
     let names: Vec<String> = manifest::files(path).expect("a folder");
     let of = shard::Shards::in_folder(path, &names);
-    let all = names
-        .iter()
-        .filter_map(|name| Some((name.into(), of.frames(name)?)));
+    let all = names.iter().filter_map(|name| Some((name.into(), of.frames(name)?)));
     all.collect()
 }
 
@@ -103,10 +90,7 @@ fn values_are_the_same_to_the_bit() {
     // Some chunks cover several unsharded chunks, some few of their pixels, and an array has several shards.
     let all = shards(&sharded);
     let of_timed = all.iter().filter(|(p, _)| p.starts_with("timed/mean"));
-    assert!(
-        of_timed.clone().count() > 1 && of_timed.clone().all(|(_, n)| *n > 8),
-        "{all:?}"
-    );
+    assert!(of_timed.clone().count() > 1 && of_timed.clone().all(|(_, n)| *n > 8), "{all:?}");
     let [before, after] = [&plain, &sharded].map(|p| files(p).len());
     assert!(after < before, "{after} files of {before}");
     // Sharded stores are read-only.
@@ -120,12 +104,8 @@ fn values_are_the_same_to_the_bit() {
 fn shards_are_reproducible() {
     let (dir, [plain, sharded]) = both();
     let [again, large] = ["again", "large"].map(|name| dir.path().join(name));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(3)
-        .build()
-        .expect("threads");
-    pool.install(|| shard_to(&plain, &again, false, SMALL))
-        .expect("shards");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
+    pool.install(|| shard_to(&plain, &again, false, SMALL)).expect("shards");
     assert!(files(&again) == files(&sharded));
     shard(&plain, &large, false).expect("shards");
     same(&plain, &large);
@@ -164,14 +144,8 @@ fn what_cannot_be_sharded_is_refused() {
     assert!(message(&plain, &plain).contains("another `-o`"));
     assert!(message(&sharded, &out).contains("already"));
     assert!(message(&plain, &sharded).contains("--force"));
-    assert!(matches!(
-        shard(&dir.path().join("none"), &out, false),
-        Err(ShardError::Open(_))
-    ));
-    TensorStore::open_for_write(&plain)
-        .expect("opens")
-        .unfinish()
-        .expect("is writable");
+    assert!(matches!(shard(&dir.path().join("none"), &out, false), Err(ShardError::Open(_))));
+    TensorStore::open_for_write(&plain).expect("opens").unfinish().expect("is writable");
     assert!(message(&plain, &out).contains("not finished"));
     assert!(!out.exists());
 }
@@ -187,32 +161,21 @@ fn damage_is_found_and_named() {
         Ok(all.data.into_iter().map(f32::to_bits).collect())
     };
     let expected = read(&plain);
-    let all: Vec<_> = shards(&sharded)
-        .into_iter()
-        .filter(|(name, _)| name.starts_with("timed/mean"))
-        .collect();
+    let all: Vec<_> =
+        shards(&sharded).into_iter().filter(|(name, _)| name.starts_with("timed/mean")).collect();
     let found = |name: &Path, what: &str| {
         let message = read(&sharded).expect_err(what);
-        assert!(
-            message.contains("timed/mean") && message.contains("cannot read"),
-            "{what}: {message}"
-        );
+        assert!(message.contains("timed/mean") && message.contains("cannot read"), "{what}: {message}");
         let faults = verify(&sharded).expect("a store").faults;
         assert_eq!(faults.len(), 1, "{what}: {faults:?}");
-        assert!(
-            faults[0].starts_with(name.to_str().expect("text")),
-            "{what}: {faults:?}"
-        );
+        assert!(faults[0].starts_with(name.to_str().expect("text")), "{what}: {faults:?}");
         message
     };
     for (name, frames) in &all {
         let file = sharded.join(name);
         let sound = std::fs::read(&file).expect("reads");
         let tail = sound.len() - shard::tail_len(*frames) as usize;
-        for at in (0..tail)
-            .step_by(tail / 7)
-            .chain((tail..sound.len()).step_by(97))
-            .chain([sound.len() - 1])
+        for at in (0..tail).step_by(tail / 7).chain((tail..sound.len()).step_by(97)).chain([sound.len() - 1])
         {
             let mut bytes = sound.clone();
             bytes[at] ^= 4;
@@ -263,10 +226,7 @@ fn exchanged_frames_are_found() {
     assert_eq!(verify(&path).expect("a store").faults, Vec::<String>::new());
     std::fs::write(path.join("a/c.0"), file(2)).expect("writes");
     assert_eq!(file(1)[64..], file(2)[64..], "the index and its checksum");
-    assert_eq!(
-        verify(&path).expect("a store").faults,
-        ["a/c.0: was changed after it was written"]
-    );
+    assert_eq!(verify(&path).expect("a store").faults, ["a/c.0: was changed after it was written"]);
 }
 
 /// Measures the cost of a shard's chunks by their size: `SUNSTONE_STORE=PATH cargo test --release -p
@@ -283,10 +243,7 @@ fn costs_of_small_chunks() {
         of.map(|(_, bytes)| bytes.len()).sum()
     };
     for kib in [2, 4, 8, 16, 32, 64, 1 << 20] {
-        let limits = Limits {
-            piece: kib << 10,
-            ..Limits::default()
-        };
+        let limits = Limits { piece: kib << 10, ..Limits::default() };
         let out = dir.path().join("out");
         let begun = std::time::Instant::now();
         shard_to(&input, &out, true, limits).expect("shards");

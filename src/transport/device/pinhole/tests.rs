@@ -21,30 +21,16 @@ fn devices() -> [Pinhole; 4] {
         p2: -0.001,
         ..Opencv::default()
     };
-    let tilted = Opencv {
-        s1: 0.01,
-        s2: -0.004,
-        s3: -0.008,
-        s4: 0.006,
-        tilt: Tilt::new(0.08, -0.11),
-        ..rational
-    };
-    let fisheye = Fisheye {
-        k: [-0.03, 0.01, -0.004, 0.0007],
-    };
+    let tilted =
+        Opencv { s1: 0.01, s2: -0.004, s3: -0.008, s4: 0.006, tilt: Tilt::new(0.08, -0.11), ..rational };
+    let fisheye = Fisheye { k: [-0.03, 0.01, -0.004, 0.0007] };
     let wide = Pinhole {
         // A lens of 140° over the diagonal.
         focal: DVec2::splat(165.0),
         ..with(Distortion::Fisheye(fisheye))
     };
-    let wide = Pinhole::new(
-        wide.resolution,
-        wide.focal,
-        wide.principal,
-        wide.distortion,
-        wide.origin,
-        wide.axes,
-    );
+    let wide =
+        Pinhole::new(wide.resolution, wide.focal, wide.principal, wide.distortion, wide.origin, wide.axes);
     [device(), with(rational), with(tilted), wide.unwrap()]
 }
 
@@ -61,14 +47,7 @@ proptest! {
 }
 
 fn device() -> Pinhole {
-    let d = Opencv {
-        k1: -0.28,
-        k2: 0.07,
-        k3: 0.01,
-        p1: 0.002,
-        p2: -0.001,
-        ..Opencv::default()
-    };
+    let d = Opencv { k1: -0.28, k2: 0.07, k3: 0.01, p1: 0.002, p2: -0.001, ..Opencv::default() };
     with(d)
 }
 
@@ -160,10 +139,7 @@ fn count(p: &Pinhole, cone: f32) {
 fn the_plane_in_focus_is_sharp() {
     let mut stream = Stream::new(3, 0, 0);
     let mut p = device();
-    p.lens = Lens {
-        radius: 0.05,
-        focus: 2.0,
-    };
+    p.lens = Lens { radius: 0.05, focus: 2.0 };
     let pixel = DVec2::new(40.0, 200.0);
     let central = p.direction(pixel);
     let target = p.origin + central * (2.0 / central.dot(p.forward()));
@@ -195,24 +171,14 @@ fn what_folds_back_is_not_seen() {
         let refused = made(lens.into(), f).expect_err("it folds");
         assert!(refused.contains("folds"), "{refused}");
     };
-    let strong = Opencv {
-        k1: -2.0,
-        ..Opencv::default()
-    };
+    let strong = Opencv { k1: -2.0, ..Opencv::default() };
     folds(strong, 100.0);
     // Rises again beyond the fold, so that every radius of the image is the image of some direction.
-    let wave = Opencv {
-        k1: -1.0,
-        k2: 0.3,
-        ..Opencv::default()
-    };
+    let wave = Opencv { k1: -1.0, k2: 0.3, ..Opencv::default() };
     folds(wave, 180.0);
     assert!(made(wave.into(), 800.0).is_ok(), "where it does not fold yet");
     // A pole of the rational model at r = 0.632: points beyond it are not visible.
-    let pole = Opencv {
-        k4: -2.5,
-        ..Opencv::default()
-    };
+    let pole = Opencv { k4: -2.5, ..Opencv::default() };
     let seen = made(pole.into(), 100.0).unwrap();
     assert!((0.5..0.632).contains(&seen.field()[1].x), "{:?}", seen.field());
     assert!(seen.project(p.origin + Vec3A::new(1.0, 0.0, -1.0)).is_none());

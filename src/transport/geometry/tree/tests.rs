@@ -87,10 +87,7 @@ fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
     for _ in 0..200 {
         let origin = warp::sphere(stream.uniform2()) * 5.0;
         let dir = (warp::sphere(stream.uniform2()) * 2.0 - origin).normalize();
-        let mut seen = Seen {
-            met: vec![false; leaves.len()],
-            stop: false,
-        };
+        let mut seen = Seen { met: vec![false; leaves.len()], stop: false };
         tree.traverse::<true>(&Ray { origin, dir }, 100.0, &mut seen);
         let met = seen.met;
         for (leaf, run) in leaves.iter().enumerate().filter(|(l, _)| used[*l]) {
@@ -125,9 +122,7 @@ fn equal_boxes_make_no_deep_tree() {
     // each other, and increasingly far away.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
-    check(&row(&|i| {
-        [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]
-    }));
+    check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));
     check(&row(&|i| [Vec3A::new(0.01 * i, 0.0, 1.0); 2]));
     check(&row(&|i| {
         let along = Vec3A::AXES[i as usize % 3];
@@ -183,12 +178,7 @@ fn both_trees_give_the_same_hits() {
         let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
         let ray = Ray { origin, dir };
         let [clustered, split] = trees.each_ref().map(|(tree, leaves)| {
-            let mut nearest = Nearest {
-                triangles: &triangles,
-                leaves,
-                ray: &ray,
-                t: f32::INFINITY,
-            };
+            let mut nearest = Nearest { triangles: &triangles, leaves, ray: &ray, t: f32::INFINITY };
             tree.traverse::<true>(&ray, f32::INFINITY, &mut nearest);
             nearest.t
         });
@@ -204,11 +194,7 @@ fn split_trees_are_the_same_on_any_number_of_threads() {
     let built = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let [_, (tree, leaves)] = pool.expect("threads").install(|| both(&boxes));
-        let nodes: Vec<_> = tree
-            .nodes
-            .iter()
-            .map(|n| (n.bounds.map(|b| b.0), n.child))
-            .collect();
+        let nodes: Vec<_> = tree.nodes.iter().map(|n| (n.bounds.map(|b| b.0), n.child)).collect();
         (nodes, leaves)
     };
     let one = built(1);
@@ -220,15 +206,8 @@ fn an_end_of_zero_stops() {
     let boxes = boxes(100, 3);
     let tree = Tree::build(100, |i| boxes[i], |_| false, |run| run[0]);
     let (origin, dir) = (Vec3A::splat(-5.0), Vec3A::splat(1.0).normalize());
-    let mut seen = Seen {
-        met: vec![false; 100],
-        stop: true,
-    };
+    let mut seen = Seen { met: vec![false; 100], stop: true };
     tree.traverse::<false>(&Ray { origin, dir }, 100.0, &mut seen);
     assert!(seen.met.iter().filter(|m| **m).count() <= 1);
-    assert!(
-        Tree::build(0, |_| Aabb::empty(), |_| true, |_| 0)
-            .nodes
-            .is_empty()
-    );
+    assert!(Tree::build(0, |_| Aabb::empty(), |_| true, |_| 0).nodes.is_empty());
 }

@@ -23,29 +23,19 @@ pub struct Axes {
 fn evenly(low: f32, high: f32, count: usize) -> Vec<f32> {
     let last = count.saturating_sub(1).max(1) as f64;
     let (low, high) = (f64::from(low), f64::from(high));
-    (0..count)
-        .map(|i| (low + (high - low) * (i as f64 / last)) as f32)
-        .collect()
+    (0..count).map(|i| (low + (high - low) * (i as f64 / last)) as f32).collect()
 }
 
 /// Names of the angular axes, each with its range.
-pub(super) const ANGLES: [(&str, f32, f32); 3] = [
-    ("phi_d", -PI, PI),
-    ("theta_d", 0.0, FRAC_PI_2),
-    ("theta_h", 0.0, FRAC_PI_2),
-];
+pub(super) const ANGLES: [(&str, f32, f32); 3] =
+    [("phi_d", -PI, PI), ("theta_d", 0.0, FRAC_PI_2), ("theta_h", 0.0, FRAC_PI_2)];
 
 impl Axes {
     /// Returns evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and theta_h.
     #[must_use]
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
-        Self {
-            phi_d,
-            theta_d,
-            theta_h,
-            wavelengths_nm,
-        }
+        Self { phi_d, theta_d, theta_h, wavelengths_nm }
     }
 
     /// Returns the angular axes in the order of [`ANGLES`].
@@ -60,11 +50,8 @@ impl Axes {
     pub fn slab_len(&self) -> Result<usize, PbsdfError> {
         let parts = [self.theta_d.len(), self.theta_h.len(), self.wavelengths_nm.len()];
         let slab = parts.iter().try_fold(16, |n: usize, p| n.checked_mul(*p));
-        slab.filter(|n| {
-            n.checked_mul(self.phi_d.len())
-                .is_some_and(|n| n <= isize::MAX as usize / 4)
-        })
-        .ok_or(PbsdfError::TooLarge)
+        slab.filter(|n| n.checked_mul(self.phi_d.len()).is_some_and(|n| n <= isize::MAX as usize / 4))
+            .ok_or(PbsdfError::TooLarge)
     }
 
     /// Checks ranges, order and lengths.
@@ -79,19 +66,10 @@ impl Axes {
             }
             let range = low - TOLERANCE..=high + TOLERANCE;
             if let Some(&value) = values.iter().find(|v| !range.contains(*v)) {
-                return Err(PbsdfError::Angle {
-                    axis,
-                    value,
-                    low,
-                    high,
-                });
+                return Err(PbsdfError::Angle { axis, value, low, high });
             }
             if let Some(w) = values.windows(2).find(|w| w[0] >= w[1]) {
-                return Err(PbsdfError::Order {
-                    axis,
-                    before: w[0].into(),
-                    after: w[1].into(),
-                });
+                return Err(PbsdfError::Order { axis, before: w[0].into(), after: w[1].into() });
             }
         }
         let (first, last) = (self.phi_d[0], self.phi_d[self.phi_d.len() - 1]);
@@ -102,11 +80,7 @@ impl Axes {
             return Err(PbsdfError::NoWavelengths);
         }
         if let Some(w) = self.wavelengths_nm.windows(2).find(|w| w[0] >= w[1]) {
-            return Err(PbsdfError::Order {
-                axis: "wvls",
-                before: w[0].into(),
-                after: w[1].into(),
-            });
+            return Err(PbsdfError::Order { axis: "wvls", before: w[0].into(), after: w[1].into() });
         }
         Ok(())
     }
@@ -134,14 +108,8 @@ impl Axis {
     pub fn new(nodes: Vec<f32>) -> Self {
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let step = (last - first) / (nodes.len() - 1) as f32;
-        let even = nodes
-            .iter()
-            .enumerate()
-            .all(|(i, v)| (v - (first + step * i as f32)).abs() < 0.01 * step);
-        Self {
-            nodes,
-            rate: even.then(|| step.recip()),
-        }
+        let even = nodes.iter().enumerate().all(|(i, v)| (v - (first + step * i as f32)).abs() < 0.01 * step);
+        Self { nodes, rate: even.then(|| step.recip()) }
     }
 
     pub fn nodes(&self) -> &[f32] {
@@ -164,11 +132,7 @@ impl Axis {
                     i
                 }
             }
-            None => self
-                .nodes
-                .partition_point(|n| *n <= x)
-                .saturating_sub(1)
-                .min(last),
+            None => self.nodes.partition_point(|n| *n <= x).saturating_sub(1).min(last),
         }
     }
 

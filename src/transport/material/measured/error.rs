@@ -18,27 +18,14 @@ pub enum PbsdfError {
     #[error("duplicate field `{0}`; write the file with one field of this name")]
     Twice(&'static str),
     #[error("field `{field}` has elements of type {found}; write the field as {want}")]
-    Type {
-        field: &'static str,
-        found: String,
-        want: &'static str,
-    },
+    Type { field: &'static str, found: String, want: &'static str },
     #[error("field `{field}` has shape {found}; expected shape {want}")]
-    Shape {
-        field: &'static str,
-        found: String,
-        want: String,
-    },
+    Shape { field: &'static str, found: String, want: String },
     #[error(
         "the file is truncated: `{field}` occupies bytes {start}..{end}, but the file has {size} bytes; download the \
          file again"
     )]
-    Truncated {
-        field: &'static str,
-        start: u64,
-        end: u128,
-        size: usize,
-    },
+    Truncated { field: &'static str, start: u64, end: u128, size: usize },
     #[error("axis `{0}` is empty; set even_axes = true to use evenly spaced angles")]
     EmptyAxis(&'static str),
     #[error("axis `{0}` has {1} entries; at least two are required for interpolation")]
@@ -49,18 +36,9 @@ pub enum PbsdfError {
     NoWavelengths,
     /// An axis value that is not finite, or outside the range of its angle (radians).
     #[error("value {value} on axis `{axis}` is out of range; expected radians in {low:.4}..{high:.4}")]
-    Angle {
-        axis: &'static str,
-        value: f32,
-        low: f32,
-        high: f32,
-    },
+    Angle { axis: &'static str, value: f32, low: f32, high: f32 },
     #[error("{before} followed by {after} on axis `{axis}`; values must be strictly increasing")]
-    Order {
-        axis: &'static str,
-        before: f64,
-        after: f64,
-    },
+    Order { axis: &'static str, before: f64, after: f64 },
     #[error("phi_d covers only {0} to {1}; the axis must cover the full circle from -π to π")]
     HalfCircle(f32, f32),
     #[error("no valid entry (M00 is NaN everywhere); download the file again, or use the inpainted variant")]

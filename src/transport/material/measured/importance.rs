@@ -154,11 +154,7 @@ impl Importance {
         let (row, column) = (cell / self.columns, cell % self.columns);
         let q = self.edges[row] + u[2] * (self.edges[row + 1] - self.edges[row]);
         // Both halves of the symmetric azimuth.
-        let (side, within) = if u[3] < 0.5 {
-            (1.0, 2.0 * u[3])
-        } else {
-            (-1.0, 2.0 * u[3] - 1.0)
-        };
+        let (side, within) = if u[3] < 0.5 { (1.0, 2.0 * u[3]) } else { (-1.0, 2.0 * u[3] - 1.0) };
         direction(q, side * PI * (column as f32 + within) / self.columns as f32)
     }
 }

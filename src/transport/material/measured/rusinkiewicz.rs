@@ -34,19 +34,11 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
     let length2 = sum.length_squared();
     // Opposite directions, both at the horizon, have no unique half vector; the normal is a valid choice.
-    let h = if length2 > 1e-12 {
-        sum * length2.sqrt().recip()
-    } else {
-        n
-    };
+    let h = if length2 > 1e-12 { sum * length2.sqrt().recip() } else { n };
     // n × h, without cancellation where the two are close.
     let across = n.cross(h - n);
     let sin_h = across.length();
-    let b = if sin_h > 1e-6 {
-        across * sin_h.recip()
-    } else {
-        perpendicular(h)
-    };
+    let b = if sin_h > 1e-6 { across * sin_h.recip() } else { perpendicular(h) };
     // 2 wi × wo, without cancellation.
     let cross = difference.cross(sum);
     let size = cross.length();
@@ -176,10 +168,7 @@ mod tests {
                 assert!(fine, "{a} {b} {phi}: {at:?}");
                 assert!((s.length() - 1.0).abs() < 1e-5, "{a} {b} {phi}: s = {s}");
                 let off = s.dot(wo).abs().max(s.dot(wi).abs());
-                assert!(
-                    off < 1e-5 || at.theta_d > 1.57,
-                    "{a} {b} {phi}: s = {s}, off by {off}"
-                );
+                assert!(off < 1e-5 || at.theta_d > 1.57, "{a} {b} {phi}: s = {s}, off by {off}");
             }
         }
         let (at, s) = coordinates(Vec3A::Z, Vec3A::Z, Vec3A::Z);

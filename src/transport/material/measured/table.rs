@@ -85,34 +85,20 @@ fn float(bytes: &[u8], at: usize) -> f32 {
 }
 
 fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> PbsdfError {
-    PbsdfError::Shape {
-        field,
-        found: found.shape_text(),
-        want: want.into(),
-    }
+    PbsdfError::Shape { field, found: found.shape_text(), want: want.into() }
 }
 
 /// Returns the bands around a wavelength, and true if it is outside the table's range.
 fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
     let inside = nm.clamp(first, last);
-    let high = bands
-        .partition_point(|b| f64::from(*b) < inside)
-        .min(bands.len() - 1);
+    let high = bands.partition_point(|b| f64::from(*b) < inside).min(bands.len() - 1);
     let low = high.saturating_sub(1);
     let (a, b) = (f64::from(bands[low]), f64::from(bands[high]));
-    let weight = if high > low {
-        ((inside - a) / (b - a)) as f32
-    } else {
-        0.0
-    };
+    let weight = if high > low { ((inside - a) / (b - a)) as f32 } else { 0.0 };
     let band = match weight {
         // The wavelength is that of a band: only this band is read.
-        1.0 => Band {
-            low: high,
-            high,
-            weight: 0.0,
-        },
+        1.0 => Band { low: high, high, weight: 0.0 },
         weight => Band { low, high, weight },
     };
     (band, inside != nm)
@@ -140,11 +126,7 @@ impl Table {
             return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4)"));
         };
         if shape.len() != 6 || m.range.is_empty() {
-            return Err(shape_error(
-                "M",
-                &m,
-                "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros",
-            ));
+            return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros"));
         }
         // M is inside the file, so no product of its extents overflows.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
@@ -167,22 +149,13 @@ impl Table {
         }
         let wvls = file.field("wvls", Dtype::U16)?;
         if !wvls.shape().eq([extent[3] as u64]) {
-            return Err(shape_error(
-                "wvls",
-                &wvls,
-                format!("({}), the length in M", extent[3]),
-            ));
+            return Err(shape_error("wvls", &wvls, format!("({}), the length in M", extent[3])));
         }
         let (pairs, _) = bytes[wvls.range.clone()].as_chunks::<2>();
         let wavelengths_nm: Vec<u16> = pairs.iter().map(|b| u16::from_le_bytes(*b)).collect();
         heads[4] = wvls.range;
         let [phi_d, theta_d, theta_h] = angles;
-        let axes = Axes {
-            phi_d,
-            theta_d,
-            theta_h,
-            wavelengths_nm,
-        };
+        let axes = Axes { phi_d, theta_d, theta_h, wavelengths_nm };
         axes.check()?;
         let valid = |cell: usize| float(bytes, cell).abs() < LIMIT;
         if !m.range.clone().step_by(CELL).any(valid) {
@@ -421,11 +394,7 @@ impl Sum {
     #[inline]
     fn scale(&self) -> f32 {
         // Negligible total weight, or M00 ≤ 0.
-        if self.weight < 1e-12 || self.elements[0] <= 0.0 {
-            0.0
-        } else {
-            self.weight.recip()
-        }
+        if self.weight < 1e-12 || self.elements[0] <= 0.0 { 0.0 } else { self.weight.recip() }
     }
 }
 

@@ -51,9 +51,7 @@ impl Dtype {
 }
 
 fn type_name(code: u8) -> String {
-    let names = [
-        "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f16", "f32", "f64",
-    ];
+    let names = ["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f16", "f32", "f64"];
     usize::from(code)
         .checked_sub(1)
         .and_then(|i| names.get(i))
@@ -88,12 +86,7 @@ fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
     let [code] = number(bytes)?;
     let offset = u64::from_le_bytes(number(bytes)?);
     let shape = take(bytes, usize::from(dimensions) * 8)?;
-    Some(Entry {
-        name,
-        code,
-        offset,
-        shape,
-    })
+    Some(Entry { name, code, offset, shape })
 }
 
 /// A field whose data range is inside the file.
@@ -177,33 +170,17 @@ impl<'a> TensorFile<'a> {
         }
         let e = found.ok_or(PbsdfError::Missing(name))?;
         if e.code != dtype.code() {
-            return Err(PbsdfError::Type {
-                field: name,
-                found: type_name(e.code),
-                want: dtype.name(),
-            });
+            return Err(PbsdfError::Type { field: name, found: type_name(e.code), want: dtype.name() });
         }
-        let mut field = Field {
-            dtype,
-            range: 0..0,
-            shape: e.shape,
-        };
+        let mut field = Field { dtype, range: 0..0, shape: e.shape };
         // A zero extent means no data, whatever the offset and the other extents are.
         if field.shape().any(|n| n == 0) {
             return Ok(field);
         }
-        let bytes = field
-            .shape()
-            .try_fold(dtype.size() as u64, u64::checked_mul)
-            .unwrap_or(u64::MAX);
+        let bytes = field.shape().try_fold(dtype.size() as u64, u64::checked_mul).unwrap_or(u64::MAX);
         let end = u128::from(e.offset) + u128::from(bytes);
         if end > self.bytes.len() as u128 {
-            return Err(PbsdfError::Truncated {
-                field: name,
-                start: e.offset,
-                end,
-                size: self.bytes.len(),
-            });
+            return Err(PbsdfError::Truncated { field: name, start: e.offset, end, size: self.bytes.len() });
         }
         // No overflow: both are at most the length of the slice.
         field.range = e.offset as usize..(e.offset + bytes) as usize;

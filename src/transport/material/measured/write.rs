@@ -94,47 +94,37 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
     };
     out.fill(0.0);
     let (matrices, _) = out.as_chunks_mut::<16>();
-    let grid = axes
-        .theta_d
-        .iter()
-        .flat_map(|d| axes.theta_h.iter().map(move |h| (*d, *h)));
+    let grid = axes.theta_d.iter().flat_map(|d| axes.theta_h.iter().map(move |h| (*d, *h)));
     let angles: Vec<(f32, f32)> = grid.collect();
     let cells = matrices.par_chunks_exact_mut(axes.wavelengths_nm.len().max(1));
-    cells
-        .zip(&angles)
-        .with_min_len(256)
-        .for_each(|(cell, &(theta_d, theta_h))| {
-            let at = Coordinates {
-                phi_d,
-                theta_d,
-                theta_h,
+    cells.zip(&angles).with_min_len(256).for_each(|(cell, &(theta_d, theta_h))| {
+        let at = Coordinates { phi_d, theta_d, theta_h };
+        let (wi, wo, s) = directions(at);
+        if wi.z < LEAST_COS || wo.z < LEAST_COS {
+            cell.fill([f32::NAN; 16]);
+            return;
+        }
+        for (bands, (materials, id)) in cell.chunks_mut(MAX_WAVELENGTHS).zip(sources) {
+            let at = Surface {
+                p: Vec3A::ZERO,
+                ng: Vec3A::Z,
+                ns: Vec3A::Z,
+                tangent: Vec3A::X,
+                bitangent: Vec3A::ZERO,
+                uv: [0.0; 2],
+                material: *id,
+                rounding: 0.0,
             };
-            let (wi, wo, s) = directions(at);
-            if wi.z < LEAST_COS || wo.z < LEAST_COS {
-                cell.fill([f32::NAN; 16]);
-                return;
+            let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
+                continue;
+            };
+            let m = scatter.between(wo, s, wi, s);
+            for (lane, matrix) in bands.iter_mut().enumerate() {
+                let rows = m.lane(lane);
+                *matrix = std::array::from_fn(|e| rows[e / 4][e % 4] / wi.z);
             }
-            for (bands, (materials, id)) in cell.chunks_mut(MAX_WAVELENGTHS).zip(sources) {
-                let at = Surface {
-                    p: Vec3A::ZERO,
-                    ng: Vec3A::Z,
-                    ns: Vec3A::Z,
-                    tangent: Vec3A::X,
-                    bitangent: Vec3A::ZERO,
-                    uv: [0.0; 2],
-                    material: *id,
-                    rounding: 0.0,
-                };
-                let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
-                    continue;
-                };
-                let m = scatter.between(wo, s, wi, s);
-                for (lane, matrix) in bands.iter_mut().enumerate() {
-                    let rows = m.lane(lane);
-                    *matrix = std::array::from_fn(|e| rows[e / 4][e % 4] / wi.z);
-                }
-            }
-        });
+        }
+    });
 }
 
 /// Tabulates the BRDF of a material, with holes where light or viewer are below the horizon, as in
@@ -148,10 +138,7 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
 pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
     if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
-        return Err(PbsdfError::Sources {
-            bands,
-            sources: sources.len(),
-        });
+        return Err(PbsdfError::Sources { bands, sources: sources.len() });
     }
     write(path, axes, |i, out| slab(axes, sources, i, out))
 }

@@ -37,16 +37,9 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
     };
     let materials = Materials {
         list: vec![
-            Material::Diffuse(Diffuse {
-                albedo: Spectrum::uniform(Spectral::splat(0.5)),
-            }),
+            Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::splat(0.5)) }),
             Material::Conductor(Conductor { n, k, reflectance }),
-            Material::RoughConductor(RoughConductor {
-                n,
-                k,
-                reflectance,
-                roughness,
-            }),
+            Material::RoughConductor(RoughConductor { n, k, reflectance, roughness }),
         ],
         ..Materials::default()
     };
@@ -57,10 +50,7 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
                 let [corner, u, v] = place.map(Vec3A::from_array);
                 let mut square = Mesh::rectangle();
                 let axes = Mat3A::from_cols(u / 2.0, v / 2.0, u.cross(v));
-                square.transform(&Affine3A {
-                    matrix3: axes,
-                    translation: corner + (u + v) / 2.0,
-                });
+                square.transform(&Affine3A { matrix3: axes, translation: corner + (u + v) / 2.0 });
                 geometry.mesh(&square, *material);
             }
             Shape::Ball(x, radius) => {
@@ -95,12 +85,7 @@ fn a_plane_is_one_mirror() {
 /// The path over a flat mirror has equal angles. There is none to the other side, nor outside the mirror.
 #[test]
 fn flat_ways_are_images() {
-    let all = [rectangle(
-        GOLD,
-        [-1.0, -1.0, 0.0],
-        [2.0, 0.0, 0.0],
-        [0.0, 2.0, 0.0],
-    )];
+    let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
     let mirrors = mirrors(&all);
     let ways = |a: [f32; 3], b: [f32; 3]| {
         let mut found = vec![];

@@ -39,10 +39,7 @@ impl Paths {
         self.paths.resize_with(BATCH, Path::default);
         for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
             let (state, dir) = (&mut path.state, many::get(&dirs, n));
-            state.ray = Ray {
-                origin: camera.origin,
-                dir,
-            };
+            state.ray = Ray { origin: camera.origin, dir };
             state.from = camera.origin.as_dvec3();
             state.chain = Chain::start(ones);
             state.frame = camera.frame(dir);

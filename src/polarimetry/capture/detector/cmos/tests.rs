@@ -9,11 +9,7 @@ const NM: f64 = 550.0;
 
 /// Returns a camera with 650 e⁻ per unit of radiance and 2.6 e⁻/DN.
 fn camera() -> Cmos {
-    Cmos {
-        photons_per_unit: 1e5,
-        dark_current_e_s: 400.0,
-        ..Cmos::default()
-    }
+    Cmos { photons_per_unit: 1e5, dark_current_e_s: 400.0, ..Cmos::default() }
 }
 
 /// Returns the moments of 100 000 readings at one level.
@@ -26,11 +22,8 @@ fn readings(camera: &Cmos, radiance: f64, key: u32) -> Moments {
 #[test]
 fn readings_have_the_expected_mean_and_variance() {
     for gain in [None, Some(1.3)] {
-        let camera = Cmos {
-            gain_e_per_dn: gain,
-            bit_depth: if gain.is_some() { 16 } else { 12 },
-            ..camera()
-        };
+        let camera =
+            Cmos { gain_e_per_dn: gain, bit_depth: if gain.is_some() { 16 } else { 12 }, ..camera() };
         for (key, radiance) in [0.0, 0.1, 1.0, 5.0, 14.0].into_iter().enumerate() {
             let seen = readings(&camera, radiance, key as u32);
             let (mean, variance) = camera.expected(radiance, NM, 1.0);
@@ -46,16 +39,11 @@ fn readings_have_the_expected_mean_and_variance() {
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
-    let levels: Vec<_> = (1..=8)
-        .map(|k| readings(&camera, 1.5 * f64::from(k), 100 + k))
-        .collect();
+    let levels: Vec<_> = (1..=8).map(|k| readings(&camera, 1.5 * f64::from(k), 100 + k)).collect();
     let centre = levels.iter().map(|m| m.mean).sum::<f64>() / 8.0;
     let spread: f64 = levels.iter().map(|m| (m.mean - centre).powi(2)).sum();
     let slope: f64 = levels.iter().map(|m| (m.mean - centre) * m.variance).sum::<f64>() / spread;
-    let error: f64 = levels
-        .iter()
-        .map(|m| ((m.mean - centre) * m.variance).powi(2) * 2.0 / m.n)
-        .sum::<f64>()
+    let error: f64 = levels.iter().map(|m| ((m.mean - centre) * m.variance).powi(2) * 2.0 / m.n).sum::<f64>()
         / spread.powi(2);
     let off = (slope - 1.0 / camera.gain()) / error.sqrt();
     assert!(off.abs() < 5.0, "{slope}: {off} sigma");
@@ -64,11 +52,7 @@ fn photon_transfer_has_the_gain_as_slope() {
 /// Without shot noise the signal is exact and only the read noise remains.
 #[test]
 fn without_shot_noise_the_read_out_is_left() {
-    let camera = Cmos {
-        shot_noise: false,
-        read_noise_e: 6.0,
-        ..camera()
-    };
+    let camera = Cmos { shot_noise: false, read_noise_e: 6.0, ..camera() };
     let seen = readings(&camera, 8.0, 200);
     let (mean, variance) = camera.expected(8.0, NM, 1.0);
     assert!((variance - camera.read_out() / camera.gain().powi(2)).abs() < 1e-12);
@@ -100,10 +84,7 @@ fn estimates_are_unbiased_with_their_stated_variance() {
 #[test]
 fn too_much_light_saturates() {
     let mut stream = stream(5, 0, 0);
-    let clipped_by_the_well = Cmos {
-        gain_e_per_dn: Some(5.0),
-        ..camera()
-    };
+    let clipped_by_the_well = Cmos { gain_e_per_dn: Some(5.0), ..camera() };
     for camera in [camera(), clipped_by_the_well] {
         for radiance in [30.0, 1e6, 1e300, f64::INFINITY] {
             for _ in 0..1000 {
@@ -123,16 +104,10 @@ fn too_much_light_saturates() {
 /// each.
 #[test]
 fn bracketing_is_unbiased_with_its_stated_variance() {
-    let camera = Cmos {
-        bracket: vec![0.125, 1.0, 8.0],
-        read_noise_e: 5.0,
-        ..camera()
-    };
+    let camera = Cmos { bracket: vec![0.125, 1.0, 8.0], read_noise_e: 5.0, ..camera() };
     for (key, radiance) in [0.0, 0.02, 0.3, 5.0, 60.0].into_iter().enumerate() {
         let n = 40_000;
-        let out = camera
-            .capture(&vec![radiance; n], 200, 200, NM, 6, key as u32)
-            .expect("is taken");
+        let out = camera.capture(&vec![radiance; n], 200, 200, NM, 6, key as u32).expect("is taken");
         assert!(out.saturated.iter().all(|s| !s));
         let single = |factor: f64| {
             let (per_unit, dark) = camera.electrons(NM, factor);
@@ -154,10 +129,7 @@ fn bracketing_is_unbiased_with_its_stated_variance() {
 /// Weights by the variances of the single readings would cause a bias of more than a tenth of a sigma.
 #[test]
 fn weights_by_measured_variances_would_be_biased() {
-    let camera = Cmos {
-        bracket: vec![1.0; 4],
-        ..camera()
-    };
+    let camera = Cmos { bracket: vec![1.0; 4], ..camera() };
     let (radiance, n) = (0.05, 20_000);
     let mut stream = stream(7, 0, 0);
     let (mut ours, mut naive) = (Vec::new(), Vec::new());
@@ -170,19 +142,12 @@ fn weights_by_measured_variances_would_be_biased() {
     }
     let (ours, naive) = (Moments::of(ours.into_iter()), Moments::of(naive.into_iter()));
     ours.assert_mean(radiance, ours.variance);
-    assert!(
-        naive.mean < radiance - 0.1 * naive.variance.sqrt(),
-        "{}",
-        naive.mean
-    );
+    assert!(naive.mean < radiance - 0.1 * naive.variance.sqrt(), "{}", naive.mean);
 }
 
 #[test]
 fn combining_takes_what_is_known() {
-    let camera = Cmos {
-        bracket: vec![1.0, 4.0],
-        ..camera()
-    };
+    let camera = Cmos { bracket: vec![1.0, 4.0], ..camera() };
     let known = camera.estimate(400, NM, 1.0);
     let both = camera.combine(&[known, Estimate::SATURATED], NM);
     assert!((both.radiance - known.radiance).abs() < 1e-12);
@@ -194,13 +159,8 @@ fn combining_takes_what_is_known() {
 /// 2×2 binning quarters the variance and drops odd last rows and columns. Uses 10 000 binned pixels.
 #[test]
 fn binning_quarters_the_variance() {
-    let camera = Cmos {
-        binning: 2,
-        ..camera()
-    };
-    let out = camera
-        .capture(&vec![2.0; 201 * 201], 201, 201, NM, 8, 0)
-        .expect("is taken");
+    let camera = Cmos { binning: 2, ..camera() };
+    let out = camera.capture(&vec![2.0; 201 * 201], 201, 201, NM, 8, 0).expect("is taken");
     assert_eq!((out.width, out.height, out.radiance.len()), (100, 100, 10_000));
     let (_, variance) = camera.expected(2.0, NM, 1.0);
     let want = variance * (camera.gain() / camera.electrons(NM, 1.0).0).powi(2) / 4.0;
@@ -212,12 +172,7 @@ fn binning_quarters_the_variance() {
 
 #[test]
 fn binning_averages_neighbours() {
-    let camera = Cmos {
-        binning: 2,
-        shot_noise: false,
-        read_noise_e: 0.0,
-        ..camera()
-    };
+    let camera = Cmos { binning: 2, shot_noise: false, read_noise_e: 0.0, ..camera() };
     let image = [1.0, 3.0, 7.0, 5.0, 7.0, 7.0];
     let out = camera.capture(&image, 3, 2, NM, 0, 0).expect("is taken");
     assert_eq!((out.width, out.height), (1, 1));
@@ -227,11 +182,7 @@ fn binning_averages_neighbours() {
 /// Without noise the error of an estimate is at most half a DN.
 #[test]
 fn without_noise_half_a_dn_is_the_bound() {
-    let camera = Cmos {
-        shot_noise: false,
-        read_noise_e: 0.0,
-        ..camera()
-    };
+    let camera = Cmos { shot_noise: false, read_noise_e: 0.0, ..camera() };
     let bound = 0.5 * camera.gain() / camera.electrons(NM, 1.0).0;
     let image: Vec<_> = (0..1500).map(|k| f64::from(k) * 0.01).collect();
     let out = camera.capture(&image, 1500, 1, NM, 0, 0).expect("is taken");
@@ -243,12 +194,7 @@ fn without_noise_half_a_dn_is_the_bound() {
 #[test]
 fn captures_differ_by_key_and_repeat_by_seed() {
     let image = [1.0; 100];
-    let take = |seed, key| {
-        camera()
-            .capture(&image, 10, 10, NM, seed, key)
-            .expect("is taken")
-            .radiance
-    };
+    let take = |seed, key| camera().capture(&image, 10, 10, NM, seed, key).expect("is taken").radiance;
     assert_eq!(take(1, 1), take(1, 1));
     assert_ne!(take(1, 1), take(1, 2));
     assert_ne!(take(1, 1), take(2, 1));
@@ -267,14 +213,9 @@ fn settings_read_from_toml_and_are_checked_by_name() {
         let camera: Cmos = toml::from_str(text).expect("reads");
         camera.check().expect_err("is bad").to_string()
     };
-    for field in [
-        "exposure_s",
-        "photons_per_unit",
-        "read_noise_e",
-        "dark_current_e_s",
-        "full_well_e",
-        "gain_e_per_dn",
-    ] {
+    for field in
+        ["exposure_s", "photons_per_unit", "read_noise_e", "dark_current_e_s", "full_well_e", "gain_e_per_dn"]
+    {
         for value in ["-1.0", "nan", "inf"] {
             let error = bad(&format!("{field} = {value}"));
             assert!(error.starts_with(&format!("`{field}`")), "{error}");
@@ -295,18 +236,9 @@ fn settings_read_from_toml_and_are_checked_by_name() {
 #[test]
 fn images_of_another_size_are_refused() {
     let take = |image: &[f64], [w, h]: [usize; 2]| camera().capture(image, w, h, NM, 0, 0);
-    assert!(matches!(
-        take(&[1.0; 5], [2, 2]),
-        Err(DetectorError::Count { .. })
-    ));
-    assert!(matches!(
-        take(&[1.0; 4], [usize::MAX, 2]),
-        Err(DetectorError::Count { .. })
-    ));
-    assert!(matches!(
-        take(&[1.0, f64::NAN], [2, 1]),
-        Err(DetectorError::Radiance { index: 1, .. })
-    ));
+    assert!(matches!(take(&[1.0; 5], [2, 2]), Err(DetectorError::Count { .. })));
+    assert!(matches!(take(&[1.0; 4], [usize::MAX, 2]), Err(DetectorError::Count { .. })));
+    assert!(matches!(take(&[1.0, f64::NAN], [2, 1]), Err(DetectorError::Radiance { index: 1, .. })));
     assert!(take(&[], [0, 0]).expect("is taken").radiance.is_empty());
 }
 

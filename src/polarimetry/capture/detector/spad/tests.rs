@@ -33,10 +33,7 @@ fn light() -> Vec<f64> {
 
 #[test]
 fn response_has_unit_sum_and_its_mean() {
-    let diode = Spad {
-        period_ps: 10_000.0,
-        ..diode(Mode::Synchronous)
-    };
+    let diode = Spad { period_ps: 10_000.0, ..diode(Mode::Synchronous) };
     let response = diode.response().expect("is checked");
     assert_eq!(response.len(), 400);
     assert!((response.iter().sum::<f64>() - 1.0).abs() < 1e-13);
@@ -56,19 +53,9 @@ fn rates_add_up_to_light_and_dark_counts() {
     let again = diode(Mode::Synchronous).rates(&late, NM).expect("is checked");
     assert!(rates.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-15));
     // Without jitter, light stays in its bin.
-    let sharp = Spad {
-        irf_fwhm_ps: 0.0,
-        irf_tail: 0.0,
-        dark_counts_per_s: 0.0,
-        ..diode(Mode::Synchronous)
-    };
+    let sharp = Spad { irf_fwhm_ps: 0.0, irf_tail: 0.0, dark_counts_per_s: 0.0, ..diode(Mode::Synchronous) };
     let rates = sharp.rates(&light(), NM).expect("is checked");
-    assert!(
-        rates
-            .iter()
-            .zip(light())
-            .all(|(rate, light)| (rate - 0.15 * light).abs() < 1e-15)
-    );
+    assert!(rates.iter().zip(light()).all(|(rate, light)| (rate - 0.15 * light).abs() < 1e-15));
 }
 
 /// Round trip from radiance to counts and back in both modes: 500 captures of 20 000 pulses with 0.2 light
@@ -79,9 +66,7 @@ fn estimates_are_unbiased_with_their_stated_variance() {
         let diode = diode(mode);
         let rates = diode.rates(&light(), NM).expect("is checked");
         let capture = |key| {
-            let counts = diode
-                .count(&rates, &mut stream(31, pixel, key))
-                .expect("is checked");
+            let counts = diode.count(&rates, &mut stream(31, pixel, key)).expect("is checked");
             diode.estimate(&counts, NM).expect("is checked")
         };
         let all: Vec<_> = (0..500).map(capture).collect();
@@ -103,51 +88,27 @@ fn too_much_light_saturates() {
         let mut counts = vec![0; 80];
         counts[0] = diode.pulses;
         let estimates = diode.estimate(&counts, NM).expect("is checked");
-        assert!(
-            estimates[5].saturated && estimates[5].radiance.is_nan(),
-            "{mode:?}"
-        );
+        assert!(estimates[5].saturated && estimates[5].radiance.is_nan(), "{mode:?}");
     }
-    let blind = Spad {
-        detection_efficiency: SpectralValue::Same(0.0),
-        ..diode(Mode::FreeRunning)
-    };
-    assert_eq!(
-        blind.estimate(&[0; 80], NM).expect("is checked")[3].variance,
-        f64::INFINITY
-    );
+    let blind = Spad { detection_efficiency: SpectralValue::Same(0.0), ..diode(Mode::FreeRunning) };
+    assert_eq!(blind.estimate(&[0; 80], NM).expect("is checked")[3].variance, f64::INFINITY);
 }
 
 #[test]
 fn endless_simulations_are_refused() {
-    let diode = Spad {
-        dead_time_ps: 1e-3,
-        pulses: 1_000_000_000,
-        ..diode(Mode::FreeRunning)
-    };
+    let diode = Spad { dead_time_ps: 1e-3, pulses: 1_000_000_000, ..diode(Mode::FreeRunning) };
     let mut stream = stream(0, 0, 0);
     let endless = diode.count(&[1e3; 80], &mut stream).expect_err("is endless");
     assert!(matches!(endless, DetectorError::Detections { .. }));
-    for setting in [
-        "`pulses`",
-        "`photons_per_unit`",
-        "`dark_counts_per_s`",
-        "`dead_time_ps`",
-    ] {
+    for setting in ["`pulses`", "`photons_per_unit`", "`dark_counts_per_s`", "`dead_time_ps`"] {
         assert!(endless.to_string().contains(setting), "{endless}");
     }
     // The limit applies to single detections: dead time or few photons keep a long capture short.
     for (rate, dead_time_ps) in [(1e3, 1e9), (1e-12, 1e-3)] {
-        let diode = Spad {
-            dead_time_ps,
-            ..diode.clone()
-        };
+        let diode = Spad { dead_time_ps, ..diode.clone() };
         assert!(diode.count(&[rate; 80], &mut stream).is_ok());
     }
-    assert!(matches!(
-        diode.count(&[1e3; 8], &mut stream),
-        Err(DetectorError::Count { .. })
-    ));
+    assert!(matches!(diode.count(&[1e3; 8], &mut stream), Err(DetectorError::Count { .. })));
     assert!(diode.estimate(&[0; 8], NM).is_err());
     assert!(diode.rates(&[f64::NAN], NM).is_err());
 }
