@@ -108,13 +108,13 @@ fn scpi_laser(path: &str) {
         Err(e) => println!("{step}\t{e}"),
     };
     let done = |()| "done".to_owned();
-    describe(
+    answer(
         "identify",
         laser.identify(within).map(|i| format!("{} {} {} {}", i.maker, i.model, i.serial, i.firmware)),
     );
-    describe("on", laser.emit(true, 2.5e6, within).map(done));
-    describe("state on", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
-    describe("too fast", laser.emit(true, 7e7, within).map(done));
-    describe("off", laser.emit(false, 0.0, within).map(done));
-    describe("state off", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
+    answer("on", laser.emit(true, 2.5e6, within).map(done));
+    answer("state on", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
+    answer("too fast", laser.emit(true, 7e7, within).map(done));
+    answer("off", laser.emit(false, 0.0, within).map(done));
+    answer("state off", laser.state(within).map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)));
 }

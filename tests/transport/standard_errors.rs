@@ -36,24 +36,28 @@ projector = { nonepipolar = { half_width_px = 0.5 } }
 /// of bright hits are not Gaussian. The selection does not depend on deviations, so it cannot favour small
 /// ones.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_between_seeds_are_as_stated() {
     room(Integrator::Path, 256);
 }
 
 /// The same for samples stratified in 32 groups of 8.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_of_groups_are_as_stated() {
     room(Integrator::Path, 32);
 }
 
 /// The same where plain paths and samples of redirected light are added, 16 of these.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_of_added_passes_are_as_stated() {
     room(Integrator::Caustics, 256);
 }
 
 /// The same for a band about epipolar lines with sampled s'.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_of_drawn_s_primes_are_as_stated() {
     let band = "[[slices]]\nname = \"band\"\nprojector = { epipolar = { half_width_px = 0.5 } }\nsplit_first_bounce = true\n";
     let mut scene = scene_of(&mirror_room(16, 256, 256, 16, band));
@@ -98,6 +102,7 @@ fn deviations_of_bidirectional_paths_are_as_stated() {
 
 /// Light scattered in a medium around a ball, with bidirectional paths.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_in_media_are_as_stated() {
     let fog = FOG.replace("[0.4, 0.7, 1.0]", "0.7").replace("[0.1, 0.05, 0.2]", "0.1");
     let text = box_of(256, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
@@ -124,6 +129,7 @@ fn deviations_of_slabs_are_as_stated() {
 /// Manifold connections through glass and over a mirror, weighted against subpaths. (Only intensities: few
 /// paths contribute to polarization by a mirror, so that short renders cannot estimate its error.)
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn deviations_of_manifolds_are_as_stated() {
     let glass = "glass.dielectric = { ior = 1.5 }\nmirror.conductor = { metal = \"Ag\" }\n";
     let text = box_of(400, 6, glass)

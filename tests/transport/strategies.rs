@@ -85,6 +85,7 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
 /// bidirectional paths, and differs if the medium absorbs 50 % more. With the same samples, next-event
 /// estimation has at most a tenth of the variance.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn light_leaves_stones() {
     let phases = [
         ("1.5", "rayleigh = {}"),

@@ -174,6 +174,7 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn errors_of_cameras_are_what_they_claim() {
     hold("camera, 5 coefficients", &[camera(Model::Five)], 128, 0.05, true);
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 64, 0.05, false);

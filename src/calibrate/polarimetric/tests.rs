@@ -78,6 +78,7 @@ fn sample_along(
 
 /// Over repeats with different truths and noise, every parameter's errors over its sigmas have variance 1.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn stated_errors_are_those_that_are_made() {
     let count = repeats(128);
     for (array, what) in [(false, "intensities"), (true, "polarizer array")] {
@@ -204,6 +205,7 @@ fn dispersive_samples(
 /// n and k of the mirrors and both arms at two wavelengths, fitted jointly with the elements: whitened by the
 /// whole covariance, errors over stated ones have variance 1 for all determined parameters.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn dispersion_is_found_with_its_errors() {
     let nominal = dispersive();
     let one = |repeat: u32| {

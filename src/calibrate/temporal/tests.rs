@@ -104,6 +104,7 @@ impl Bench {
 /// The errors of time zeros, response and clock agree with stated ones, over repeats of 12 pixels and two
 /// planes. At one to three photons in ten pulses, up to a seventh is lost to pile-up.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn stated_errors_are_those_that_are_made() {
     let one = |repeat: u32| {
         let mut random = stream(79, 0, repeat);
@@ -279,6 +280,7 @@ fn exact_counts_give_the_exact_time() {
 }
 
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn tails_that_are_not_there_are_said() {
     let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
     let mut spad = diode(&truth);

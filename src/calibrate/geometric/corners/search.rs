@@ -220,6 +220,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn boards_are_found_in_their_order() {
         let board = Board::new(7, 6, 0.03).unwrap();
         let d = device();
