@@ -435,7 +435,10 @@ mod tests {
                 .to_string()
         };
         let uneven = four(Setting::Each(vec![0.0; 3]), Setting::Each(vec![0.0; 4]));
-        assert!(uneven.contains("`retarder_2` has 4 settings") && uneven.contains("`polarizer_1` has 3"), "{uneven}");
+        assert!(
+            uneven.contains("`retarder_2` has 4 settings") && uneven.contains("`polarizer_1` has 3"),
+            "{uneven}"
+        );
         let nan = four(Setting::Each(vec![0.0, f64::NAN]), Setting::Fixed(0.0));
         assert!(nan.contains("`polarizer_1` at capture 2"), "{nan}");
         assert!(four(Setting::Fixed(f64::INFINITY), Setting::Fixed(0.0)).contains("polarizer_1"));
