@@ -414,7 +414,7 @@ fn places(value: &Value, here: String, out: &mut Vec<String>) {
             places(v, format!("{here}/{}", k.replace('~', "~0").replace('/', "~1")), out);
         }),
         Value::Array(list) => {
-            list.iter().enumerate().for_each(|(i, v)| places(v, format!("{here}/{i}"), out))
+            list.iter().enumerate().for_each(|(i, v)| places(v, format!("{here}/{i}"), out));
         }
         _ => {}
     }

@@ -3,8 +3,8 @@
 //! Values are substituted in the parsed document and keep their location in the file, so an error in a value
 //! is reported at its location in `[vary]`.
 //!
-//! A number of a range is min + u (max - min). u has 53 bits of SplitMix64's finalizer (Steele, Lea & Flood
-//! 2014) over the parameter's name, ⌊k / every⌋ and the number's index in its list. Adding a parameter
+//! A number of a range is min + u (max - min). u has 53 bits of SplitMix64's finalizer (Steele, Lea & Flood 2014)
+//! over the parameter's name, ⌊k / every⌋ and the number's index in its list. Adding a parameter
 //! therefore does not change the others.
 
 use crate::path::{article, find, find_in, keys};

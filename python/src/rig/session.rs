@@ -105,7 +105,7 @@ impl Drop for Lent<'_, '_> {
         for (name, object) in &self.objects {
             match name.as_str() {
                 "projector" => {
-                    rig.projector.take().into_iter().for_each(|d| RigProjector::give_back(object, d))
+                    rig.projector.take().into_iter().for_each(|d| RigProjector::give_back(object, d));
                 }
                 "camera" => rig.camera.take().into_iter().for_each(|d| RigCamera::give_back(object, d)),
                 "galvo" => rig.galvo.take().into_iter().for_each(|d| RigGalvo::give_back(object, d)),

@@ -11,8 +11,8 @@ use sunstone::transport::material::Lobe;
 
 /// Print the Mueller matrix of a material at given directions, as JSON.
 ///
-/// MATERIAL.toml contains `[materials]` as in a scene file, and `wavelengths_nm` unless they are 450, 550,
-/// 660. Directions point away from the surface: IN toward the light source, OUT toward the viewer. THETA is
+/// MATERIAL.toml contains `[materials]` as in a scene file, and `wavelengths_nm` unless they are 450, 550, 660.
+/// Directions point away from the surface: IN toward the light source, OUT toward the viewer. THETA is
 /// the angle from the surface normal (+z) and PHI the azimuth from the tangent (+x), in degrees. The
 /// horizontal of the Stokes frames is perpendicular to the plane of the normal and the direction, (-sin PHI,
 /// cos PHI, 0): "s" comes first.

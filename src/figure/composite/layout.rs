@@ -1,7 +1,7 @@
 //! The layout of a composite, in millimetres from its upper left corner.
 //!
-//! All images have the same width p; an image that spans k columns also covers the space between them: p = (W
-//! - 2 edge - row headings - Σ space beside the columns - (n - 1) gap) / n. The space beside a column fits
+//! All images have the same width p; an image that spans k columns also covers the space between them: p = (W -
+//! 2 edge - row headings - Σ space beside the columns - (n - 1) gap) / n. The space beside a column fits
 //! the widest axis at its left and the widest colour bar at its right. The space above and below a row is
 //! computed in the same way.
 

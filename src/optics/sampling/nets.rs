@@ -2,8 +2,8 @@
 //!
 //! Of the 2^m points of such a net, every box of area 2^-m whose sides are powers of two contains exactly one
 //! (Niederreiter 1992). Integrands that vary slowly in one or both directions are therefore integrated with
-//! much less noise. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen
-//! 1995) and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and
+//! much less noise. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
+//! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and
 //! applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of nets.
 
 use super::mix::mix;

@@ -3,7 +3,7 @@
 use syntax::device::ExtrinsicsFile;
 
 /// User settings that supplement or override a calibration file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Which of several cameras to read: `cam1`, or `2` for K2 and D2, or `proj` for proj_K.
     pub camera: Option<String>,
@@ -17,12 +17,6 @@ pub struct Options {
     pub fisheye: bool,
     /// For Kalibr files: use the IMU's frame as the world instead of the first camera's.
     pub imu: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { camera: None, view: None, resolution: None, metres_per_unit: None, fisheye: false, imu: false }
-    }
 }
 
 pub(super) struct Found {

@@ -9,8 +9,8 @@
 //!
 //! where c is the probability of s', ρ the projector's pixels per steradian, d' and θ' the distance and angle
 //! at which y is illuminated, and r and θ those of z as seen from y. A path that reaches y from z by
-//! scattering, with density q, is the same path. For such a slice, the balance heuristic (Veach & Guibas
-//! 1995) weights the two by q/(q + p) and p/(q + p). All other slices are unchanged, as are paths that only
+//! scattering, with density q, is the same path. For such a slice, the balance heuristic (Veach & Guibas 1995)
+//! weights the two by q/(q + p) and p/(q + p). All other slices are unchanged, as are paths that only
 //! scattering can sample (over mirrors, through sheets).
 
 use super::connect::{Vertex, connect_known};

@@ -105,8 +105,8 @@ fn errors_are_those_of_what_counts() {
 /// Measuring the brightness in unpolarized light takes one capture. With an uninformative prior, M00 and one
 /// captured number I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²). Behind
 /// polarizers every row has |a|² = 4 a₀₀², so three quarters remain for any angles, and K captures with the
-/// same settings do not reduce it. With the prior that light is never polarized, K captures leave σ²/(K a₀₀²
-/// + σ²).
+/// same settings do not reduce it. With the prior that light is never polarized, K captures leave σ²/(K a₀₀² +
+/// σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));

@@ -2,8 +2,8 @@
 //!
 //! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the begin of the
 //! pattern. Output 1 has a rising and a falling edge, output 2 only a rising one. The delay of input 1 is at
-//! most 2¹⁹
-//! - 1 of these
+//! most 2¹⁹ -
+//! 1 of these
 //! steps (DLPC350 programmer's guide, DLPU010, "Trigger controls"; ranges as in TI's own program).
 
 use super::command::{Begin, Command};
