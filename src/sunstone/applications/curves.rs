@@ -351,11 +351,11 @@ mod tests {
             assert_eq!(words, want);
         };
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
-        describe(METRIC, Part::Photons, photons);
+        message(METRIC, Part::Photons, photons);
         // For axes, small errors come first.
-        describe(METRIC, Part::Axis, ["at 1000° alone", "always", "at 100° alone", "never"]);
+        message(METRIC, Part::Axis, ["at 1000° alone", "always", "at 100° alone", "never"]);
         let less = Metric::new("m", "", false);
-        describe(less, Part::Photons, ["never", "never", "never", "always"]);
+        message(less, Part::Photons, ["never", "never", "never", "always"]);
     }
 
     #[test]
