@@ -5,19 +5,16 @@
     python3 validation/readme.py --write       writes the numbers of the results into the pages
     python3 validation/readme.py --self-test   plants errors in a small generated project, each of which must be detected (CI)
 
-A claim is a comment directly before its number, which is invisible to readers:
-
-    traces <!-- speed:complete_64.median .2f -->1.44 million samples a second
-
-It has the result file (results/speed.json), the name of the number, median | best | least | greatest | error, Python's format,
-and optionally a factor (`*100`, `/60`). `,` separates thousands, `e` prints 5.7·10⁻³. result_file.py describes the files. `<!--
-given -->1024` marks a setting or a definition. --check fails if
+validation/numbers.toml lists the numbers of each page: the text around them, with {} for a number, and their sources. A source is
+a result file (speed: results/speed.json), the name of the number, median | best | least | greatest | error, Python's format, and
+optionally a factor (`*100`, `/60`). `,` separates thousands, `e` prints 5.7·10⁻³. result_file.py describes the files. The source
+"given" marks a setting or a definition. --check fails if
 
 - a printed number differs from the result, rounded as printed; or a result, or a number in it, is missing or has no value;
-- README's prose has a number that is neither claimed, given, nor of a kind in ALLOWED; or docs/ has one with a unit in MEASURED;
+- a text of the list is not in its page, or is there twice;
+- README's prose has a number that is neither listed nor of a kind in ALLOWED; or docs/ has one with a unit in MEASURED;
 - the page does not name the script that wrote the result;
 - a result was measured on a changed tree, or more than AGE commits ago, counting commits that touch what it measures;
-- a claim begins a line, where Markdown would parse it as HTML;
 - a relative link is broken; README does not start with the two commands, or takes longer to read than MINUTES.
 
 Standard library only.
@@ -29,6 +26,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -43,13 +41,9 @@ MINUTES, WORDS_A_MINUTE = 3, 250
 COMMANDS = ["cargo run --release -- render scenes/mirror_room/scene.toml", "cargo test --release"]
 
 NUMBER = r"[+−-]?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:·10[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)?"
-CLAIM = re.compile(
-    r"<!--\s*(?P<file>\w+):(?P<name>\w+)\.(?P<statistic>median|best|least|greatest|error)\s+(?P<format>[+,]*\.?\d*[defg])"
-    rf"(?:\s+(?P<factor>[*/][\d.]+))?\s*-->(?P<number>{NUMBER}|\?)"
+SOURCE = re.compile(
+    r"(?P<file>\w+):(?P<name>\w+)\.(?P<statistic>median|best|least|greatest|error) (?P<format>[+,]*\.?\d*[defg])(?: (?P<factor>[*/][\d.]+))?"
 )
-GIVEN = re.compile(rf"<!--\s*given\s*-->{NUMBER}")
-# Comments that look like claims but are invalid.
-BROKEN = re.compile(r"<!--\s*(?:\w+:\w+\.|given)[^>]*-->")
 WORD = r"(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|a hundred) "
 # Numbers in README's prose that are not measured.
 ALLOWED = [
@@ -87,6 +81,10 @@ class Project:
     def name(self, page):
         return page.relative_to(self.root).as_posix()
 
+    def numbers(self):
+        """Return validation/numbers.toml."""
+        return tomllib.loads((self.root / "validation/numbers.toml").read_text())
+
     def result(self, name):
         """Return a result file, or None."""
         if name not in self.loaded:
@@ -101,7 +99,7 @@ class Project:
         return self.loaded[name]
 
 
-# Claims ---------------------------------------------------------------------------------------------------------------
+# Numbers -------------------------------------------------------------------------------------------------------------
 
 
 def printed(value, style, factor):
@@ -115,8 +113,11 @@ def printed(value, style, factor):
     return text.replace("-", "−")
 
 
-def claimed(project, claim, place):
-    """Return what a claim must print, or None if that is unknown, which is reported."""
+def claimed(project, source, place):
+    """Return what a number of this source must be, or None if that is unknown, which is reported."""
+    claim = SOURCE.fullmatch(source)
+    if claim is None:
+        return project.say(place, f"invalid source: {source!r}")
     result = project.result(claim["file"])
     if result is None:
         return project.say(place, f"there is no result validation/results/{claim['file']}.json")
@@ -132,37 +133,44 @@ def claimed(project, claim, place):
         return project.say(place, f"{claim['format']}: {e}")
 
 
+def listed(project, name, text):
+    """Return the numbers of a page that are listed: where each begins and ends, and its source."""
+    found = []
+    for around, sources in project.numbers().get(name, {}).items():
+        sources = [sources] if isinstance(sources, str) else sources
+        plain = [r"\s+".join(map(re.escape, re.split(r"\s+", part))) for part in around.split("{}")]
+        matches = list(re.finditer(f"({NUMBER})".join(plain), text))
+        if len(matches) != 1 or len(plain) != len(sources) + 1:
+            times = f"is there {len(matches)} times" if len(matches) != 1 else f"has {len(plain) - 1} numbers and {len(sources)} sources"
+            project.say(name, f"the text {around!r} of validation/numbers.toml {times}")
+            continue
+        found += [(*matches[0].span(k), source) for k, source in enumerate(sources, 1)]
+    return sorted(found)
+
+
 def check_claims(project, page):
     """Check that numbers equal those of the results, whose scripts the page must name."""
-    text = page.read_text()
-    # A claim in code is an example.
-    bare = re.sub(r"`[^`\n]*`", "", re.sub(r"(?ms)^ *```.*?^ *```$", lambda block: "\n" * block[0].count("\n"), text))
-    for number, line in enumerate(bare.split("\n"), 1):
-        place = f"{project.name(page)}:{number}"
-        if re.match(r" {0,3}<!--", line) and BROKEN.search(line):
-            project.say(place, "a claim begins the line, so that Markdown parses it as HTML")
-        for claim in CLAIM.finditer(line):
-            want = claimed(project, claim, place)
-            if want is not None and want != claim["number"].replace("-", "−"):
-                project.say(place, f"says {claim['number']}, {claim['file']}.json's {claim['name']} is {want}")
-        if left := BROKEN.search(GIVEN.sub("", CLAIM.sub("", line))):
-            project.say(place, f"invalid claim: {left[0]}")
-    for name in sorted({claim["file"] for claim in CLAIM.finditer(text)}):
-        if (result := project.result(name)) and result.get("script", "?") not in text:
-            project.say(project.name(page), f"does not name {result.get('script')}, which wrote {name}.json")
+    text, name, files = page.read_text(), project.name(page), set()
+    for start, end, source in listed(project, name, text):
+        if source == "given":
+            continue
+        place = f"{name}:{text.count(chr(10), 0, start) + 1}"
+        want, file = claimed(project, source, place), source.split(":")[0]
+        files.add(file)
+        if want is not None and want != text[start:end].replace("-", "−"):
+            project.say(place, f"says {text[start:end]}, {file}.json's {source.split(':')[-1]} is {want}")
+    for file in sorted(files):
+        if (result := project.result(file)) and result.get("script", "?") not in text:
+            project.say(name, f"does not name {result.get('script')}, which wrote {file}.json")
 
 
 def write_claims(project, page):
     """Write the results' numbers into the page; return true if the page changed."""
-    text = page.read_text()
-
-    def put(claim):
-        want = claimed(project, claim, project.name(page))
-        at = claim.start("number") - claim.start()
-        return claim[0] if want is None else claim[0][:at] + want
-
-    if (new := CLAIM.sub(put, text)) != text:
-        page.write_text(new)
+    text = new = page.read_text()
+    for start, end, source in reversed(listed(project, project.name(page), text)):
+        if source != "given" and (want := claimed(project, source, project.name(page))) is not None:
+            new = new[:start] + want + new[end:]
+    page.write_text(new)
     return new != text
 
 
@@ -170,10 +178,9 @@ def write_claims(project, page):
 
 
 def prose(text):
-    """Return the lines of a page without code, link targets and numbers with a claim; the number of lines is unchanged."""
+    """Return the lines of a page without code and link targets; the number of lines is unchanged."""
     blank = lambda match: "\n" * match[0].count("\n")
     text = re.sub(r"(?ms)^ *```.*?^ *```$", blank, text)
-    text = GIVEN.sub("", CLAIM.sub("", text))
     text = re.sub(r"(?s)<!--.*?-->", blank, text)
     text = re.sub(r"(?m)^(?: {4}|\t).*$", "", text)
     text = re.sub(r"!\[([^\]]*)\]\([^)]*\)", r"\1", text)
@@ -182,14 +189,17 @@ def prose(text):
 
 
 def check_prose(project, page):
-    """Report numbers without a claim."""
+    """Report numbers that are not listed."""
     strict = page.name == "README.md" and page.parent == project.root
-    for number, line in enumerate(prose(page.read_text()), 1):
+    text = page.read_text()
+    for start, end, _ in reversed(listed(Project(project.root), project.name(page), text)):
+        text = text[:start] + text[end:]
+    for number, line in enumerate(prose(text), 1):
         for allowed in ALLOWED:
             line = re.sub(allowed, "", line)
         pattern = rf"(?<![\w.])\d[\d.,]*|\b{WORD}(?:million|thousand|times)\b" if strict else MEASURED
         for found in re.finditer(pattern, line):
-            project.say(f"{project.name(page)}:{number}", f"{found[0].strip('.,')!r} has no claim (… {line.strip()[:60]} …)")
+            project.say(f"{project.name(page)}:{number}", f"{found[0].strip('.,')!r} is not listed (… {line.strip()[:60]} …)")
 
 
 def check_front(project):
@@ -299,9 +309,12 @@ class Sample:
         commands = "\n".join(COMMANDS)
         front = f"# P\n\n```sh\n{commands}\n```\n\nBy `validation/speed.py`: "
         self.page(
-            front + "it takes <!-- speed:t.median .2f -->1.23 s, at most <!-- speed:t.greatest ,.0f *1000 -->2,500 ms, error "
-            "<!-- speed:t.error .1e -->5.7·10⁻³, shift <!-- speed:shift.median +.1f -->−0.3, of <!-- given -->77 rooms "
-            "in 2021, `12 in code`. See [more](docs/a.md#one-more-page).\n"
+            front + "it takes 1.23 s, at most 2,500 ms, error 5.7·10⁻³, shift\n −0.3, of 77 rooms in 2021, `12 in code`. See "
+            "[more](docs/a.md#one-more-page).\n"
+        )
+        self.list(
+            '["README.md"]\n"takes {} s, at most {}" = ["speed:t.median .2f", "speed:t.greatest ,.0f *1000"]\n'
+            '"error {}" = "speed:t.error .1e"\n"shift {}" = "speed:shift.median +.1f"\n"of {} rooms" = "given"\n'
         )
         (root / "docs/a.md").write_text("# One more page\n\nBack to [the front](../README.md).\n")
 
@@ -314,13 +327,16 @@ class Sample:
         self.git("add", "-A")
         self.git("commit", "-q", "--allow-empty", "-m", text)
 
-    def page(self, text=None, old=None, new=None):
-        path = self.root / "README.md"
+    def page(self, text=None, old=None, new=None, path="README.md"):
+        path = self.root / path
         if old is not None:
             text = path.read_text()
             assert old in text, old
             text = text.replace(old, new)
         path.write_text(text)
+
+    def list(self, text=None, **change):
+        self.page(text, path="validation/numbers.toml", **change)
 
     def result(self, **changes):
         number = {"unit": "s", "spread": "5 rounds", "median": 1.2345, "best": 1.0, "least": 1.0, "greatest": 2.5, "error": 0.00571}
@@ -342,11 +358,14 @@ PLANTED = {
     "a wrong sign": (lambda p: p.page(old="−0.3", new="+0.3"), "says +0.3"),
     "a wrong exponent": (lambda p: p.page(old="10⁻³", new="10⁻⁴"), "says 5.7·10⁻⁴"),
     "a missing result": (lambda p: (p.root / "validation/results/speed.json").unlink(), "there is no result"),
-    "a missing number": (lambda p: p.page(old="speed:t.median", new="speed:u.median"), "has no number u"),
-    "a number without a value": (lambda p: p.page(old="shift.median", new="shift.best"), "has no best"),
-    "a claim that cannot be read": (lambda p: p.page(old="t.median .2f", new="t.middle .2f"), "invalid claim"),
-    "a number without a claim": (lambda p: p.page(old="<!-- speed:t.median .2f -->1.23", new="1.23"), "'1.23' has no claim"),
-    "a number in words": (lambda p: p.page(old="77 rooms", new="77 rooms and two million pixels"), "'two million' has no claim"),
+    "a missing number": (lambda p: p.list(old="speed:t.median", new="speed:u.median"), "has no number u"),
+    "a number without a value": (lambda p: p.list(old="shift.median", new="shift.best"), "has no best"),
+    "a source that cannot be read": (lambda p: p.list(old="t.median .2f", new="t.middle .2f"), "invalid source"),
+    "a number that is not listed": (lambda p: p.page(old="2021", new="2021, 1.23"), "'1.23' is not listed"),
+    "a number in words": (lambda p: p.page(old="77 rooms", new="77 rooms and two million pixels"), "'two million' is not listed"),
+    "a text that is not in the page": (lambda p: p.page(old="error 5.7", new="errors 5.7"), "'error {}' of validation/numbers.toml is there 0"),
+    "a text that is there twice": (lambda p: p.page(old="2021", new="2021, error 5.7·10⁻³"), "is there 2 times"),
+    "a source too few": (lambda p: p.list(old="s, at most {}", new="s, at most 2,500"), "has 1 numbers and 2 sources"),
     "a time in docs": (lambda p: (p.root / "docs/a.md").write_text("# One more page\n\nIt takes 46 minutes.\n"), "'46 minutes'"),
     "a script that is not named": (lambda p: p.page(old="`validation/speed.py`", new="a script"), "does not name"),
     "an old commit": (lambda p: p.touch(AGE + 1), f"{AGE + 1} commits have since touched"),
@@ -359,7 +378,6 @@ PLANTED = {
     "a broken link": (lambda p: p.page(old="docs/a.md#", new="docs/b.md#"), "links to docs/b.md"),
     "a broken anchor": (lambda p: p.page(old="#one-more-page", new="#no-page"), "a heading that does not exist"),
     "another opening": (lambda p: p.page(old=COMMANDS[0], new="make"), "does not start with"),
-    "a claim at a line's start": (lambda p: p.page(old="it takes ", new="it takes\n"), "begins the line"),
     "a long README": (lambda p: p.page(old="See ", new="and on " * 800 + "See "), "words, more than"),
 }
 
@@ -395,7 +413,7 @@ def self_test():
 
     def written(sample):
         """Plant numbers that --write corrects."""
-        for old, new in (("1.23 s", "? s"), ("2,500", "9"), ("−0.3", "8.1")):
+        for old, new in (("1.23 s", "9.87 s"), ("2,500", "9"), ("−0.3", "8.1")):
             sample.page(old=old, new=new)
         project = Project(sample.root)
         assert write_claims(project, sample.root / "README.md") and not project.wrong
