@@ -203,7 +203,7 @@ LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
     (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); expected a NumPy array \(rows, columns\) of uint8 or uint16"),
     (lambda f: f.pixels.ravel(), r"its pixels are uint16 of shape \(120,\)"),
     (lambda f: f.pixels.astype(np.int16) - 1, "its pixels are int16"),
-    (lambda f: f.pixels.T, r"timeout: `frame` returned an array of shape \(12, 10\); .* 10 rows and 12 columns"),
+    (lambda f: f.pixels.T, r"timeout: `frame` returned an array of shape \(12, 10\), but .* 10 rows and 12 columns"),
     (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, but Mono12p holds 0 to 4095"),
     (of_frame(number="seven"), "`number` is 'seven'; expected the camera's frame number, or None"),
     (of_frame(number=-1), "`number` is -1"),
