@@ -332,7 +332,7 @@ def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str
 def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     own = session["camera"]
-    hangs, raised = threading.Event(), []
+    hangs, raised, sent = threading.Event(), [], []
 
     class Hanging(rigs.Camera):
         def frame(self, within_s: float) -> Any:
@@ -346,19 +346,20 @@ def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[st
                     raise
             return super().frame(within_s)
 
-    def twice() -> None:
+    def interrupt() -> None:
         hangs.wait(60)
-        for _ in range(2):
-            time.sleep(0.4)
-            assert raised == []
+        # Two are enough, but a busy machine may deliver two as one.
+        while time.sleep(0.4) is None and not raised and len(sent) < 60:
+            sent.append(time.monotonic())
             os.kill(os.getpid(), signal.SIGINT)
 
     session["camera"] = Hanging(own)
-    threading.Thread(target=twice).start()
+    threading.Thread(target=interrupt).start()
     begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         session.run(tmp_path / "s.zarr")
     assert raised == [KeyboardInterrupt] and time.monotonic() - begun < 30
+    assert len(sent) >= 2, "the first alone does not end it"
     session["camera"] = own
     assert session.run(tmp_path / "s.zarr", resume=True).taken == 60 - 8
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
