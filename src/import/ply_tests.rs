@@ -257,7 +257,7 @@ fn faults_carry_their_line_in_ascii() {
     fails(&edit("property float z\n", ""), None, "\"z\"");
     fails(&edit("float s", "float x"), Some(8), "two properties");
     fails(&edit("element face", "element faces"), None, "\"face\"");
-    fails(&edit("element edge", "made_up 1\nelement edge"), Some(13), "`made_up 1`");
+    fails(&edit("element edge", "made_up 1\nelement edge"), Some(14), "`made_up 1`");
 }
 
 #[test]
