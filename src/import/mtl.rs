@@ -264,46 +264,10 @@ mod tests {
         let material = |line: &str| parse(format!("newmtl a\nKd .5 .5 .5\n{line}\n").as_bytes()).remove(0);
         let bare = material("");
         let mut named = 0;
-        for key in [
-            "Kd",
-            "Ks",
-            "Ka",
-            "Ke",
-            "Tf",
-            "Ns",
-            "Ni",
-            "d",
-            "Tr",
-            "illum",
-            "sharpness",
-            "map_Kd",
-            "map_Ks",
-            "map_Ka",
-            "map_Ke",
-            "map_Ns",
-            "map_d",
-            "map_Tr",
-            "map_Bump",
-            "map_bump",
-            "bump",
-            "disp",
-            "decal",
-            "refl",
-            "norm",
-            "Pr",
-            "Pm",
-            "Ps",
-            "Pc",
-            "Pcr",
-            "aniso",
-            "anisor",
-            "map_Pr",
-            "map_Pm",
-            "map_Ps",
-            "map_aat",
-            "xyz",
-            "Kx",
-        ] {
+        let keys = "Kd Ks Ka Ke Tf Ns Ni d Tr illum sharpness map_Kd map_Ks map_Ka map_Ke map_Ns map_d \
+                    map_Tr map_Bump map_bump bump disp decal refl norm Pr Pm Ps Pc Pcr aniso anisor \
+                    map_Pr map_Pm map_Ps map_aat xyz Kx";
+        for key in keys.split(' ') {
             let found = material(&format!("{key} .25 .25 .25"));
             let used = Appearance { unused: vec![], ..found.clone() } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));

@@ -129,6 +129,7 @@ fn what_is_not_used_is_noted() {
     noted("p 1", "points");
     noted("v 0 0 0 1 .5 0", "colours of 1 vertices");
     noted("v 0 0 0 1 2", "surplus");
+    noted("vn 0 0 1 5", "surplus");
     noted("vt 0 0 1", "third coordinate");
     noted("curv 0 1 1 2", "free-form");
     noted("bevel on", "display");
@@ -141,7 +142,9 @@ fn what_is_not_used_is_noted() {
     noted("f 1 2 3 4\nf 1 3 2 4", "self-intersecting");
     let silent = format!("mtllib a.mtl\n{SQUARE}s off\ng\nusemtl\nvt 0 0 0\nf 1 2 3 # ok\n");
     assert!(parse_obj(silent.as_bytes()).unwrap().notes.is_empty());
-    fails(&format!("{SQUARE}call other.obj\n"), Some(5), "`call`");
+    for keyword in ["call", "csh"] {
+        fails(&format!("{SQUARE}{keyword} other.obj\n"), Some(5), &format!("`{keyword}`"));
+    }
     fails(&format!("{SQUARE}l 1 2\n"), None, "lines");
 }
 

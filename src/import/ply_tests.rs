@@ -9,6 +9,15 @@ const ASCII: &str = "ply\nformat ascii 1.0\ncomment a square, a line after it\ne
     element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
     0 0 0 0 0 255\n1 0 0 1 0 255\n1 1 0 1 1 255\n0 1 0 0 1 255\n4 0 1 2 3 7\n0 1";
 
+/// Appends a number, given in little-endian order.
+fn put(b: &mut Vec<u8>, le: &[u8], big: bool) {
+    b.extend(le);
+    if big {
+        let start = b.len() - le.len();
+        b[start..].reverse();
+    }
+}
+
 /// A pyramid of one square and four triangles: positions as doubles, normals as floats, a list to skip.
 fn binary(big: bool) -> Vec<u8> {
     let mut b = format!(
@@ -19,13 +28,7 @@ fn binary(big: bool) -> Vec<u8> {
         if big { "big" } else { "little" }
     )
     .into_bytes();
-    let put = |b: &mut Vec<u8>, le: &[u8]| {
-        if big {
-            b.extend(le.iter().rev());
-        } else {
-            b.extend(le);
-        }
-    };
+    let put = |b: &mut Vec<u8>, le: &[u8]| put(b, le, big);
     for x in [2_u16, 11, 12] {
         put(&mut b, &x.to_le_bytes());
     }
@@ -93,13 +96,7 @@ fn binary_as_ascii() {
             };
             let mut text = header("ascii");
             let mut b = header(if big { "binary_big_endian" } else { "binary_little_endian" }).into_bytes();
-            let put = |b: &mut Vec<u8>, le: &[u8]| {
-                if big {
-                    b.extend(le.iter().rev());
-                } else {
-                    b.extend(le);
-                }
-            };
+            let put = |b: &mut Vec<u8>, le: &[u8]| put(b, le, big);
             for i in 0..6_u8 {
                 let x = f32::from(i) * 0.37;
                 let (y, z) = (f64::from(x * x) + 1e-9, x.sin());
@@ -229,6 +226,8 @@ fn what_is_not_used_is_noted() {
     noted(ASCII, "`vertex`: red");
     noted(ASCII, "`face`: group");
     noted(ASCII, "element `edge`");
+    let list = ASCII.replace("property int group", "property list uchar float group");
+    noted(&list.replace("2 3 7\n", "2 3 1 7\n"), "`face`: group");
     noted(&ASCII.replace("comment a", "comment TextureFile a.png"), "TextureFile a.png");
     noted(&ASCII.replace("float t", "float t2"), "s, t2, red");
     noted(&format!("{ASCII} 7"), "more numbers than the header");
@@ -258,6 +257,7 @@ fn faults_carry_their_line_in_ascii() {
     fails(&edit("property float z\n", ""), None, "\"z\"");
     fails(&edit("float s", "float x"), Some(8), "two properties");
     fails(&edit("element face", "element faces"), None, "\"face\"");
+    fails(&edit("element edge", "made_up 1\nelement edge"), Some(14), "`made_up 1`");
 }
 
 #[test]

@@ -132,52 +132,22 @@ mod tests {
     /// triangles equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
     #[test]
     fn triangles_cover_a_concave_polygon_exactly() {
-        let outlines: [(&[[f32; 2]], f64); 6] = [
+        // x, y of each corner.
+        let outlines = [
             // U, L, chevron.
-            (
-                &[[0., 0.], [1., 0.], [1., 1.], [0.75, 1.], [0.75, 0.25], [0.25, 0.25], [0.25, 1.], [0., 1.]],
-                0.625,
-            ),
-            (&[[0., 0.], [1., 0.], [1., 0.5], [0.5, 0.5], [0.5, 1.], [0., 1.]], 0.75),
-            (&[[0., 0.], [0.5, 0.25], [1., 0.], [0.5, 1.]], 0.375),
+            ("0 0  1 0  1 1  0.75 1  0.75 0.25  0.25 0.25  0.25 1  0 1", 0.625),
+            ("0 0  1 0  1 0.5  0.5 0.5  0.5 1  0 1", 0.75),
+            ("0 0  0.5 0.25  1 0  0.5 1", 0.375),
             // Square with collinear corners on three edges.
-            (&[[0., 0.], [0.5, 0.], [1., 0.], [1., 0.25], [1., 0.5], [1., 1.], [0.3, 1.], [0., 1.]], 1.0),
+            ("0 0  0.5 0  1 0  1 0.25  1 0.5  1 1  0.3 1  0 1", 1.0),
             // Square with a square hole, connected to the outline by an edge in both directions.
-            (
-                &[
-                    [0., 0.],
-                    [4., 0.],
-                    [4., 4.],
-                    [0., 4.],
-                    [0., 0.],
-                    [1., 1.],
-                    [1., 3.],
-                    [3., 3.],
-                    [3., 1.],
-                    [1., 1.],
-                ],
-                12.0,
-            ),
+            ("0 0  4 0  4 4  0 4  0 0  1 1  1 3  3 3  3 1  1 1", 12.0),
             // Comb.
-            (
-                &[
-                    [0., 0.],
-                    [5., 0.],
-                    [5., 2.],
-                    [4., 2.],
-                    [4., 1.],
-                    [3., 1.],
-                    [3., 2.],
-                    [2., 2.],
-                    [2., 1.],
-                    [1., 1.],
-                    [1., 2.],
-                    [0., 2.],
-                ],
-                8.0,
-            ),
+            ("0 0  5 0  5 2  4 2  4 1  3 1  3 2  2 2  2 1  1 1  1 2  0 2", 8.0),
         ];
         for (outline, expected) in outlines {
+            let numbers: Vec<f32> = outline.split_whitespace().map(|n| n.parse().unwrap()).collect();
+            let outline = numbers.as_chunks::<2>().0;
             for first in 0..outline.len() {
                 for reversed in [false, true] {
                     let turn = DQuat::from_axis_angle(DVec3::new(1., 2., 3.).normalize(), first as f64);

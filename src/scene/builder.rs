@@ -253,12 +253,6 @@ impl SceneBuilder {
         self
     }
 
-    /// Returns the scene file that corresponds to the calls so far.
-    #[must_use]
-    pub fn scene_file(&self) -> &SceneFile {
-        &self.file
-    }
-
     /// Builds the scene.
     ///
     /// # Errors

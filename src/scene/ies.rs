@@ -79,8 +79,11 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         return Err(format!("negative candela value {bad}"));
     }
     let most = values.iter().fold(0.0_f32, |a, v| a.max(*v));
-    if most <= 0.0 || multiplier <= 0.0 {
-        return Err("the luminaire emits no light: all candela values or the multiplier are 0".into());
+    if most <= 0.0 {
+        return Err("the luminaire emits no light: all candela values are 0".into());
+    }
+    if multiplier <= 0.0 {
+        return Err(format!("the luminaire emits no light: the multiplier is {multiplier}"));
     }
     for v in &mut values {
         *v /= most;

@@ -9,12 +9,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A camera: resolution, one kind of intrinsics and a pose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PinholeFile {
     /// Path of a `sunstone calibrate` file, relative to the scene file. Its `[camera]` table sets every key
     /// except aperture. A pose given here overrides the pose in that file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Located<String>>,
     /// Width and height in pixels. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -34,23 +33,19 @@ pub struct PinholeFile {
     pub cy: Option<f64>,
     /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], instead of fx, fy, cx and cy. It uses
     /// OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
     /// Lens distortion: OpenCV's coefficients by name.
     pub distortion: Option<Located<DistortionFile>>,
     /// Lens distortion as OpenCV's list k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]:
     /// 4, 5, 8, 12 or 14 numbers. Use it instead of `distortion`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Located<Vec<f64>>>,
     /// Distortion of OpenCV's fisheye model (Kalibr's equidistant model): k1, k2, k3, k4.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A thin lens of finite aperture. Default: a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
     /// Makes the camera orthographic instead of a pinhole; the value is the width of the image in metres. All
     /// rays are parallel to the optical axis and start on the plane of the pose. Its paths are traced from
     /// the camera only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orthographic_width: Option<Located<f64>>,
     /// Position and orientation. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -81,7 +76,6 @@ pub struct ProjectorFile {
     pub coaxial: bool,
     /// Path of a `sunstone calibrate` file, relative to the scene file, whose `[projector]` table sets the
     /// device.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Located<String>>,
     /// Width and height in pixels. Required unless `coaxial` or `calibration` is given.
     pub resolution: Option<Located<[u32; 2]>>,
@@ -98,15 +92,12 @@ pub struct ProjectorFile {
     /// Principal point along y in continuous pixels, as for `[camera]`.
     pub cy: Option<f64>,
     /// OpenCV's camera matrix, as for `[camera]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
     /// Lens distortion by name, as for `[camera]`.
     pub distortion: Option<Located<DistortionFile>>,
     /// Lens distortion as OpenCV's list of coefficients, as for `[camera]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Located<Vec<f64>>>,
     /// Distortion of OpenCV's fisheye model, as for `[camera]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A thin lens of finite aperture, as for `[camera]`.
     pub aperture: Option<Located<ApertureFile>>,
@@ -179,16 +170,13 @@ pub enum PoseFile {
 #[serde(deny_unknown_fields)]
 pub struct ExtrinsicsFile {
     /// Rotation from world to device axes, as three rows.
-    #[serde(rename = "R", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "R")]
     pub rotation: Option<[[f64; 3]; 3]>,
     /// Translation: the world's origin in device coordinates, in metres.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub t: Option<[f64; 3]>,
     /// Rotation as axis times angle in radians (Rodrigues vector), instead of R.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rvec: Option<[f64; 3]>,
     /// Translation under OpenCV's other name, in metres, instead of t.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tvec: Option<[f64; 3]>,
 }
 
@@ -279,23 +267,7 @@ impl PinholeFile {
     /// Creates a camera with this pose. Resolution and focal length must still be set.
     #[must_use]
     pub fn new(pose: PoseFile) -> Self {
-        Self {
-            calibration: None,
-            resolution: [0; 2].into(),
-            fov_x_deg: None,
-            fov_y_deg: None,
-            fx: None,
-            fy: None,
-            cx: None,
-            cy: None,
-            opencv_matrix: None,
-            distortion: None,
-            opencv: None,
-            fisheye: None,
-            aperture: None,
-            orthographic_width: None,
-            pose: pose.into(),
-        }
+        Self { pose: pose.into(), ..Self::default() }
     }
 
     /// Creates a camera at `origin` that looks at `target` (metres), with +y up.
@@ -307,7 +279,7 @@ impl PinholeFile {
     /// Creates a camera from a `sunstone calibrate` file.
     #[must_use]
     pub fn calibrated(file: &str) -> Self {
-        Self { calibration: Some(file.to_owned().into()), ..Self::new(PoseFile::default()) }
+        Self { calibration: Some(file.to_owned().into()), ..Self::default() }
     }
 
     /// Returns whether the device has a pose.
@@ -421,24 +393,7 @@ impl ProjectorFile {
     /// Creates a projector that illuminates through the camera's own pixels.
     #[must_use]
     pub fn coaxial() -> Self {
-        Self {
-            irradiance: defaults::unit_spectrum(),
-            coaxial: true,
-            calibration: None,
-            resolution: None,
-            fov_x_deg: None,
-            fov_y_deg: None,
-            fx: None,
-            fy: None,
-            cx: None,
-            cy: None,
-            opencv_matrix: None,
-            distortion: None,
-            opencv: None,
-            fisheye: None,
-            aperture: None,
-            pose: None,
-        }
+        Self { coaxial: true, ..Self::new(PinholeFile::default()) }
     }
 
     /// Sets the irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1.

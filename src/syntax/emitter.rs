@@ -78,10 +78,8 @@ pub struct SpotFile {
     pub beam_deg: Option<Located<f64>>,
     /// Projected image that multiplies the intensity. It covers the square around the cone of `cutoff_deg`,
     /// which must be below 90.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<Located<ImageAlbedo>>,
     /// Direction that projects onto the image's up; requires an image. Default: [0, 1, 0].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<[f64; 3]>,
     /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]

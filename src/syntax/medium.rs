@@ -78,7 +78,6 @@ pub struct HeterogeneousFile {
     pub density: Located<GridFile>,
     /// Fraction of `scattering`, 0..1, that scatters; the rest absorbs. Outside its box, values at the faces
     /// apply. Default: 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo: Option<Located<GridFile>>,
 }
 
@@ -91,10 +90,9 @@ pub struct GridFile {
     pub file: Located<String>,
     /// Lowest and highest corner of the grid's box in metres. Grid points are half a step inside the box.
     /// Default: the box in the file.
-    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "box")]
     pub corners: Option<[[f64; 3]; 2]>,
     /// Scale, rotation and translation of the box.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<Located<TransformFile>>,
     /// Interpolation between grid points. Default: `trilinear`.
     #[serde(default, skip_serializing_if = "is_default")]

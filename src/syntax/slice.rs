@@ -103,7 +103,6 @@ pub struct EpipolarFile {
     pub half_width_px: f64,
     /// Coordinate that resolves the band's pixels: column (`u`) or row (`v`), the one along which epipolar
     /// lines run. Default: all pixels are summed.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub along: Option<CoordinateFile>,
 }
 

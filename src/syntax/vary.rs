@@ -31,10 +31,8 @@ pub struct ParameterFile {
     /// same value.
     pub path: Located<PathsFile>,
     /// One value per variant, of the type that the path requires.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<Located<Vec<AnyValue>>>,
     /// A range from which a number, or a list of numbers, is drawn uniformly.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Located<RangeFile>>,
     /// Number of consecutive variants that share a value. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]

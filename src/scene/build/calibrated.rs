@@ -118,20 +118,14 @@ fn overlaid(
     found: &PinholeFile,
     given: &PinholeFile,
 ) -> Result<PinholeFile, InputError> {
-    let lens = [
-        given.fov_x_deg.is_some(),
-        given.fov_y_deg.is_some(),
-        given.orthographic_width.is_some(),
-        given.fx.is_some(),
-        given.fy.is_some(),
-        given.cx.is_some(),
-        given.cy.is_some(),
-        given.opencv_matrix.is_some(),
-        given.distortion.is_some(),
-        given.opencv.is_some(),
-        given.fisheye.is_some(),
-    ];
-    if lens.contains(&true) {
+    let lens = PinholeFile {
+        calibration: None,
+        resolution: Located::default(),
+        aperture: None,
+        pose: Located::default(),
+        ..given.clone()
+    };
+    if lens != PinholeFile::default() {
         return Err(ctx.error(
             key.span(),
             "the lens is given both by calibration and by another key",

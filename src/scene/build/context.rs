@@ -13,7 +13,7 @@ use std::io::Read;
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syntax::values::SpectrumFile;
+use syntax::values::{SpectrumFile, SpectrumTable};
 
 pub(crate) struct Context {
     pub file: PathBuf,
@@ -86,6 +86,22 @@ impl Context {
             message: message.into(),
             help: Some(help.into()),
         }
+    }
+
+    /// Returns the error for a name that the scene's table of this kind does not contain.
+    pub fn unknown<'k>(
+        &self,
+        what: &str,
+        table: &str,
+        name: &Located<String>,
+        known: impl Iterator<Item = &'k str>,
+    ) -> InputError {
+        let known = known.collect::<Vec<_>>().join(", ");
+        let mut help = format!("add [{table}.{}]", **name);
+        if !known.is_empty() {
+            help += &format!(", or use one of: {known}");
+        }
+        self.error(name.span(), format!("unknown {what} `{}`", **name), help)
     }
 
     /// Adds a note, unless it exists already (several objects can use one file).
@@ -195,10 +211,17 @@ impl Context {
                 }
                 at(table.table())
             }
-            SpectrumFile::Table(_) => {
+            SpectrumFile::Table(SpectrumTable { nm, values }) => {
+                let fault = if nm.len() != values.len() {
+                    format!("has {} entries in nm and {} in values", nm.len(), values.len())
+                } else if nm.is_empty() {
+                    "is empty".to_owned()
+                } else {
+                    "is invalid: nm must be positive and increasing, and all numbers finite".to_owned()
+                };
                 return Err(self.error(
                     span,
-                    format!("the table of {what} is invalid"),
+                    format!("the table of {what} {fault}"),
                     "give nm (positive and increasing) and values as lists of equal length",
                 ));
             }

@@ -51,13 +51,8 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     device.parallel = p.orthographic_width.is_some();
     if let Some(aperture) = &p.aperture {
         let ApertureFile { radius, focus } = **aperture;
-        if !(0.0..1e3).contains(&radius) || !(1e-6..HUGE).contains(&focus) {
-            return Err(ctx.error(
-                aperture.span(),
-                format!("invalid aperture: radius {radius} m, focus {focus} m"),
-                "give a radius of at least 0 and a focus above 0, in metres",
-            ));
-        }
+        ctx.within(radius, aperture.span(), "the radius of the aperture in metres", &(0.0..=1e3))?;
+        ctx.within(focus, aperture.span(), "the focus of the aperture in metres", &(1e-6..=HUGE))?;
         device.lens = Lens { radius, focus };
     }
     Ok(device)
@@ -78,20 +73,7 @@ pub(crate) fn projector(
         ));
     }
     if p.coaxial {
-        let own = p.resolution.is_some()
-            || p.pose.is_some()
-            || p.fov_x_deg.is_some()
-            || p.fov_y_deg.is_some()
-            || p.fx.is_some()
-            || p.fy.is_some()
-            || p.cx.is_some()
-            || p.cy.is_some()
-            || p.aperture.is_some()
-            || p.opencv_matrix.is_some()
-            || p.distortion.is_some()
-            || p.opencv.is_some()
-            || p.fisheye.is_some();
-        if own {
+        if *p != (ProjectorFile { irradiance: p.irradiance.clone(), ..ProjectorFile::coaxial() }) {
             return Err(ctx.error(
                 span,
                 "a coaxial projector takes pose, pixels and lens from the camera",
@@ -100,12 +82,14 @@ pub(crate) fn projector(
         }
         return Ok(Projector { pinhole: *camera, irradiance, coaxial: true });
     }
-    if p.resolution.is_none() || p.pose.is_none() {
-        return Err(ctx.error(
-            span,
-            "the projector has no resolution or no pose",
-            "give both, or set coaxial = true or calibration = \"calibration.toml\"",
-        ));
+    for (key, given) in [("resolution", p.resolution.is_some()), ("pose", p.pose.is_some())] {
+        if !given {
+            return Err(ctx.error(
+                span,
+                format!("the projector has no {key}"),
+                format!("give {key}, or set coaxial = true or calibration = \"calibration.toml\""),
+            ));
+        }
     }
     let file = pinhole_of(p);
     Ok(Projector { pinhole: pinhole(ctx, &file, span)?, irradiance, coaxial: false })

@@ -36,10 +36,7 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
     }
     let corners = file.corners.unwrap_or(vol.bbox.map(|p| p.map(f64::from)));
     let [low, high] = corners.map(DVec3::from_array);
-    let place = match &file.transform {
-        Some(t) => transform(ctx, t)?,
-        None => DAffine3::IDENTITY,
-    };
+    let place = transform(ctx, file.transform.as_ref())?;
     let unit = DAffine3::from_translation(low) * DAffine3::from_scale(high - low);
     let to_world = place * unit;
     let is_nearest = file.filter == GridFilter::Nearest;

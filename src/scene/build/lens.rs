@@ -124,25 +124,26 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
         ));
     }
     let (distortion, coefficients, fix) = match (&p.opencv, &p.fisheye) {
-        (Some(list), _) => {
-            let file = by_order(list).ok_or_else(|| {
-                ctx.error(
-                    list.span(),
-                    format!("unsupported number of opencv coefficients: {}", list.len()),
-                    "give 4, 5, 8, 12 or 14 coefficients in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
-                )
-            })?;
-            (opencv(&file), list.to_vec(), "check the signs and the order of k1, k2, p1, p2, k3, ...")
-        }
         (None, Some(k)) => (
             Distortion::Fisheye(Fisheye { k: **k }),
             k.to_vec(),
             "check the focal length, the signs and the order of k1, k2, k3, k4, and that the lens was calibrated with a fisheye model",
         ),
+        (Some(list), _) => {
+            if !matches!(list.len(), 4 | 5 | 8 | 12 | 14) {
+                return Err(ctx.error(
+                    list.span(),
+                    format!("unsupported number of opencv coefficients: {}", list.len()),
+                    "give 4, 5, 8, 12 or 14 coefficients in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
+                ));
+            }
+            let mut all = [0.0; 14];
+            all[..list.len()].copy_from_slice(list);
+            (opencv(&all), all.to_vec(), "check the signs and the order of k1, k2, p1, p2, k3, ...")
+        }
         (None, None) => {
-            let file = p.distortion.as_deref().cloned().unwrap_or_default();
-            let all = names(&file).map(|v| *v).to_vec();
-            (opencv(&file), all, "check the signs and the order of k1, k2, k3, p1, p2")
+            let all = p.distortion.as_deref().map_or([0.0; 14], in_order);
+            (opencv(&all), all.to_vec(), "check the signs and the order of k1, k2, k3, p1, p2")
         }
     };
     let finite = coefficients.iter().all(|c| c.abs() < 1e6);
@@ -157,35 +158,10 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
 }
 
 /// Returns all coefficients in OpenCV's order.
-fn names(f: &DistortionFile) -> [&f64; 14] {
-    [&f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x, &f.tau_y]
+fn in_order(f: &DistortionFile) -> [f64; 14] {
+    [f.k1, f.k2, f.p1, f.p2, f.k3, f.k4, f.k5, f.k6, f.s1, f.s2, f.s3, f.s4, f.tau_x, f.tau_y]
 }
 
-/// Parses OpenCV's list; returns `None` for lengths that OpenCV does not have.
-fn by_order(list: &[f64]) -> Option<DistortionFile> {
-    if !matches!(list.len(), 4 | 5 | 8 | 12 | 14) {
-        return None;
-    }
-    let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
-    Some(DistortionFile {
-        k1: at(0),
-        k2: at(1),
-        p1: at(2),
-        p2: at(3),
-        k3: at(4),
-        k4: at(5),
-        k5: at(6),
-        k6: at(7),
-        s1: at(8),
-        s2: at(9),
-        s3: at(10),
-        s4: at(11),
-        tau_x: at(12),
-        tau_y: at(13),
-    })
-}
-
-fn opencv(f: &DistortionFile) -> Distortion {
-    let list = names(f).map(|value| *value);
-    Opencv { tilt: Tilt::new(f.tau_x, f.tau_y), ..Opencv::from_list(&list) }.into()
+fn opencv(list: &[f64; 14]) -> Distortion {
+    Opencv { tilt: Tilt::new(list[12], list[13]), ..Opencv::from_list(list) }.into()
 }

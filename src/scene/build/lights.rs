@@ -271,12 +271,14 @@ fn beam(ctx: &Context, b: &BeamFile, at: Range<usize>) -> Result<Distant, InputE
 
 /// Builds an environment of constant radiance.
 fn environment(ctx: &Context, v: &EnvironmentFile, at: Range<usize>) -> Result<Environment, InputError> {
-    if v.transform.is_some() || v.stokes.is_some() || v.polarizer_deg.is_some() {
-        return Err(ctx.error(
-            at,
-            "an environment without an image cannot have a transform, a Stokes vector or a polarizer",
-            "give an image, or remove the key",
-        ));
+    let keys = [
+        ("transform", v.transform.as_ref().map(Located::span)),
+        ("stokes", v.stokes.as_ref().map(Located::span)),
+        ("polarizer_deg", v.polarizer_deg.as_ref().map(Located::span)),
+    ];
+    if let Some((key, Some(at))) = keys.into_iter().find(|(_, span)| span.is_some()) {
+        let message = format!("an environment without an image cannot have {key}");
+        return Err(ctx.error(at, message, "give an image, or remove the key"));
     }
     Ok(Environment {
         radiance: ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?,
@@ -290,22 +292,16 @@ fn sky(
     image: &Located<String>,
     at: Range<usize>,
 ) -> Result<Sky, InputError> {
-    let to_world = match &v.transform {
-        None => Mat3A::IDENTITY,
-        Some(t) => {
-            let m = transform(ctx, t)?.matrix3;
-            let off = m.transpose() * m - glam::DMat3::IDENTITY;
-            let turned = off.to_cols_array().iter().all(|x| x.abs() < 1e-4);
-            if !turned {
-                return Err(ctx.error(
-                    t.span(),
-                    "the transform of the environment map contains scale or shear",
-                    "give rotate_deg, or a matrix of a rotation or reflection",
-                ));
-            }
-            m.as_mat3().into()
-        }
-    };
+    let map = transform(ctx, v.transform.as_ref())?.matrix3;
+    let off = map.transpose() * map - glam::DMat3::IDENTITY;
+    if !off.to_cols_array().iter().all(|x| x.abs() < 1e-4) {
+        return Err(ctx.error(
+            v.transform.as_ref().map_or(at, Located::span),
+            "the transform of the environment map contains scale or shear",
+            "give rotate_deg, or a matrix of a rotation or reflection",
+        ));
+    }
+    let to_world: Mat3A = map.as_mat3().into();
     let scale = ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?;
     let polarized = polarized(ctx, v.stokes.as_ref(), v.polarizer_deg.as_ref(), v.horizontal, at)?;
     let ([width, mut height], mut texels) = textures::sky(ctx, image, v.layer.as_deref())?;

@@ -92,6 +92,9 @@ fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
 
 type Named = BTreeMap<String, Located<MaterialFile>>;
 
+/// Maximum nesting depth of materials.
+const MOST_NESTED: usize = 16;
+
 /// State while materials are built. Materials that others refer to are built first.
 struct Builder<'c, 'a> {
     ctx: &'c mut Context,
@@ -149,19 +152,18 @@ impl<'a> Builder<'_, 'a> {
     fn inner(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         let files = self.files;
         let Some((key, _)) = files.get_key_value(name.as_str()) else {
-            let known = files.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-            return Err(self.ctx.error(
-                name.span(),
-                format!("unknown material `{}`", **name),
-                format!("add [materials.{}], or use one of: {known}", **name),
-            ));
+            let known = files.keys().map(String::as_str);
+            return Err(self.ctx.unknown("material", "materials", name, known));
         };
-        if self.open.contains(&key.as_str()) || self.open.len() >= 16 {
-            return Err(self.ctx.error(
-                name.span(),
-                format!("material `{key}` refers to itself, or its nesting is deeper than 16"),
-                "nest materials at most 16 deep and without cycles",
-            ));
+        let fault = if self.open.contains(&key.as_str()) {
+            Some(format!("material `{key}` refers to itself"))
+        } else {
+            (self.open.len() >= MOST_NESTED)
+                .then(|| format!("material `{key}` is nested deeper than {MOST_NESTED}"))
+        };
+        if let Some(fault) = fault {
+            let help = format!("nest materials at most {MOST_NESTED} deep and without cycles");
+            return Err(self.ctx.error(name.span(), fault, help));
         }
         self.named(key)
     }

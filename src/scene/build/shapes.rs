@@ -75,14 +75,8 @@ pub(crate) fn place(
     materials: &BTreeMap<&str, u32>,
 ) -> Result<Vec<Placed>, InputError> {
     let find = |ctx: &Context, name: &Located<String>| {
-        materials.get(name.as_str()).copied().ok_or_else(|| {
-            let known = materials.keys().copied().collect::<Vec<_>>().join(", ");
-            ctx.error(
-                name.span(),
-                format!("unknown material `{}`", **name),
-                format!("add [materials.{}], or use one of: {known}", **name),
-            )
-        })
+        let unknown = || ctx.unknown("material", "materials", name, materials.keys().copied());
+        materials.get(name.as_str()).copied().ok_or_else(unknown)
     };
     let material = find(ctx, &object.material)?;
     let asked = ctx.attributes.of(material).cloned();
@@ -114,10 +108,7 @@ pub(crate) fn place(
             "use another material for the object",
         ));
     }
-    let place = match &object.transform {
-        Some(t) => transform(ctx, t)?,
-        None => DAffine3::IDENTITY,
-    };
+    let place = transform(ctx, object.transform.as_ref())?;
     let span = object.shape.span();
     let quadric = |ctx: &Context, kind, shape: DAffine3| {
         let world = place * shape;
@@ -355,17 +346,27 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
+/// Returns the map of a transform, or the identity without one.
+pub(crate) fn transform(
+    ctx: &Context,
+    transform: Option<&Located<TransformFile>>,
+) -> Result<DAffine3, InputError> {
+    let Some(t) = transform else {
+        return Ok(DAffine3::IDENTITY);
+    };
     if let Some(m) = t.matrix {
-        if t.scale.is_some()
-            || t.rotate_deg.is_some()
-            || t.translate.is_some()
-            || m[3] != [0.0, 0.0, 0.0, 1.0]
-        {
+        if t.scale.is_some() || t.rotate_deg.is_some() || t.translate.is_some() {
             return Err(ctx.error(
                 t.span(),
-                "the transform has other keys besides matrix, or the last row of matrix is not 0 0 0 1",
-                "give only an affine matrix, or only scale, rotate_deg and translate",
+                "the transform has other keys besides matrix",
+                "give only matrix, or only scale, rotate_deg and translate",
+            ));
+        }
+        if m[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(ctx.error(
+                t.span(),
+                format!("the last row of matrix is {:?}, not [0.0, 0.0, 0.0, 1.0]", m[3]),
+                "give an affine matrix in row-major order",
             ));
         }
         let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
@@ -378,10 +379,14 @@ pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAf
         None => DVec3::ONE,
         Some(SpectrumFile::Scalar(s)) => DVec3::splat(*s),
         Some(SpectrumFile::PerWavelength(v)) if v.len() == 3 => DVec3::new(v[0], v[1], v[2]),
-        Some(_) => {
+        Some(other) => {
+            let found = match other {
+                SpectrumFile::PerWavelength(v) => format!("{} numbers", v.len()),
+                _ => "a table".to_owned(),
+            };
             return Err(ctx.error(
                 t.span(),
-                "scale is not one factor or three",
+                format!("scale is {found}, not one factor or three"),
                 "give one factor, or three (x, y, z)",
             ));
         }

@@ -114,15 +114,17 @@ fn listed(
     span: Range<usize>,
     what: &str,
 ) -> Result<Vec<u32>, InputError> {
-    let rising = list.windows(2).all(|w| w[0] < w[1]);
-    if list.is_empty() || !rising || list.iter().any(|&i| i >= limit) {
-        return Err(ctx.error(
-            span,
-            format!("{what} are not an increasing list of indices below {limit}"),
-            format!("list each index once, in increasing order, from 0 to {}", limit - 1),
-        ));
-    }
-    Ok(list.to_vec())
+    let fault = if list.is_empty() {
+        "the list is empty".to_owned()
+    } else if let Some(i) = list.iter().find(|i| **i >= limit) {
+        format!("{i} is not below {limit}")
+    } else if let Some(pair) = list.windows(2).find(|w| w[0] >= w[1]) {
+        format!("{} before {} is not in increasing order", pair[0], pair[1])
+    } else {
+        return Ok(list.to_vec());
+    };
+    let fix = format!("list each index once, in increasing order, from 0 to {}", limit - 1);
+    Err(ctx.error(span, format!("{what}: {fault}"), fix))
 }
 
 fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Result<Block, InputError> {
@@ -300,12 +302,18 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     let TimeFile::Bins(b) = t else {
         return Ok(TimeSelect::Sum);
     };
-    if !(b.bin_ps.is_finite() && *b.bin_ps > 0.0 && b.start_ps.is_finite()) {
-        return Err(ctx.error(
-            b.bin_ps.span(),
-            format!("bin_ps is {} and start_ps is {}", *b.bin_ps, b.start_ps),
-            "give a bin width above 0 and a finite start, in picoseconds",
-        ));
+    for (key, value, sound, fix) in [
+        (
+            "bin_ps",
+            *b.bin_ps,
+            b.bin_ps.is_finite() && *b.bin_ps > 0.0,
+            "give a bin width above 0 in picoseconds",
+        ),
+        ("start_ps", b.start_ps, b.start_ps.is_finite(), "give a finite start in picoseconds"),
+    ] {
+        if !sound {
+            return Err(ctx.error(b.bin_ps.span(), format!("{key} is {value}"), fix));
+        }
     }
     if !(1..=1 << 20).contains(&*b.bins) {
         return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));

@@ -162,18 +162,8 @@ pub(crate) fn group_number<T: Copy>(
     name: &Located<String>,
     groups: &BTreeMap<&str, T>,
 ) -> Result<T, InputError> {
-    groups.get(name.as_str()).copied().ok_or_else(|| {
-        let known = groups.keys().copied().collect::<Vec<_>>().join(", ");
-        ctx.error(
-            name.span(),
-            format!("unknown group `{}`", **name),
-            if known.is_empty() {
-                format!("add [groups.{}]", **name)
-            } else {
-                format!("add [groups.{}], or use one of: {known}", **name)
-            },
-        )
-    })
+    let unknown = || ctx.unknown("group", "groups", name, groups.keys().copied());
+    groups.get(name.as_str()).copied().ok_or_else(unknown)
 }
 
 /// Returns the transforms of all copies of an entry.
@@ -181,10 +171,7 @@ pub(crate) fn copies(
     ctx: &mut Context,
     instance: &Located<InstanceFile>,
 ) -> Result<Vec<DAffine3>, InputError> {
-    let outer = match &instance.transform {
-        Some(t) => shapes::transform(ctx, t)?,
-        None => DAffine3::IDENTITY,
-    };
+    let outer = shapes::transform(ctx, instance.transform.as_ref())?;
     let places = match &instance.places {
         Some(file) => places::read(ctx, file)?,
         None => vec![DAffine3::IDENTITY],
@@ -194,19 +181,21 @@ pub(crate) fn copies(
         let place = outer * inner;
         let m = place.matrix3;
         let columns = [m.x_axis, m.y_axis, m.z_axis, place.translation];
-        let sane = columns.iter().all(|c| c.abs().max_element() <= HUGE);
-        if !sane || !shapes::is_solid(&place) {
+        let fault = if !columns.iter().all(|c| c.abs().max_element() <= HUGE) {
+            Some(("is too large", "keep coordinates below 1e12 m"))
+        } else if !shapes::is_solid(&place) {
+            Some(("has zero extent along a direction", "give an extent above 0 along every direction"))
+        } else {
+            None
+        };
+        if let Some((what, help)) = fault {
             let span = instance.places.as_ref().map_or(instance.span(), Located::span);
             let which = if instance.places.is_some() {
                 format!("copy {} of the group", i + 1)
             } else {
                 "the copy of the group".into()
             };
-            return Err(ctx.error(
-                span,
-                format!("{which} has zero extent along a direction, or is too large"),
-                "give an extent above 0 along every direction, and keep coordinates below 1e12 m",
-            ));
+            return Err(ctx.error(span, format!("{which} {what}"), help));
         }
         all.push(place);
     }
@@ -231,16 +220,7 @@ fn filling(
         ));
     }
     let Some(medium) = media.get(name.as_str()) else {
-        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
-        return Err(ctx.error(
-            name.span(),
-            format!("unknown medium `{}`", **name),
-            if known.is_empty() {
-                format!("add [media.{}]", **name)
-            } else {
-                format!("add [media.{}], or use one of: {known}", **name)
-            },
-        ));
+        return Err(ctx.unknown("medium", "media", name, media.keys().copied()));
     };
     Ok(Some(Boundary { medium: *medium, priority: object.priority, object: first as u32 }))
 }

@@ -296,11 +296,15 @@ fn read(
         _ => 0.0,
     };
     let values = textures.texels[first..].iter().flat_map(|t| &t[..lanes]);
-    let wrong = values.filter(|v| !(least..=1e30).contains(*v)).count();
-    if wrong > 0 {
+    let wrong: Vec<f32> = values.copied().filter(|v| !(least..=1e30).contains(v)).collect();
+    if let Some(first) = wrong.first() {
         return Err(ctx.error(
             name.span(),
-            format!("{}: {wrong} values are negative, above 1e30 or not finite", ctx.path(name).display()),
+            format!(
+                "{}: {} values are outside {least:e}..1e30, the first is {first:e}",
+                ctx.path(name).display(),
+                wrong.len()
+            ),
             "correct the values in the image",
         ));
     }

@@ -64,10 +64,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
         named(other),
         off.abs()
     );
-    let place = match &object.1.transform {
-        Some(t) => shapes::transform(ctx, t).ok()?,
-        None => DAffine3::IDENTITY,
-    };
+    let place = shapes::transform(ctx, object.1.transform.as_ref()).ok()?;
     let (number, span) = (object.0, object.1.span());
     let mut moved = (**object.1).clone();
     let at = moved.transform.as_ref().map_or_else(|| span.clone(), Located::span);

@@ -27,9 +27,7 @@ fn tent() -> Mesh {
 
 fn checks() -> Vec<u8> {
     let image = image::RgbImage::from_fn(4, 4, |x, y| image::Rgb([(60 * x) as u8, 200, (50 * y) as u8]));
-    let mut bytes = std::io::Cursor::new(vec![]);
-    image.write_to(&mut bytes, image::ImageFormat::Png).expect("a picture");
-    bytes.into_inner()
+    picture(image, image::ImageFormat::Png)
 }
 
 const FILE: &str = r#"
@@ -125,9 +123,7 @@ fn a_scene_in_code_is_the_scene_of_its_file() {
 
 /// Encodes a uniform image.
 fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
-    let mut bytes = std::io::Cursor::new(vec![]);
-    image.into().write_to(&mut bytes, format).expect("a picture");
-    bytes.into_inner()
+    import::picture::encoded(&image.into(), format).expect("a picture")
 }
 
 /// Returns the first texel of an image in a built scene.

@@ -1,5 +1,7 @@
 //! Options and results of the calibration readers.
 
+use super::names::Node;
+use base::locate::InputError;
 use syntax::device::ExtrinsicsFile;
 
 /// User settings that supplement or override a calibration file.
@@ -17,6 +19,33 @@ pub struct Options {
     pub fisheye: bool,
     /// For Kalibr files: use the IMU's frame as the world instead of the first camera's.
     pub imu: bool,
+}
+
+impl Options {
+    /// Returns the view whose pose to use, of `count` views; `None` without a pose, or if none is selected.
+    pub(super) fn view_of(
+        &self,
+        count: usize,
+        node: &Node,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<usize>, InputError> {
+        match (self.view, count) {
+            (None, 0) => Ok(None),
+            (None, 1) => Ok(Some(0)),
+            (Some(view), n) if view < n => Ok(Some(view)),
+            (Some(view), n) => {
+                let message = format!("view {view} does not exist: {n} views have a pose");
+                Err(node.error(&message, "give a number from 0"))
+            }
+            (None, n) => {
+                let last = n - 1;
+                notes.push(format!(
+                    "The file has poses of {n} views; none was used. Choose one with --view 0 to {last}."
+                ));
+                Ok(None)
+            }
+        }
+    }
 }
 
 pub(super) struct Found {

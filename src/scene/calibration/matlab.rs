@@ -119,23 +119,8 @@ fn pose(
         (None, Some(t)) => t.array()?.values.len() / 3,
         (None, None) => 0,
     };
-    let view = match (options.view, count) {
-        (None, 0) => return Ok(None),
-        (None, 1) => 0,
-        (Some(view), n) if view < n => view,
-        (Some(view), n) => {
-            return Err(camera.error(
-                &format!("view {view} does not exist: {n} views have a pose"),
-                "give a number from 0",
-            ));
-        }
-        (None, n) => {
-            notes.push(format!(
-                "The file has poses of {n} views; none was used. Choose one with --view 0 to {}.",
-                n - 1
-            ));
-            return Ok(None);
-        }
+    let Some(view) = options.view_of(count, camera, notes)? else {
+        return Ok(None);
     };
     if let Some(views) = views {
         let one = views.item(view).unwrap_or_else(|| views.clone());

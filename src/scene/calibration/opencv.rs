@@ -232,22 +232,9 @@ fn pose(
         ));
     }
     let views = t.values.len() / 3;
-    let view = match (options.view, views) {
-        (None, 0 | 1) => 0,
-        (Some(view), n) if view < n => view,
-        (Some(view), n) => {
-            return Err(translation.error(
-                &format!("view {view} does not exist: {n} views have a pose"),
-                "give a number from 0",
-            ));
-        }
-        (None, n) => {
-            notes.push(format!(
-                "The file has poses of {n} views; none was used. Choose one with --view 0 to {}.",
-                n - 1
-            ));
-            return Ok(None);
-        }
+    let count = if options.view.is_none() { views.max(1) } else { views };
+    let Some(view) = options.view_of(count, &translation, notes)? else {
+        return Ok(None);
     };
     // With several views, each is an element of the first axis.
     let part = |node: &Node, size: usize| -> Result<Vec<f64>, InputError> {

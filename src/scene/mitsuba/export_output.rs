@@ -1,7 +1,7 @@
 //! Helpers shared by the parts of an export: spectra, images, ids, and files next to the XML.
 
 use super::files::Contents;
-use super::names::plain;
+use super::names::{free, plain};
 use super::xml::{Element, number, single};
 use crate::build::context::Context;
 use base::locate::InputError;
@@ -30,14 +30,10 @@ impl Output {
     /// Adds a file under its name, or under a similar one if it is taken, and returns the name.
     pub fn file(&mut self, name: &str, contents: Contents) -> String {
         let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
-        let mut free = name.to_owned();
-        let mut n = 2;
-        while self.files.iter().any(|(taken, _)| *taken == free) {
-            free = format!("{stem}_{n}.{ending}");
-            n += 1;
-        }
-        self.files.push((free.clone(), contents));
-        free
+        let file = |stem: &str| format!("{stem}.{ending}");
+        let name = file(&free(stem, |stem| self.files.iter().any(|(taken, _)| *taken == file(stem))));
+        self.files.push((name.clone(), contents));
+        name
     }
 }
 
@@ -124,12 +120,5 @@ pub(super) struct Needs {
 
 /// Returns a unique id for a name, with characters that XML and Mitsuba's parameter syntax accept.
 pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
-    let base = plain(name);
-    let mut id = base.clone();
-    let mut n = 2;
-    while taken.values().any(|t| *t == id) {
-        id = format!("{base}_{n}");
-        n += 1;
-    }
-    id
+    free(&plain(name), |id| taken.values().any(|t| t == id))
 }

@@ -170,7 +170,7 @@ fn run(
             }
             "instance" => groups.instance(&mut importer, &mut reader, node),
             _ => import_shapes::all(&mut importer, &mut reader, node)
-                .map(|new| objects.extend(new.into_iter().map(|o| Located::at(node.span.clone(), o)))),
+                .map(|new| objects.extend(new.into_iter().map(|o| node.at(o)))),
         };
         if let Err(e) = added {
             source.report(e);
@@ -202,7 +202,7 @@ fn run(
         slices: slices(time),
         ..SceneFile::new(camera)
     };
-    file.camera = Located::at(sensor.span.clone(), (*file.camera).clone());
+    file.camera = sensor.at((*file.camera).clone());
     file.materials = reader.materials.table.materials;
     file.media = reader.media.media;
     file.objects = objects;
@@ -408,22 +408,17 @@ impl<'a> Parts<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage};
-    use std::io::Cursor;
-
-    fn encoded(image: DynamicImage, format: ImageFormat) -> Vec<u8> {
-        let mut bytes = Cursor::new(vec![]);
-        image.write_to(&mut bytes, format).expect("fits");
-        bytes.into_inner()
-    }
+    use image::{ImageFormat, Rgb32FImage, RgbImage};
+    use import::picture::encoded;
 
     /// Files in memory are found by name, and the image reader decides whether colours are encoded.
     #[test]
     fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [
-            ("light.exr".to_owned(), encoded(Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr)),
-            ("colours.png".to_owned(), encoded(RgbImage::new(2, 2).into(), ImageFormat::Png)),
+            ("light.exr", encoded(&Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr)),
+            ("colours.png", encoded(&RgbImage::new(2, 2).into(), ImageFormat::Png)),
         ]
+        .map(|(name, bytes)| (name.to_owned(), bytes.expect("fits")))
         .into();
         let text = |name: &str| {
             format!(

@@ -96,11 +96,11 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
              exact on the optical axis"
             ));
         }
-        let at = |v| Located::at(node.span.clone(), v);
+        let at = |v| node.at(v);
         TimeBins {
             start_ps: start / METRES_PER_PS,
             bin_ps: at(width / METRES_PER_PS),
-            bins: Located::at(node.span.clone(), bins),
+            bins: node.at(bins),
         }
     });
     let (pose, width) =
@@ -108,7 +108,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     let mut camera = device(node, pose, [window[2], window[3]], fov);
     if orthographic {
         camera.fov_x_deg = None;
-        camera.orthographic_width = Some(Located::at(node.span.clone(), width * f64::from(window[2]) / w));
+        camera.orthographic_width = Some(node.at(width * f64::from(window[2]) / w));
     }
     if node.kind == "thinlens" {
         let (radius, focus) = (node.float(source, "aperture_radius")?, node.float(source, "focus_distance")?);
@@ -120,7 +120,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
             );
         };
         let aperture = ApertureFile { radius, focus: focus.unwrap_or(FAR) };
-        camera.aperture = Some(Located::at(node.span.clone(), aperture));
+        camera.aperture = Some(node.at(aperture));
     }
     let far = node.float(source, "far_clip")?.unwrap_or(FAR);
     // The rays of an orthographic camera start at the near plane in both programs.
@@ -131,7 +131,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         // The field of view is that of the whole film.
         camera.fov_x_deg = None;
         let fx = w / (2.0 * (fov.to_radians() / 2.0).tan());
-        camera.fx = Some(Located::at(node.span.clone(), fx));
+        camera.fx = Some(node.at(fx));
     }
     if cropped || offset != [0.0; 2] {
         let [x, y] = [window[0], window[1]].map(f64::from);
@@ -178,8 +178,8 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
 /// Creates a device whose values are located at its plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
-    device.fov_x_deg = Some(Located::at(node.span.clone(), fov_x_deg));
-    device.pose = Located::at(node.span.clone(), (*device.pose).clone());
+    device.fov_x_deg = Some(node.at(fov_x_deg));
+    device.pose = node.at((*device.pose).clone());
     device
 }
 

@@ -79,7 +79,7 @@ pub(super) fn add<'a>(
                 );
             }
             Projected::Patterns(projector) => {
-                file.projector = Some(Located::at(node.span.clone(), *projector));
+                file.projector = Some(node.at(*projector));
                 return Ok(());
             }
         },
@@ -91,7 +91,7 @@ pub(super) fn add<'a>(
             );
         }
     };
-    file.emitters.push(Located::at(node.span.clone(), emitter));
+    file.emitters.push(node.at(emitter));
     Ok(())
 }
 
@@ -115,8 +115,8 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
         position: place.translation.to_array(),
         direction: place.matrix3.z_axis.to_array(),
         intensity: importer.spectrum_or(node, "intensity", 1.0)?,
-        cutoff_deg: Located::at(node.span.clone(), cutoff),
-        beam_deg: Some(Located::at(node.span.clone(), beam)),
+        cutoff_deg: node.at(cutoff),
+        beam_deg: Some(node.at(beam)),
         image,
         up,
         horizontal: [1.0, 0.0, 0.0],
@@ -147,9 +147,7 @@ fn directional<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Emitte
 
 fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
-    let Some(name) = node.text(source, "filename")? else {
-        return importer.error(&node.span, "the envmap has no filename", "add <string name=\"filename\">");
-    };
+    let name = importer.filename(node, "envmap")?;
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     sampling_weight(importer, node)?;
@@ -157,7 +155,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     node.finish(source, &["mis_compensation"]);
     let mut environment = EnvironmentFile::new(scale);
     environment.rows = Rows::Poles;
-    environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
+    environment.image = Some(node.at(importer.file(name)));
     environment.transform = match place {
         None => None,
         Some(map) => {
@@ -168,7 +166,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
                     "use only rotations and reflections",
                 )
             })?;
-            Some(Located::at(node.span.clone(), matrix(&DAffine3::from_mat3(turn))))
+            Some(node.at(matrix(&DAffine3::from_mat3(turn))))
         }
     };
     Ok(EmitterFile::Environment(Box::new(environment)))
@@ -202,12 +200,12 @@ pub(super) fn area<'a>(
     let mut emission = EmissionFile::new(1.0);
     let mut uv = Coordinates { turned, images: false };
     match image_of(importer, node, "radiance", &mut uv)? {
-        Some(image) => emission.image = Some(Located::at(node.span.clone(), image)),
+        Some(image) => emission.image = Some(node.at(image)),
         None => emission.radiance = importer.spectrum_or(node, "radiance", 1.0)?,
     }
     sampling_weight(importer, node)?;
     node.finish(importer.source, &[]);
-    Ok((Located::at(node.span.clone(), emission), uv.images))
+    Ok((node.at(emission), uv.images))
 }
 
 /// Adds a note if Mitsuba never samples the emitter. Other weights affect noise only.
@@ -238,7 +236,7 @@ fn projected<'a>(
 ) -> Result<Option<Located<ImageAlbedo>>, InputError> {
     let mut uv = Coordinates { turned: true, images: false };
     let image = image_of(importer, node, name, &mut uv)?;
-    Ok(image.map(|image| Located::at(node.span.clone(), image)))
+    Ok(image.map(|image| node.at(image)))
 }
 
 /// Result of converting a Mitsuba projector.
@@ -257,8 +255,8 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         Some(&[w, h]) => Some([w, h]),
         _ => None,
     });
-    let at = |v: f64| Located::at(node.span.clone(), v);
-    let one = || Located::at(node.span.clone(), SpectrumFile::Scalar(1.0));
+    let at = |v: f64| node.at(v);
+    let one = || node.at(SpectrumFile::Scalar(1.0));
     let image = projected(importer, node, "irradiance")?;
     let (size, irradiance) = if let Some(image) = &image {
         let (size, white) = decoded(importer, node, "irradiance")?;
@@ -268,11 +266,11 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
                  patterns, use `sunstone probe`",
             );
             let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
-            let pose = Located::at(node.span.clone(), pose(importer, node)?);
+            let pose = node.at(pose(importer, node)?);
             node.finish(importer.source, &[]);
             return Ok(Projected::Slide(Box::new(SlideFile {
                 image: image.clone(),
-                irradiance: Located::at(node.span.clone(), scaled(&SpectrumFile::Scalar(1.0), factor)),
+                irradiance: node.at(scaled(&SpectrumFile::Scalar(1.0), factor)),
                 fov_x_deg: at(fov),
                 pose,
             })));

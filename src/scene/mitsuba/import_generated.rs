@@ -2,7 +2,7 @@
 
 use super::importer::Importer;
 use super::tree::Node;
-use base::locate::{InputError, Located};
+use base::locate::InputError;
 use glam::DAffine3;
 use import::curve::{Kind, parse_curves};
 use import::sdf::{Normals, surface};
@@ -31,27 +31,15 @@ fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), I
             );
         }
     }
-    match node.text(source, "filename")? {
-        Some(name) => Ok((name, importer.read(node, name)?)),
-        None => importer.error(
-            &node.span,
-            format!("the {} has no filename", node.kind),
-            "add <string name=\"filename\">",
-        ),
-    }
+    let name = importer.filename(node, &node.kind)?;
+    Ok((name, importer.read(node, name)?))
 }
 
 /// Writes a mesh to a file and returns the object's shape.
 fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     let wanted = node.id.as_deref().unwrap_or(&node.kind);
     let name = importer.make(wanted, "ply", write_ply::write(mesh));
-    MeshFile {
-        file: Located::at(node.span.clone(), name),
-        index: 0,
-        flat: false,
-        smooth: false,
-        materials: false,
-    }
+    MeshFile { file: node.at(name), index: 0, flat: false, smooth: false, materials: false }
 }
 
 /// `bsplinecurve` and `linearcurve`: the surface of the tubes in the parent's coordinates; `place` moves

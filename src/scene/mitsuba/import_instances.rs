@@ -2,7 +2,7 @@
 
 use super::import_shapes::{self, Readers};
 use super::importer::Importer;
-use super::names::plain;
+use super::names::{free, plain};
 use super::tree::Node;
 use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
@@ -25,13 +25,11 @@ impl<'a> Groups<'a> {
             return name.clone();
         }
         let wanted = plain(node.id.as_deref().unwrap_or("group"));
-        let others = (2..).map(|i| format!("{wanted}_{i}"));
-        let free = std::iter::once(wanted.clone()).chain(others).find(|n| !self.groups.contains_key(n));
-        let name = free.unwrap_or(wanted);
+        let name = free(&wanted, |name| self.groups.contains_key(name));
         self.read.push((node, name.clone()));
         // Reserve the name even if the group has errors.
         let mut group = GroupFile::default();
-        self.groups.insert(name.clone(), Located::at(node.span.clone(), group.clone()));
+        self.groups.insert(name.clone(), node.at(group.clone()));
         for child in node.children() {
             let objects = importer.resolve(child).and_then(|inner| match inner.kind.as_str() {
                 "shapegroup" | "instance" => importer.error(
@@ -48,7 +46,7 @@ impl<'a> Groups<'a> {
             });
             match objects {
                 Ok((inner, new)) => {
-                    let at = |o| Located::at(inner.span.clone(), o);
+                    let at = |o| inner.at(o);
                     group.objects.extend(new.into_iter().map(at));
                 }
                 Err(e) => importer.source.report(e),
@@ -60,7 +58,7 @@ impl<'a> Groups<'a> {
             importer.source.report(importer.source.error(&node.span, message, fix));
         }
         node.finish(importer.source, &[]);
-        self.groups.insert(name.clone(), Located::at(node.span.clone(), group));
+        self.groups.insert(name.clone(), node.at(group));
         name
     }
 

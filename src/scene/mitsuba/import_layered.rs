@@ -15,10 +15,6 @@ use syntax::material::{
 use syntax::texture::{AlbedoFile, AttributeFile, ImageAlbedo, ScalarFile};
 use syntax::values::{SpectrumFile, SpectrumTable};
 
-fn at<T>(node: &Node, value: T) -> Located<T> {
-    Located::at(node.span.clone(), value)
-}
-
 /// `plastic` and `roughplastic`: a dielectric coat over a Lambertian base with interreflection below the
 /// coat.
 pub(super) fn plastic<'a>(
@@ -40,7 +36,7 @@ pub(super) fn plastic<'a>(
     };
     let (alpha, distribution) = if node.kind == "plastic" {
         importer.note(format!("the smooth coat of plastic has a roughness of {SMOOTH} in Sunstone"));
-        (at(node, SMOOTH.into()), Distribution::Beckmann)
+        (node.at(SMOOTH.into()), Distribution::Beckmann)
     } else {
         let facets = facets(importer, node, uv)?;
         (facets.alpha, facets.distribution)
@@ -75,7 +71,7 @@ pub(super) fn principled<'a>(
     let mut middle = 0.5;
     let alpha = if let ScalarFile::Number(v) = &*roughness {
         middle = v.clamp(0.0, 1.0);
-        at(node, (v * v).clamp(SMOOTH, 1.0).into())
+        node.at((v * v).clamp(SMOOTH, 1.0).into())
     } else {
         importer.note(
             "principled: the roughness image is used as alpha, although roughness is the square root of alpha: a value of 0.5 has the effect of roughness 0.71",
@@ -115,9 +111,9 @@ pub(super) fn principled<'a>(
     let none = |s: &ScalarFile| *s == ScalarFile::Number(0.0);
     let mut body = MaterialFile::Plastic(Box::new(PlasticFile {
         albedo: body_of(importer, node, &base, body::principled(eta, middle)),
-        ior: at(node, eta.into()),
-        exterior_ior: at(node, 1.0.into()),
-        specular: at(node, 1.0.into()),
+        ior: node.at(eta.into()),
+        exterior_ior: node.at(1.0.into()),
+        specular: node.at(1.0.into()),
         single_scatter: None,
         interreflection: InterreflectionFile::Linear,
         passage: PassageFile::Facets,
@@ -136,8 +132,8 @@ pub(super) fn principled<'a>(
     let opaque = none(&spec_trans);
     if !opaque {
         let glass = MaterialFile::RoughDielectric(RoughDielectricFile {
-            ior: at(node, eta.into()),
-            exterior_ior: at(node, 1.0.into()),
+            ior: node.at(eta.into()),
+            exterior_ior: node.at(1.0.into()),
             alpha,
             distribution: Distribution::Ggx,
             masking: Masking::Separable,
@@ -222,10 +218,10 @@ fn metal(
         );
     }
     MaterialFile::RoughConductor(RoughConductorFile {
-        metal: indices.is_none().then(|| at(node, "mirror".to_owned())),
-        n: indices.as_deref().map(|nk| at(node, column(nk, 0))),
-        k: indices.as_deref().map(|nk| at(node, column(nk, 1))),
-        reflectance: if indices.is_some() { at(node, 1.0.into()) } else { base.clone() },
+        metal: indices.is_none().then(|| node.at("mirror".to_owned())),
+        n: indices.as_deref().map(|nk| node.at(column(nk, 0))),
+        k: indices.as_deref().map(|nk| node.at(column(nk, 1))),
+        reflectance: if indices.is_some() { node.at(1.0.into()) } else { base.clone() },
         alpha: alpha.clone(),
         distribution: Distribution::Ggx,
         masking: Masking::Separable,

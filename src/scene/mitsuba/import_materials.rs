@@ -23,31 +23,17 @@ use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
-pub(super) const KNOWN: [&str; 19] = [
-    "diffuse",
-    "conductor",
-    "roughconductor",
-    "dielectric",
-    "thindielectric",
-    "roughdielectric",
-    "plastic",
-    "roughplastic",
-    "pplastic",
-    "principled",
-    "measured_polarized",
-    "polarizer",
-    "circular",
-    "retarder",
-    "blendbsdf",
-    "twosided",
-    "mask",
-    "normalmap",
-    "null",
-];
+/// Supported BSDFs, for messages.
+const KNOWN: &str = "diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, \
+    pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, \
+    bumpmap, null";
 
 /// BSDFs that are black from behind.
 const OPAQUE: [&str; 7] =
     ["diffuse", "conductor", "roughconductor", "plastic", "roughplastic", "pplastic", "measured_polarized"];
+
+/// Maximum nesting depth of BSDFs.
+const MOST_NESTED: usize = 14;
 
 /// Converts BSDFs, each of them once.
 #[derive(Default)]
@@ -123,11 +109,14 @@ impl MaterialReader {
             let name = name.clone();
             return Ok(Made { name, images });
         }
-        if self.open.contains(&start) || self.open.len() > 14 {
+        if self.open.contains(&start) {
+            return importer.error(&node.span, "the bsdf refers to itself", "remove the reference");
+        }
+        if self.open.len() > MOST_NESTED {
             return importer.error(
                 &node.span,
-                "the bsdf refers to itself, or is nested too deeply",
-                "nest bsdfs at most about ten deep and without cycles",
+                format!("the bsdf is nested deeper than {MOST_NESTED}"),
+                "nest bsdfs at most about ten deep",
             );
         }
         self.open.push(start);
@@ -232,11 +221,11 @@ impl MaterialReader {
                 // Mitsuba measures the angle clockwise.
                 let angle = -angle(importer, node)? + 0.0;
                 MaterialFile::Polarizer(PolarizerFile {
-                    angle_deg: Some(at(node, angle)),
+                    angle_deg: Some(node.at(angle)),
                     axis: None,
                     passes: Passes::Linear,
                     transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
-                    extinction: at(node, 0.0.into()),
+                    extinction: node.at(0.0.into()),
                 })
             }
             "circular" => {
@@ -248,13 +237,13 @@ impl MaterialReader {
                     axis: None,
                     passes: if left { Passes::Left } else { Passes::Right },
                     transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
-                    extinction: at(node, 0.0.into()),
+                    extinction: node.at(0.0.into()),
                 })
             }
             "retarder" => {
                 importer.note("at oblique incidence the axis of Mitsuba's retarder is not fixed in space, unlike Sunstone's");
                 MaterialFile::Retarder(RetarderFile {
-                    angle_deg: Some(at(node, angle(importer, node)?)),
+                    angle_deg: Some(node.at(angle(importer, node)?)),
                     axis: None,
                     retardance_deg: Some(importer.spectrum_or(node, "delta", 90.0)?),
                     retardance_nm: None,
@@ -298,7 +287,7 @@ impl MaterialReader {
                 MaterialFile::NormalMap(NormalMapFile {
                     material,
                     image: image.image,
-                    strength: at(node, 1.0),
+                    strength: node.at(1.0),
                     uv: image.uv,
                     wrap: image.wrap,
                     filter: image.filter,
@@ -314,8 +303,8 @@ impl MaterialReader {
                 let material = self.turned(importer, node, both, uv)?;
                 MaterialFile::BumpMap(BumpMapFile {
                     material,
-                    image: at(node, image),
-                    height: at(node, height),
+                    image: node.at(image),
+                    height: node.at(height),
                 })
             }
             "null" => MaterialFile::Null(NullFile {}),
@@ -336,7 +325,7 @@ impl MaterialReader {
                 return importer.error(
                     &node.span,
                     format!("unsupported bsdf `{other}`"),
-                    &format!("use one of: {}", KNOWN.join(", ")),
+                    &format!("use one of: {KNOWN}"),
                 );
             }
         };
@@ -385,7 +374,7 @@ impl MaterialReader {
             }
             let made = self.material(importer, inner, both, uv.turned, None)?;
             uv.images |= made.images;
-            names.push(at(inner, made.name));
+            names.push(inner.at(made.name));
         }
         names.try_into().or_else(|names: Vec<_>| {
             importer.error(
@@ -448,10 +437,6 @@ fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-fn at<T>(node: &Node, value: T) -> Located<T> {
-    Located::at(node.span.clone(), value)
-}
-
 fn plastic<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -460,7 +445,7 @@ fn plastic<'a>(
     let albedo: Located<AlbedoFile> = albedo(importer, node, "diffuse_reflectance", 0.5, uv)?;
     let specular = importer.spectrum_or(node, "specular_reflectance", 1.0)?;
     let [ior, exterior_ior] = match importer.spectrum(node, "eta")? {
-        Some(eta) => [Located::at(eta.span(), IndexFile::Values((*eta).clone())), at(node, 1.0.into())],
+        Some(eta) => [Located::at(eta.span(), IndexFile::Values((*eta).clone())), node.at(1.0.into())],
         None => indices(importer, node, 1.49)?,
     };
     let facets = facets(importer, node, uv)?;
@@ -479,9 +464,7 @@ fn plastic<'a>(
 }
 
 fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError> {
-    let Some(name) = node.text(importer.source, "filename")? else {
-        return importer.error(&node.span, "the table has no filename", "add <string name=\"filename\">");
-    };
+    let name = importer.filename(node, "table")?;
     if let Some(nm) = node.float(importer.source, "wavelength")?
         && nm >= 0.0
         && importer.wavelengths != [nm]
@@ -492,5 +475,5 @@ fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError
             "remove `wavelength`, or set the scene's wavelength: -D wavelengths_nm=…",
         );
     }
-    Ok(MeasuredFile { file: at(node, importer.file(name)), even_axes: false })
+    Ok(MeasuredFile { file: node.at(importer.file(name)), even_axes: false })
 }

@@ -1,7 +1,7 @@
 //! Converts Mitsuba's participating media to media of a scene file.
 
 use super::importer::Importer;
-use super::names::plain;
+use super::names::{free, plain};
 use super::tree::Node;
 use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
@@ -28,19 +28,14 @@ impl MediumReader {
         importer: &mut Importer<'a>,
         node: &'a Node,
     ) -> Result<Located<String>, InputError> {
-        let at = |name: &str| Located::at(node.span.clone(), name.to_owned());
+        let at = |name: &str| node.at(name.to_owned());
         if let Some(name) = self.done.get(&node.span.start) {
             return Ok(at(name));
         }
         let medium = medium(importer, node)?;
         let base = plain(node.id.as_deref().unwrap_or("medium"));
-        let mut name = base.clone();
-        let mut n = 2;
-        while self.media.contains_key(&name) {
-            name = format!("{base}_{n}");
-            n += 1;
-        }
-        self.media.insert(name.clone(), Located::at(node.span.clone(), medium));
+        let name = free(&base, |name| self.media.contains_key(name));
+        self.media.insert(name.clone(), node.at(medium));
         self.done.insert(node.span.start, name.clone());
         Ok(at(&name))
     }
@@ -74,7 +69,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         } else {
             SpectrumFile::PerWavelength(values)
         };
-        Located::at(node.span.clone(), spectrum)
+        node.at(spectrum)
     };
     let (scattering, absorption) = (each(&|t, a| t * a), each(&|t, a| t * (1.0 - a)));
     let mut phase = None;
@@ -100,7 +95,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     }
     // Affects only how distances are sampled.
     node.finish(importer.source, &["has_spectral_extinction"]);
-    let index = Located::at(node.span.clone(), 1.0.into());
+    let index = node.at(1.0.into());
     let albedo = match albedo {
         Coefficient::Grid(grid) => Some(*grid),
         Coefficient::Everywhere(..) => None,
@@ -170,9 +165,7 @@ fn coefficient(
 
 fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<GridFile>, InputError> {
     let source = importer.source;
-    let Some(name) = node.text(source, "filename")? else {
-        return importer.error(&node.span, "the volume has no filename", "add <string name=\"filename\">");
-    };
+    let name = importer.filename(node, "volume")?;
     let filter = match node.text(source, "filter_type")?.unwrap_or("trilinear") {
         "trilinear" => GridFilter::Trilinear,
         "nearest" => GridFilter::Nearest,
@@ -188,15 +181,12 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
     let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
     // Conversion to spectra and look-up acceleration.
     node.finish(source, &["raw", "accel"]);
-    Ok(Located::at(
-        node.span.clone(),
-        GridFile {
-            file: Located::at(node.span.clone(), importer.file(name)),
-            corners: (!own).then_some(UNIT),
-            transform: (place != DAffine3::IDENTITY).then(|| Located::at(node.span.clone(), matrix(&place))),
-            filter,
-        },
-    ))
+    Ok(node.at(GridFile {
+        file: node.at(importer.file(name)),
+        corners: (!own).then_some(UNIT),
+        transform: (place != DAffine3::IDENTITY).then(|| node.at(matrix(&place))),
+        filter,
+    }))
 }
 
 /// Default box of a volume.
@@ -208,23 +198,20 @@ fn one(importer: &mut Importer, node: &Node, place: DAffine3) -> Located<GridFil
     let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
     let bytes = [b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat();
     let file = importer.make("everywhere", "vol", bytes);
-    Located::at(
-        node.span.clone(),
-        GridFile {
-            file: Located::at(node.span.clone(), file),
-            corners: Some(UNIT),
-            transform: (place != DAffine3::IDENTITY).then(|| Located::at(node.span.clone(), matrix(&place))),
-            filter: GridFilter::Nearest,
-        },
-    )
+    node.at(GridFile {
+        file: node.at(file),
+        corners: Some(UNIT),
+        transform: (place != DAffine3::IDENTITY).then(|| node.at(matrix(&place))),
+        filter: GridFilter::Nearest,
+    })
 }
 
 fn phase_function(importer: &mut Importer, node: &Node) -> Result<PhaseFile, InputError> {
-    let at = |v: f64| Located::at(node.span.clone(), v);
+    let at = |v: f64| node.at(v);
     let phase = match node.kind.as_str() {
         "isotropic" => PhaseFile::Isotropic,
         "hg" => PhaseFile::HenyeyGreenstein(HenyeyGreensteinFile {
-            g: Located::at(node.span.clone(), node.float(importer.source, "g")?.unwrap_or(0.8).into()),
+            g: node.at(node.float(importer.source, "g")?.unwrap_or(0.8).into()),
             linear: at(0.0),
             circular: at(0.0),
         }),

@@ -56,12 +56,6 @@ fn objects<'a>(
     let mut place = node.transform(source, "to_world")?.unwrap_or(DAffine3::IDENTITY);
     let flip = node.boolean(source, "flip_normals")?.unwrap_or(false);
     let point = |name, otherwise| Ok::<_, InputError>(node.vector(source, name)?.unwrap_or(otherwise));
-    let mesh_file = || -> Result<Located<String>, InputError> {
-        match node.text(source, "filename")? {
-            Some(name) => Ok(Located::at(node.span.clone(), importer.file(name))),
-            None => importer.error(&node.span, "the mesh has no filename", "add <string name=\"filename\">"),
-        }
-    };
     let generated = import_generated::KINDS.contains(&node.kind.as_str());
     let mirrors = place.matrix3.determinant() < 0.0 && !generated;
     // Whether Mitsuba's surface orientation (`inward`) and shading normal (`swapped`) are opposite to
@@ -91,7 +85,7 @@ fn objects<'a>(
         "rectangle" => ShapeFile::Rectangle(RectangleFile::default()),
         "cube" => ShapeFile::Cube(CubeFile::default()),
         kind @ ("obj" | "ply" | "serialized") => {
-            let file = mesh_file()?;
+            let file = node.at(importer.file(importer.filename(node, "mesh")?));
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
             if kind != "serialized" {
                 turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
@@ -145,9 +139,10 @@ fn objects<'a>(
                 importer.note("exterior media of shapes are not used: in Sunstone a medium fills an object");
             }
             inner => {
+                let repeated = ["bsdf", "emitter"].contains(&inner.tag.as_str());
                 return importer.error(
                     child.span(),
-                    format!("unsupported or duplicate {} in a shape", inner.tag),
+                    format!("{} {} in a shape", if repeated { "a second" } else { "unsupported" }, inner.tag),
                     "keep one bsdf, one emitter and one interior medium",
                 );
             }

@@ -63,7 +63,7 @@ pub(super) fn metal<'a>(
     let reflectance = albedo(importer, node, "specular_reflectance", 1.0, uv)?;
     let (n, k) = (importer.spectrum(node, "eta")?, importer.spectrum(node, "k")?);
     let name = node.text(importer.source, "material")?.filter(|name| *name != "none");
-    let bare = |v: f64| Some(Located::at(node.span.clone(), v.into()));
+    let bare = |v: f64| Some(node.at(v.into()));
     let metal = |metal, n, k| Metal { metal, n, k, reflectance };
     match (name, n, k) {
         (None, n, k) => {
@@ -73,7 +73,7 @@ pub(super) fn metal<'a>(
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
                 importer.note(format!("`{name}` uses Sunstone's optical constants ({})", found.source));
-                let name = Located::at(node.span.clone(), found.name.clone());
+                let name = node.at(found.name.clone());
                 Ok(metal(Some(name), None, None))
             }
             Err(e) => importer.error(&node.span, e.to_string(), "give eta and k as spectra"),
@@ -104,29 +104,17 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
     let Some(p) = node.get(name) else {
         return Ok(missing);
     };
-    let known = || {
-        let names: Vec<&str> = INDICES.iter().map(|(n, _)| *n).collect();
-        names.join(", ")
-    };
-    match &p.value {
-        Value::Float(v) => Ok(*v),
-        Value::Integer(v) => Ok(*v as f64),
-        Value::Text(text) => {
-            let plain = text.to_lowercase();
-            let found = INDICES.iter().find(|(n, _)| *n == plain);
-            found.map(|(_, v)| *v).map_or_else(
-                || {
-                    importer.error(
-                        &p.span,
-                        format!("unknown refractive index `{text}`"),
-                        &format!("give a number, or one of: {}", known()),
-                    )
-                },
-                Ok,
-            )
-        }
-        _ => importer.error(&p.span, format!("`{name}` is not a refractive index"), "give a number"),
+    if let Value::Text(text) = &p.value {
+        let plain = text.to_lowercase();
+        return INDICES.iter().find(|(n, _)| *n == plain).map(|(_, v)| *v).ok_or_else(|| {
+            let names: Vec<&str> = INDICES.iter().map(|(n, _)| *n).collect();
+            let fix = format!("give a number, or one of: {}", names.join(", "));
+            importer.source.error(&p.span, format!("unknown refractive index `{text}`"), &fix)
+        });
     }
+    let error =
+        || importer.source.error(&p.span, format!("`{name}` is not a refractive index"), "give a number");
+    p.value.number().ok_or_else(error)
 }
 
 /// Returns the refractive indices inside, with the given default, and outside, with that of air as default.
@@ -135,7 +123,7 @@ pub(super) fn indices(
     node: &Node,
     inside: f64,
 ) -> Result<[Located<IndexFile>; 2], InputError> {
-    let at = |v: f64| Located::at(node.span.clone(), v.into());
+    let at = |v: f64| node.at(v.into());
     Ok([at(index(importer, node, "int_ior", inside)?), at(index(importer, node, "ext_ior", 1.000_277)?)])
 }
 
@@ -144,11 +132,8 @@ pub(super) fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError>
     let Some(p) = node.get("theta") else {
         return Ok(0.0);
     };
-    match &p.value {
-        Value::Float(v) => Ok(*v),
-        Value::Integer(v) => Ok(*v as f64),
-        _ => importer.error(&p.span, "theta is not a number", "give an angle in degrees"),
-    }
+    let error = || importer.source.error(&p.span, "theta is not a number", "give an angle in degrees");
+    p.value.number().ok_or_else(error)
 }
 
 pub(super) struct Facets {
@@ -199,7 +184,7 @@ pub(super) fn facets<'a>(
         importer.note(format!("alpha below {SMOOTH} is increased to {SMOOTH}"));
         numbers(&mut alpha).into_iter().for_each(|v| *v = v.max(SMOOTH));
     }
-    let alpha = Located::at(node.span.clone(), alpha);
+    let alpha = node.at(alpha);
     Ok(Facets { alpha, distribution, masking: Masking::Separable })
 }
 
@@ -320,7 +305,7 @@ fn attribute(importer: &Importer, node: &Node) -> Result<AttributeFile, InputErr
     let name = node.text(importer.source, "name")?.unwrap_or_default();
     let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
     node.finish(importer.source, &[]);
-    Ok(AttributeFile { attribute: Located::at(node.span.clone(), name.to_owned()), scale })
+    Ok(AttributeFile { attribute: node.at(name.to_owned()), scale })
 }
 
 fn checkerboard<'a>(
@@ -342,7 +327,7 @@ pub(super) fn scalar<'a>(
     missing: Option<f64>,
     uv: &mut Coordinates,
 ) -> Result<Located<ScalarFile>, InputError> {
-    let at = |v: ScalarFile| Ok(Located::at(node.span.clone(), v));
+    let at = |v: ScalarFile| Ok(node.at(v));
     match pattern(importer, node, name, true, uv)? {
         Some(Pattern::Image(image)) => return at(image.into()),
         Some(Pattern::Checkerboard(mut board)) => {
@@ -374,10 +359,10 @@ pub(super) fn albedo<'a>(
     uv: &mut Coordinates,
 ) -> Result<Located<AlbedoFile>, InputError> {
     match pattern(importer, node, name, false, uv)? {
-        Some(Pattern::Image(image)) => return Ok(Located::at(node.span.clone(), image.into())),
-        Some(Pattern::Checkerboard(board)) => return Ok(Located::at(node.span.clone(), board.into())),
+        Some(Pattern::Image(image)) => return Ok(node.at(image.into())),
+        Some(Pattern::Checkerboard(board)) => return Ok(node.at(board.into())),
         Some(Pattern::Attribute(attribute)) => {
-            return Ok(Located::at(node.span.clone(), AlbedoFile::Attribute(attribute)));
+            return Ok(node.at(AlbedoFile::Attribute(attribute)));
         }
         None => {}
     }
@@ -400,9 +385,7 @@ pub(super) fn bitmap(
             "use a bitmap, a checkerboard or a mesh_attribute",
         );
     }
-    let Some(name) = node.text(source, "filename")? else {
-        return importer.error(&node.span, "the bitmap has no filename", "add <string name=\"filename\">");
-    };
+    let name = importer.filename(node, "bitmap")?;
     let raw = node.boolean(source, "raw")?.unwrap_or(false);
     let chosen = |key: &str| Ok::<_, InputError>(node.text(source, key)?.unwrap_or_default().to_owned());
     let unknown = |key: &str, value: &str, known: &str| {
@@ -428,7 +411,7 @@ pub(super) fn bitmap(
     let rows = [across, [-d, -e, 1.0 - f]];
     node.finish(source, &["format", "accel"]);
     Ok(ImageAlbedo {
-        image: Located::at(node.span.clone(), importer.file(name)),
+        image: node.at(importer.file(name)),
         scale: 1.0,
         uv: shortest(rows, wrap == Wrap::Repeat),
         wrap,

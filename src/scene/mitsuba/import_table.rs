@@ -1,6 +1,6 @@
 //! Materials created by an import, under unique names.
 
-use super::names::plain;
+use super::names::{free, plain};
 use super::tree::Node;
 use base::locate::Located;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,22 +15,17 @@ pub(super) struct Table {
 impl Table {
     /// Reserves and returns an unused name similar to `wanted`.
     fn free(&mut self, wanted: &str) -> String {
-        let base = plain(wanted);
-        let mut name = base.clone();
-        let mut n = 2;
-        while !self.taken.insert(name.clone()) {
-            name = format!("{base}_{n}");
-            n += 1;
-        }
+        let name = free(&plain(wanted), |name| self.taken.contains(name));
+        self.taken.insert(name.clone());
         name
     }
 
     /// Adds a plugin's material under a name similar to `wanted` and returns the name.
     pub fn add(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
-        let at = |material| Located::at(node.span.clone(), material);
+        let at = |material| node.at(material);
         self.materials.insert(name.clone(), at(material));
-        Located::at(node.span.clone(), name)
+        node.at(name)
     }
 
     /// [`Self::add`] for a material that is black from behind.
@@ -38,8 +33,8 @@ impl Table {
         let name = self.free(wanted);
         let front = self.add(node, &format!("{name}_front"), material);
         let two_sided = MaterialFile::TwoSided(TwoSidedFile { front, back: None });
-        self.materials.insert(name.clone(), Located::at(node.span.clone(), two_sided));
-        Located::at(node.span.clone(), name)
+        self.materials.insert(name.clone(), node.at(two_sided));
+        node.at(name)
     }
 
     /// Returns the invisible boundary of a medium.

@@ -1,7 +1,7 @@
 //! State and helpers shared by all parts of the Mitsuba import: source, files and spectra.
 
 use super::document::Document;
-use super::names::{WAVELENGTHS, plain};
+use super::names::{WAVELENGTHS, free, plain};
 use super::relative_path::relative;
 use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
@@ -115,6 +115,13 @@ impl<'a> Importer<'a> {
         relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
     }
 
+    /// Returns the file name in a plugin's XML; `what` names the plugin in messages.
+    pub fn filename<'n>(&self, node: &'n Node, what: &str) -> Result<&'n str, InputError> {
+        let fix = "add <string name=\"filename\">";
+        let missing = || self.source.error(&node.span, format!("the {what} has no filename"), fix);
+        node.text(self.source, "filename")?.ok_or_else(missing)
+    }
+
     pub fn read(&self, node: &Node, name: &str) -> Result<Vec<u8>, InputError> {
         let from_disk = || base::input::read(&self.path(name));
         let bytes = self.files.get(&self.file(name)).cloned().map_or_else(from_disk, Ok);
@@ -130,9 +137,8 @@ impl<'a> Importer<'a> {
             return name.clone();
         }
         let base = format!("{}_{}", self.stem, plain(wanted));
-        let numbered = (2..).map(|i| format!("{base}_{i}.{extension}"));
-        let mut names = std::iter::once(format!("{base}.{extension}")).chain(numbered);
-        let name = names.find(|n| !self.made.contains_key(n)).unwrap_or_default();
+        let file = |base: &str| format!("{base}.{extension}");
+        let name = file(&free(&base, |base| self.made.contains_key(&file(base))));
         self.made.insert(name.clone(), bytes);
         name
     }
@@ -151,7 +157,7 @@ impl<'a> Importer<'a> {
             return match self.resolve(child)? {
                 inner if is_spectrum(inner) => {
                     let spectrum = self.spectrum_plugin(inner)?;
-                    Ok(Some(Located::at(inner.span.clone(), spectrum)))
+                    Ok(Some(inner.at(spectrum)))
                 }
                 inner => self.error(
                     &inner.span,
@@ -187,7 +193,7 @@ impl<'a> Importer<'a> {
         name: &str,
         missing: f64,
     ) -> Result<Located<SpectrumFile>, InputError> {
-        let otherwise = || Located::at(node.span.clone(), SpectrumFile::Scalar(missing));
+        let otherwise = || node.at(SpectrumFile::Scalar(missing));
         Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
     }
 
@@ -263,12 +269,14 @@ impl<'a> Importer<'a> {
             "uniform" => SpectrumFile::Scalar(node.float(self.source, "value")?.unwrap_or(1.0)),
             "irregular" => {
                 let (nm, values) = (numbers_of("wavelengths")?, numbers_of("values")?);
-                if nm.len() != values.len() || !nm.is_sorted_by(|a, b| a < b) {
-                    return self.error(
-                        &node.span,
-                        "the spectrum is invalid",
-                        "give increasing wavelengths and as many values",
-                    );
+                if nm.len() != values.len() {
+                    let message =
+                        format!("the spectrum has {} wavelengths and {} values", nm.len(), values.len());
+                    return self.error(&node.span, message, "give one value per wavelength");
+                }
+                if !nm.is_sorted_by(|a, b| a < b) {
+                    let message = "the wavelengths of the spectrum do not increase";
+                    return self.error(&node.span, message, "give increasing wavelengths");
                 }
                 let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
                 self.table(&pairs, &node.span)?
@@ -278,12 +286,13 @@ impl<'a> Importer<'a> {
                 let end = |name: &str, missing| Ok(node.float(self.source, name)?.unwrap_or(missing));
                 let (first, last) = (end("wavelength_min", 360.0)?, end("wavelength_max", 830.0)?);
                 let steps = values.len().saturating_sub(1).max(1) as f64;
-                if values.len() < 2 || first >= last {
-                    return self.error(
-                        &node.span,
-                        "the spectrum covers no range",
-                        "give at least two values, and wavelength_min below wavelength_max",
-                    );
+                if values.len() < 2 {
+                    let message = format!("the spectrum has {} values", values.len());
+                    return self.error(&node.span, message, "give at least two values");
+                }
+                if first >= last {
+                    let message = format!("wavelength_min is {first} and wavelength_max is {last}");
+                    return self.error(&node.span, message, "give wavelength_min below wavelength_max");
                 }
                 let nm = |i: usize| first + (last - first) * i as f64 / steps;
                 let pairs: Vec<[f64; 2]> = values.iter().enumerate().map(|(i, v)| [nm(i), *v]).collect();

@@ -6,6 +6,18 @@ pub(super) const WAVELENGTHS: &str = "wavelengths_nm";
 /// Name of the `<default>` with the projector's resolution; Mitsuba does not use it.
 pub(super) const PROJECTOR_RESOLUTION: &str = "projector_resolution";
 
+/// Returns `base`, or `base_2`, `base_3`, … if that is taken.
+pub(super) fn free(base: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let mut name = base.to_owned();
+    for n in 2.. {
+        if !is_taken(&name) {
+            break;
+        }
+        name = format!("{base}_{n}");
+    }
+    name
+}
+
 /// Replaces characters other than letters, digits, `_` and `-`, so that XML and TOML need no quoting.
 pub(super) fn plain(name: &str) -> String {
     if name.is_empty() {

@@ -60,11 +60,7 @@ fn upgrade(node: &mut Node) {
         .properties
         .iter()
         .filter_map(|p| {
-            let value = match p.value {
-                Value::Float(v) => v,
-                Value::Integer(v) => v as f64,
-                _ => return None,
-            };
+            let value = p.value.number()?;
             Some((names.iter().position(|n| *n == p.name)?, value))
         })
         .collect();
@@ -235,8 +231,8 @@ impl<'s> Reader<'s> {
         if self.depth >= MOST_INCLUDES {
             return Err(self.source.error(
                 &span,
-                "includes are nested too deeply, or form a cycle",
-                "remove the <include> that closes the cycle",
+                format!("includes are nested deeper than {MOST_INCLUDES}"),
+                "remove the <include> of a file that includes this one, or nest fewer files",
             ));
         }
         // As in Mitsuba, search folders set in an included file apply to that file only.

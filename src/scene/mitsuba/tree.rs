@@ -4,7 +4,7 @@
 //! nothing is ignored silently.
 
 use super::source::Source;
-use base::locate::InputError;
+use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::ops::Range;
@@ -20,6 +20,17 @@ pub(super) enum Value {
     /// Increasing wavelengths in nanometres, and values.
     Pairs(Vec<[f64; 2]>),
     Transform(DAffine3),
+}
+
+impl Value {
+    /// Returns a float or an integer.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Float(v) => Some(*v),
+            Self::Integer(v) => Some(*v as f64),
+            _ => None,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -62,19 +73,22 @@ pub(super) fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|v: &f64| v.is_finite())
 }
 
+/// Splits text at spaces and commas.
+fn tokens(text: &str) -> impl Iterator<Item = &str> {
+    text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty())
+}
+
 /// Parses numbers separated by spaces or commas.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
-    let tokens = text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty());
-    tokens.map(number).collect()
+    tokens(text).map(number).collect()
 }
 
 pub(super) fn pairs(text: &str) -> Option<Vec<[f64; 2]>> {
-    let tokens = text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty());
     let pair = |t: &str| {
         let (nm, v) = t.split_once(':')?;
         Some([number(nm)?, number(v)?])
     };
-    let pairs: Vec<[f64; 2]> = tokens.map(pair).collect::<Option<_>>()?;
+    let pairs: Vec<[f64; 2]> = tokens(text).map(pair).collect::<Option<_>>()?;
     pairs.is_sorted_by(|a, b| a[0] < b[0]).then_some(pairs)
 }
 
@@ -92,70 +106,55 @@ impl Node {
         Some(found)
     }
 
-    fn mistyped<T>(&self, source: &Source, p: &Property, wanted: &str) -> Result<T, InputError> {
-        let message = format!("expected {wanted} for `{}` of {} `{}`", p.name, self.tag, self.kind);
-        Err(source.error(&p.span, message, "correct the name or the value of the element"))
+    /// Returns the value of a property that `convert` accepts; `wanted` describes such values.
+    fn typed<'a, T>(
+        &'a self,
+        source: &Source,
+        name: &str,
+        wanted: &str,
+        convert: impl Fn(&'a Value) -> Option<T>,
+    ) -> Result<Option<T>, InputError> {
+        let Some(p) = self.get(name) else {
+            return Ok(None);
+        };
+        convert(&p.value).map(Some).ok_or_else(|| {
+            let message = format!("expected {wanted} for `{}` of {} `{}`", p.name, self.tag, self.kind);
+            source.error(&p.span, message, "correct the name or the value of the element")
+        })
     }
 
     pub fn float(&self, source: &Source, name: &str) -> Result<Option<f64>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match p.value {
-                Value::Float(v) => Ok(Some(v)),
-                Value::Integer(v) => Ok(Some(v as f64)),
-                _ => self.mistyped(source, p, "a number"),
-            },
-        }
+        self.typed(source, name, "a number", Value::number)
     }
 
     pub fn integer(&self, source: &Source, name: &str) -> Result<Option<i64>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match p.value {
-                Value::Integer(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "an integer"),
-            },
-        }
+        self.typed(source, name, "an integer", |v| if let Value::Integer(v) = v { Some(*v) } else { None })
     }
 
     pub fn boolean(&self, source: &Source, name: &str) -> Result<Option<bool>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match p.value {
-                Value::Boolean(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "true or false"),
-            },
-        }
+        self.typed(source, name, "true or false", |v| if let Value::Boolean(v) = v { Some(*v) } else { None })
     }
 
     pub fn text(&self, source: &Source, name: &str) -> Result<Option<&str>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match &p.value {
-                Value::Text(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "a string"),
-            },
-        }
+        self.typed(source, name, "a string", |v| if let Value::Text(v) = v { Some(v.as_str()) } else { None })
     }
 
     pub fn vector(&self, source: &Source, name: &str) -> Result<Option<DVec3>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match p.value {
-                Value::Vector(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "a point or vector"),
-            },
-        }
+        self.typed(
+            source,
+            name,
+            "a point or vector",
+            |v| if let Value::Vector(v) = v { Some(*v) } else { None },
+        )
     }
 
     pub fn transform(&self, source: &Source, name: &str) -> Result<Option<DAffine3>, InputError> {
-        match self.get(name) {
-            None => Ok(None),
-            Some(p) => match p.value {
-                Value::Transform(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "a transform"),
-            },
-        }
+        self.typed(source, name, "a transform", |v| if let Value::Transform(v) = v { Some(*v) } else { None })
+    }
+
+    /// Locates a value at this plugin.
+    pub fn at<T>(&self, value: T) -> Located<T> {
+        Located::at(self.span.clone(), value)
     }
 
     /// Returns a child by name and marks it as used.
