@@ -12,6 +12,8 @@ pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Installs the Ctrl-C handler: the first Ctrl-C sets [`INTERRUPTED`], the second exits immediately. `what` is
 /// finished first.
 pub fn stop_on_interrupt(what: &'static str) {
+    // Python runs several commands in one process; the flag of an earlier one must not stop this one.
+    INTERRUPTED.store(false, Ordering::Relaxed);
     let _ = ctrlc::set_handler(move || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
