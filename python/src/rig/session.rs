@@ -138,11 +138,7 @@ fn lend(
 
 /// Return the cost of a run: frames, seconds (also while stages move), bytes; and the element stages.
 #[pyfunction]
-pub fn rig_cost<'py>(
-    py: Python<'py>,
-    session: &RigSession,
-    instruments: &Bound<'py, PyDict>,
-) -> PyResult<(u64, f64, f64, u64)> {
+pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResult<(u64, f64, f64, u64)> {
     let thrown = Thrown::default();
     let lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &lent.rig else {
