@@ -1,6 +1,6 @@
 //! Decomposition of arrays of Mueller matrices.
 
-use crate::error::input;
+use crate::error::{bail, input};
 use crate::off_python::off_python;
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -38,7 +38,7 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        _ => Err(input("std_error: its dtype differs from that of the matrices; pass both with one dtype")),
+        _ => bail!("std_error: its dtype differs from that of the matrices; pass both with one dtype"),
     }
 }
 
@@ -50,12 +50,10 @@ fn all<'py, T: Real + Element>(
 ) -> PyResult<(Bound<'py, PyDict>, usize)> {
     let shape = matrices.shape();
     let [leading @ .., 4, 4] = shape else {
-        return Err(input(format!("the shape of the matrices is {shape:?}; expected (..., 4, 4)")));
+        bail!("the shape of the matrices is {shape:?}; expected (..., 4, 4)");
     };
     if let Some(other) = sigmas.map(|s| s.shape()).filter(|s| *s != shape) {
-        return Err(input(format!(
-            "std_error: its shape {other:?} differs from that of the matrices, {shape:?}"
-        )));
+        bail!("std_error: its shape {other:?} differs from that of the matrices, {shape:?}");
     }
     let mut wanted = vec![];
     for name in only {
@@ -67,7 +65,7 @@ fn all<'py, T: Real + Element>(
     let elements = slice("matrices", matrices)?;
     let sigmas = sigmas.map(|s| slice("std_error", s)).transpose()?;
     if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
-        return Err(input("std_error: some values are negative; expected 0 or more"));
+        bail!("std_error: some values are negative; expected 0 or more");
     }
     let ((found, missing), spread) =
         off_python(py, 0, || (maps(elements, &wanted), sigmas.map(|s| errors(elements, s))))?;

@@ -1,6 +1,6 @@
 //! Applications.
 
-use crate::error::{failed, input, located};
+use crate::error::{bail, failed, input, located};
 use crate::watch::watched;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -46,9 +46,9 @@ pub struct Asked {
     output: Option<PathBuf>,
 }
 
-fn failure(py: Python<'_>, e: ApplicationError) -> PyErr {
+fn failure(e: ApplicationError) -> PyErr {
     match e {
-        ApplicationError::Studio(StudioError::Scene(e)) => located(py, &e),
+        ApplicationError::Studio(StudioError::Scene(e)) => located(e),
         ApplicationError::Studio(StudioError::Render(ref cause)) if is_of_system(cause) => failed(e),
         ApplicationError::Access(ref cause) if cause.is_of_system() => failed(e),
         e => input(e),
@@ -68,7 +68,7 @@ pub fn run_application<'py>(
     })?;
     let plan = application.plan();
     if asked.chain.is_some() && plan.slices.is_empty() {
-        return Err(input(format!("capture: `{}` captures its own input; remove this argument", asked.name)));
+        bail!("capture: `{}` captures its own input; remove this argument", asked.name);
     }
     let scenes = match asked.scenes {
         Some(folder) => folder,
@@ -84,16 +84,12 @@ pub fn run_application<'py>(
     };
     let links = match &asked.chain {
         None => Links::None,
-        Some(path) => Links::Chain(file::load(path).map_err(|e| located(py, &e))?),
+        Some(path) => Links::Chain(file::load(path).map_err(located)?),
     };
     let settings =
         Settings { scenes, renders: asked.renders, preview: asked.preview, seeds: asked.seeds, links };
     let output = asked.output.as_deref();
-    let done = watched(py, progress, |watch| run(&*application, &settings, output, watch))?;
-    let report = done.map_err(|e| match e {
-        Fault::Run(e) => failure(py, e),
-        Fault::Folder(e) => failed(e),
-    })?;
+    let report = watched(py, progress, |watch| run(&*application, &settings, output, watch))??;
     let text = report::document(&*application, &report).to_string();
     let pictures = PyList::empty(py);
     for picture in report.first.pictures {
@@ -109,22 +105,17 @@ pub fn run_application<'py>(
     Ok((text, pictures))
 }
 
-enum Fault {
-    Run(ApplicationError),
-    Folder(String),
-}
-
 fn run(
     application: &dyn Application,
     settings: &Settings,
     output: Option<&Path>,
     watch: &dyn sunstone::Watch,
-) -> Result<Report, Fault> {
+) -> PyResult<Report> {
     std::fs::create_dir_all(&settings.renders)
-        .map_err(|e| Fault::Folder(format!("cannot create {}: {e}", settings.renders.display())))?;
-    let report = applications::run(application, settings, watch).map_err(Fault::Run)?;
+        .map_err(|e| failed(format!("cannot create {}: {e}", settings.renders.display())))?;
+    let report = applications::run(application, settings, watch).map_err(failure)?;
     if let Some(folder) = output {
-        report::write(application, &report, settings, folder).map_err(|e| Fault::Folder(e.to_string()))?;
+        report::write(application, &report, settings, folder).map_err(failed)?;
     }
     Ok(report)
 }

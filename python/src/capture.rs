@@ -1,7 +1,7 @@
 //! Capture schemes, simulated captures and their reconstruction.
 
 use crate::analysis::{Either, slice};
-use crate::error::{input, located};
+use crate::error::{bail, input, located};
 use crate::off_python::off_python;
 use crate::prior::moment;
 use numpy::{
@@ -30,30 +30,28 @@ const MOST: usize = 100_000;
 #[pymethods]
 impl Scheme {
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        scheme_file::load(&path).map(Self).map_err(|e| located(py, &e))
+    fn load(path: PathBuf) -> PyResult<Self> {
+        scheme_file::load(&path).map(Self).map_err(located)
     }
 
     #[staticmethod]
-    fn from_toml(py: Python<'_>, text: &str) -> PyResult<Self> {
+    fn from_toml(text: &str) -> PyResult<Self> {
         let path = PathBuf::from("scheme");
-        scheme_file::from_toml(&path, text).map(Self).map_err(|e| located(py, &e))
+        scheme_file::from_toml(&path, text).map(Self).map_err(located)
     }
 
     /// Return a preset: drr, qrpr, lc, or quad (four fixed elements, the initial scheme for learning).
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
-            return Err(input(format!("captures: expected at most {MOST}, got {captures}")));
+            bail!("captures: expected at most {MOST}, got {captures}");
         }
         let scheme = match name {
             "drr" => sunstone::Scheme::drr(captures, polarizer_array),
             "qrpr" => sunstone::Scheme::qrpr(captures, polarizer_array),
             "quad" => sunstone::Scheme::quad(captures, polarizer_array),
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
-            _ => {
-                return Err(input(format!("unknown preset `{name}`; choose from drr, qrpr, lc")));
-            }
+            _ => bail!("unknown preset `{name}`; choose from drr, qrpr, lc"),
         };
         scheme.map(Self).map_err(input)
     }
@@ -105,9 +103,9 @@ impl Scheme {
         azimuth_deg: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         if !(0.0..90.0).contains(&incidence_deg) || !(-360.0..=360.0).contains(&azimuth_deg) {
-            return Err(input(
-                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees",
-            ));
+            bail!(
+                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees"
+            );
         }
         let ray = Ray {
             incidence: incidence_deg.to_radians(),
@@ -129,10 +127,10 @@ pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
 /// Checks that there is at least one wavelength and that all are valid.
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
-        return Err(input(format!("the wavelength {bad} is not a positive number of nm")));
+        bail!("the wavelength {bad} is not a positive number of nm");
     }
     if nm.is_empty() {
-        return Err(input("expected at least one wavelength"));
+        bail!("expected at least one wavelength");
     }
     Ok(())
 }
@@ -151,7 +149,7 @@ pub fn simulate<'py>(
     let values = slice("matrices", &matrices)?;
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
-        return Err(input("the last axis before the matrices must be as long as the wavelengths"));
+        bail!("the last axis before the matrices must be as long as the wavelengths");
     }
     let layout = Layout { height: 1, width: pixels / rays.len(), times: 1, lanes: rays.len() };
     let noise = Noise::Gaussian { sigma: noise };
@@ -179,14 +177,14 @@ pub fn reconstruct<'py>(
     view: Option<(f64, usize, usize)>,
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        return Err(input("noise: expected a number from 1e-18 to 1e18, in units of the intensities"));
+        bail!("noise: expected a number from 1e-18 to 1e18, in units of the intensities");
     }
     if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(input("saturation: expected a positive number, in units of the intensities"));
+        bail!("saturation: expected a positive number, in units of the intensities");
     }
     let prior = prior.as_ref().map(moment).transpose()?;
     if prior.is_some() && noise.is_none() {
-        return Err(input("prior: it needs the standard deviation of the intensities; pass it as noise"));
+        bail!("prior: it needs the standard deviation of the intensities; pass it as noise");
     }
     let options = Options { noise, saturation, realizable, prior };
     let lanes = wavelengths_nm.len();
@@ -195,7 +193,7 @@ pub fn reconstruct<'py>(
         Some((degrees, height, width)) => {
             check_wavelengths(&wavelengths_nm)?;
             if !(degrees > 0.0 && degrees < 180.0) {
-                return Err(input("fov_x_deg: expected an angle above 0 and below 180 degrees"));
+                bail!("fov_x_deg: expected an angle above 0 and below 180 degrees");
             }
             let layout = Layout { height, width, times: 1, lanes };
             Directions::pinhole(degrees.to_radians(), width, height).rays(layout, &wavelengths_nm)
@@ -211,7 +209,7 @@ pub fn reconstruct<'py>(
         (Either::Double(i), Some(Either::Double(v))) => {
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
-        _ => Err(input("variance: its dtype differs from that of the intensities; pass both with one dtype")),
+        _ => bail!("variance: its dtype differs from that of the intensities; pass both with one dtype"),
     }
 }
 
@@ -235,21 +233,17 @@ fn solve<'py, T: PixelNumber + Element>(
 ) -> PyResult<Solved<'py>> {
     let shape = intensities.shape();
     let [measurements, pixels] = *shape else {
-        return Err(input(format!(
-            "the shape of the intensities is {shape:?}; expected (measurements, pixels)"
-        )));
+        bail!("the shape of the intensities is {shape:?}; expected (measurements, pixels)");
     };
     if measurements != scheme.0.measurements() || pixels % rays.len().max(1) != 0 {
-        return Err(input(format!(
+        bail!(
             "the shape of the intensities is {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
             scheme.0.measurements(),
             lanes
-        )));
+        );
     }
     if let Some(other) = variances.map(|v| v.shape()).filter(|s| *s != shape) {
-        return Err(input(format!(
-            "variance: its shape {other:?} differs from that of the intensities, {shape:?}"
-        )));
+        bail!("variance: its shape {other:?} differs from that of the intensities, {shape:?}");
     }
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;

@@ -2,7 +2,7 @@
 
 use crate::analysis::slice;
 use crate::capture::{Scheme, check_wavelengths};
-use crate::error::{input, located};
+use crate::error::{bail, input, located};
 use crate::off_python::off_python;
 use crate::table_text::toml_of_json;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -46,7 +46,7 @@ pub fn capture<'py>(
 ) -> PyResult<(Numbers<'py>, Option<Numbers<'py>>, Vec<usize>)> {
     check_wavelengths(&wavelengths_nm)?;
     let [leading @ .., 4, 4] = matrices.shape() else {
-        return Err(input("expected matrices of shape (..., 4, 4)"));
+        bail!("expected matrices of shape (..., 4, 4)");
     };
     let values = slice("matrices", &matrices)?.to_vec();
     let listed = if lanes { &wavelengths_nm[..] } else { &[] };
@@ -56,22 +56,22 @@ pub fn capture<'py>(
     }
     if let Some(bin) = with.bin_ps {
         if leading.len() != 3 + usize::from(lanes) {
-            return Err(input(
-                "bin_ps: expected matrices of shape (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)",
-            ));
+            bail!(
+                "bin_ps: expected matrices of shape (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)"
+            );
         }
         if !(bin > 0.0 && bin.is_finite()) {
-            return Err(input("bin_ps: expected a positive width of the time bins, in ps"));
+            bail!("bin_ps: expected a positive width of the time bins, in ps");
         }
         image.bin_ps = Some(bin);
     }
     if let Some(degrees) = with.fov_x_deg {
         if !(degrees > 0.0 && degrees < 180.0) {
-            return Err(input("fov_x_deg: expected an angle above 0 and below 180 degrees"));
+            bail!("fov_x_deg: expected an angle above 0 and below 180 degrees");
         }
         image = image.seen_by(degrees.to_radians());
     }
-    let noise = noise(py, &image, &with)?;
+    let noise = noise(&image, &with)?;
     let captured = off_python(py, 0, || image.capture(&scheme.0, &noise, with.seed))?.map_err(input)?;
     let pixels = captured.layout.pixels();
     let array =
@@ -81,7 +81,7 @@ pub fn capture<'py>(
     Ok((array(captured.intensities)?, variances, shape))
 }
 
-fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
+fn noise(image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
     let good = |name: &str, sigma: f64| {
         if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
             Ok(sigma)
@@ -97,9 +97,9 @@ fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<No
         _ => None,
     };
     match (detector, with.noise, with.relative_noise) {
-        (Some(detector), None, None) => image
-            .noise_of(detector.map_err(|e| located(py, &e))?)
-            .map_err(|e| input(format!("detector: {e}"))),
+        (Some(detector), None, None) => {
+            image.noise_of(detector.map_err(located)?).map_err(|e| input(format!("detector: {e}")))
+        }
         (None, Some(sigma), None) => Ok(Noise::Gaussian { sigma: good("noise", sigma)? }),
         (None, None, Some(relative)) => {
             let sigma = good("relative_noise", relative)? * image.mean();
@@ -112,6 +112,6 @@ fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<No
             }
         }
         (None, None, None) => Ok(Noise::None),
-        _ => Err(input("pass only one of detector, noise and relative_noise")),
+        _ => bail!("pass only one of detector, noise and relative_noise"),
     }
 }

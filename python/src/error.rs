@@ -31,6 +31,14 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("RenderError", py.get_type::<RenderError>())
 }
 
+/// Returns an [`InputError`] with a formatted message.
+macro_rules! bail {
+    ($($message:tt)*) => {
+        return Err($crate::error::input(format_args!($($message)*)))
+    };
+}
+pub(crate) use bail;
+
 /// Creates an error for invalid input that is not from a file.
 pub fn input(e: impl Display) -> PyErr {
     InputError::new_err(e.to_string())
@@ -42,19 +50,16 @@ pub fn failed(e: impl Display) -> PyErr {
 }
 
 /// Creates an error for invalid input with its location in a file.
-pub fn located(py: Python<'_>, fault: &Fault) -> PyErr {
-    let error = input(fault);
+pub fn located(fault: Fault) -> PyErr {
+    let error = input(&fault);
     let (line, column) = fault.line_column().unzip();
-    let value = error.value(py);
-    let file = fault.file.display().to_string();
-    let set = value
-        .setattr("file", file)
-        .and_then(|()| value.setattr("line", line))
-        .and_then(|()| value.setattr("column", column))
-        .and_then(|()| value.setattr("message", &fault.message))
-        .and_then(|()| value.setattr("fix", &fault.help));
-    match set {
-        Ok(()) => error,
-        Err(e) => e,
-    }
+    let set = Python::attach(|py| {
+        let value = error.value(py);
+        value.setattr("file", fault.file.display().to_string())?;
+        value.setattr("line", line)?;
+        value.setattr("column", column)?;
+        value.setattr("message", fault.message)?;
+        value.setattr("fix", fault.help)
+    });
+    set.map_or_else(|e| e, |()| error)
 }

@@ -1,6 +1,6 @@
 //! Mapping of requested wavelengths (any number and order) to sets of few, increasing wavelengths.
 
-use crate::error::input;
+use crate::error::{bail, input};
 use pyo3::prelude::*;
 use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 
@@ -16,7 +16,7 @@ impl Lanes {
     /// Creates the sets for wavelengths in nanometres.
     pub fn new(asked_nm: &[f64]) -> PyResult<Self> {
         if asked_nm.is_empty() {
-            return Err(input("wavelengths_nm: expected at least one wavelength"));
+            bail!("wavelengths_nm: expected at least one wavelength");
         }
         let mut rising = asked_nm.to_vec();
         rising.sort_by(f64::total_cmp);
@@ -37,9 +37,9 @@ pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -
     let known = names.join(", ");
     match (name, names) {
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
-        (Some(name), _) => Err(input(format!("name: unknown {what} `{name}`; available: {known}"))),
+        (Some(name), _) => bail!("name: unknown {what} `{name}`; available: {known}"),
         (None, [one]) => Ok(one.clone()),
-        (None, []) => Err(input(format!("there is no {what}; add one"))),
-        (None, _) => Err(input(format!("there are several {several}; pass the name of one of {known}"))),
+        (None, []) => bail!("there is no {what}; add one"),
+        (None, _) => bail!("there are several {several}; pass the name of one of {known}"),
     }
 }

@@ -1,10 +1,10 @@
 //! Learning of capture schemes.
 
 use crate::capture::{Scheme, rays};
-use crate::error::{failed, input, located};
+use crate::error::{bail, failed, input, located};
 use crate::off_python::off_python;
 use crate::prior::moment;
-use crate::watch::looked_on;
+use crate::watch::watched;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -38,9 +38,7 @@ impl LearningData {
         folds: usize,
     ) -> PyResult<Self> {
         if !resolution.iter().all(|n| (2..=4096).contains(n)) || bands.iter().any(|nm| *nm < 100) {
-            return Err(input(
-                "expected a resolution of three numbers from 2 to 4096, and bands from 100 nm",
-            ));
+            bail!("expected a resolution of three numbers from 2 to 4096, and bands from 100 nm");
         }
         let settings = Settings { samples: 0, ..Settings::default() };
         let frames = if plane { Frames::Plane } else { Frames::Any };
@@ -55,7 +53,7 @@ impl LearningData {
             }),
         })?;
         let data = data.map_err(|e| match e {
-            BandedError::File(e) => located(py, &e),
+            BandedError::File(e) => located(e),
             other => input(other),
         })?;
         let data = data.map_err(input)?;
@@ -74,8 +72,8 @@ impl LearningData {
 
     /// Create the data from a file of a second moment.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let all = second_moment::load(&path).map_err(|e| located(py, &e))?;
+    fn load(path: PathBuf) -> PyResult<Self> {
+        let all = second_moment::load(&path).map_err(located)?;
         Ok(Self(cross_validation::LearningData { all, folds: vec![] }))
     }
 
@@ -118,16 +116,16 @@ pub fn learn<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Found<'py>> {
     if template.0.motors().is_empty() {
-        return Err(input("template: no setting changes between captures; list angles or retardances"));
+        bail!("template: no setting changes between captures; list angles or retardances");
     }
     if !(1e-9..=1e6).contains(&asked.noise) {
-        return Err(input("noise: expected a number from 1e-9 to 1e6"));
+        bail!("noise: expected a number from 1e-9 to 1e6");
     }
     if !(0.0..=90.0).contains(&asked.angle_error_deg) {
-        return Err(input("angle_error_deg: expected 0 to 90 degrees"));
+        bail!("angle_error_deg: expected 0 to 90 degrees");
     }
     if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
-        return Err(input("expected at most 100000 starts, and 10000000 iterations or adam_steps"));
+        bail!("expected at most 100000 starts, and 10000000 iterations or adam_steps");
     }
     let search = Search {
         starts: asked.starts,
@@ -144,7 +142,7 @@ pub fn learn<'py>(
         metric: None,
     };
     let folds = data.map_or(&[][..], |d| &d.0.folds);
-    let found = looked_on(py, progress, |onlooker| {
+    let found = watched(py, progress, |onlooker| {
         let pool = rayon::ThreadPoolBuilder::new().build();
         pool.map(|pool| {
             pool.install(|| learn_and_validate(&template.0, &objective, &search, folds, onlooker))

@@ -1,6 +1,6 @@
 //! Single materials: BRDFs, and specular reflection and transmission.
 
-use crate::error::{input, located};
+use crate::error::{bail, input, located};
 use crate::lanes::{Lanes, choose};
 use crate::off_python::{detached, off_python};
 use crate::scene::Scene;
@@ -40,7 +40,7 @@ type Specular<'py> = (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>);
 fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
     let view = rows.as_array();
     if view.ncols() != 3 {
-        return Err(input(format!("{what}: the shape is {:?}; expected (..., 3)", view.shape())));
+        bail!("{what}: the shape is {:?}; expected (..., 3)", view.shape());
     }
     Ok(view.rows().into_iter().map(|r| Direction::of([r[0], r[1], r[2]])).collect())
 }
@@ -51,7 +51,7 @@ impl Material {
         let build = |w: &_| MaterialSet::at(path, text, Clone::clone(w));
         let sets: Result<Vec<MaterialSet>, InputError> =
             detached(py, || lanes.sets.iter().map(build).collect())?;
-        let sets = sets.map_err(|e| located(py, &e))?;
+        let sets = sets.map_err(located)?;
         let names: Vec<String> = sets.iter().take(1).flat_map(|s| s.names.keys().cloned()).collect();
         Ok(Self {
             name: choose("material", "materials", &names, name)?,
@@ -116,9 +116,7 @@ impl Material {
         let name = choose("material", "materials", &known, name)?;
         let place = |asked: &f64| match nm.iter().position(|own| (own - asked).abs() < 1e-6) {
             Some(lane) => Ok((0, lane)),
-            None => Err(input(format!(
-                "wavelengths_nm: the scene has {nm:?} nm, not {asked} nm; use its wavelengths"
-            ))),
+            None => bail!("wavelengths_nm: the scene has {nm:?} nm, not {asked} nm; use its wavelengths"),
         };
         Ok(Self {
             places: wavelengths_nm.iter().map(place).collect::<PyResult<_>>()?,
@@ -138,7 +136,7 @@ impl Material {
         let incoming = directions("incoming", &incoming)?;
         let outgoing = directions("outgoing", &outgoing)?;
         if incoming.len() != outgoing.len() {
-            return Err(input("the numbers of incoming and outgoing directions differ"));
+            bail!("the numbers of incoming and outgoing directions differ");
         }
         let lanes = self.places.len();
         let mut out = vec![0.0_f32; incoming.len() * lanes * 16];

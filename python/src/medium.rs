@@ -27,13 +27,13 @@ pub struct Medium {
 impl Medium {
     fn of_text(py: Python<'_>, path: &Path, text: &str, name: Option<&str>, nm: &[f64]) -> PyResult<Self> {
         let lanes = Lanes::new(nm)?;
-        let names = media::names_of_text(path, text).map_err(|e| located(py, &e))?;
+        let names = media::names_of_text(path, text).map_err(located)?;
         let name = choose("medium", "media", &names, name)?;
         let build = |w: &_| MediumSet::at(path, text, Some(&name), Some(Clone::clone(w)));
         // Tables of large particles take seconds.
         let sets: Result<Vec<MediumSet>, InputError> =
             off_python(py, 0, || lanes.sets.par_iter().map(build).collect())?;
-        Ok(Self { sets: sets.map_err(|e| located(py, &e))?, name, places: lanes.places })
+        Ok(Self { sets: sets.map_err(located)?, name, places: lanes.places })
     }
 }
 
@@ -42,7 +42,7 @@ impl Medium {
     /// Create a medium from a file of media.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, name: Option<&str>, wavelengths_nm: Vec<f64>) -> PyResult<Self> {
-        let text = media::read_file(&path).map_err(|e| located(py, &e))?;
+        let text = media::read_file(&path).map_err(located)?;
         Self::of_text(py, &path, &text, name, &wavelengths_nm)
     }
 

@@ -1,6 +1,6 @@
 //! Encoding of arrays as image files that scenes read.
 
-use crate::error::input;
+use crate::error::{bail, input};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -17,12 +17,10 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
     let (height, width, channels) = match *shape {
         [h, w] => (h, w, 1),
         [h, w, 3] => (h, w, 3),
-        _ => {
-            return Err(input(format!("the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)")));
-        }
+        _ => bail!("the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)"),
     };
     if height == 0 || width == 0 {
-        return Err(input(format!("an image of shape {shape:?} has no pixels")));
+        bail!("an image of shape {shape:?} has no pixels");
     }
     let size =
         |n: usize| u32::try_from(n).map_err(|_| input("an image must have less than 2^32 rows and columns"));

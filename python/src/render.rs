@@ -1,6 +1,6 @@
 //! Renders of scenes, into arrays or a store.
 
-use crate::error::{failed, input};
+use crate::error::{bail, failed, input};
 use crate::scene::Scene;
 use crate::watch::watched;
 use numpy::{PyArray1, PyArrayMethods};
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use sunstone::render::{Choices, is_of_system, most_threads};
 use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
-use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord, Watch};
+use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord};
 
 /// Parts of a scene that a render changes; restored when it ends.
 struct Changed<'a> {
@@ -51,7 +51,7 @@ impl Asked {
     fn threads(&self) -> PyResult<usize> {
         let most = most_threads();
         match self.threads {
-            Some(n) if n == 0 || n > most => Err(input(format!("threads: expected 1 to {most}, got {n}"))),
+            Some(n) if n == 0 || n > most => bail!("threads: expected 1 to {most}, got {n}"),
             given => Ok(given.unwrap_or(0)),
         }
     }
@@ -126,7 +126,7 @@ fn run<T: Send>(
     work: impl FnOnce(Render) -> PyResult<T> + Send,
 ) -> PyResult<T> {
     let (threads, choices) = (asked.threads()?, asked.choices());
-    watched(py, progress, |watch: &dyn Watch| {
+    watched(py, progress, |watch| {
         let mut scene_now = scene.lock();
         let changed = Changed::new(&mut scene_now, &choices)?;
         let kept = |name: &str| changed.scene.slices.iter().any(|s| s.name == name);

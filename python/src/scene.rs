@@ -1,6 +1,6 @@
 //! Scenes.
 
-use crate::error::{input, located};
+use crate::error::{bail, input, located};
 use crate::off_python::detached;
 use crate::table_text::toml_of_json;
 use base::document;
@@ -95,7 +95,7 @@ fn rows<const N: usize, T: numpy::Element + Copy>(
 ) -> PyResult<Vec<[T; N]>> {
     let view = array.as_array();
     if view.ncols() != N {
-        return Err(input(format!("{what}: the shape is {:?}; expected rows of {N} numbers", view.shape())));
+        bail!("{what}: the shape is {:?}; expected rows of {N} numbers", view.shape());
     }
     Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
 }
@@ -124,12 +124,12 @@ impl Scene {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
         let read = || from_text(&path, &scene::read(&path)?, variant);
-        detached(py, read)?.map_err(|e| located(py, &e))
+        detached(py, read)?.map_err(located)
     }
 
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: &str, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
-        detached(py, || from_text(&path, text, variant))?.map_err(|e| located(py, &e))
+        detached(py, || from_text(&path, text, variant))?.map_err(located)
     }
 
     /// Create a scene from a document as JSON, whose meshes and files are in memory.
@@ -147,7 +147,7 @@ impl Scene {
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
         let path = Path::new("scene from a dict");
-        detached(py, || Self::in_memory(path, &text, folder, &meshes, files))?.map_err(|e| located(py, &e))
+        detached(py, || Self::in_memory(path, &text, folder, &meshes, files))?.map_err(located)
     }
 
     #[getter]

@@ -1,7 +1,7 @@
 //! Shape from arrays: structured-light codes, triangulation and normals.
 
 use crate::analysis::slice;
-use crate::error::input;
+use crate::error::{bail, input};
 use crate::off_python::{detached, off_python};
 use crate::scene::Scene;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -25,7 +25,7 @@ type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
     let all = focal.iter().chain(&principal).chain(&origin).chain(axes.as_flattened());
     if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
-        return Err(input("expected finite numbers, and focal lengths in pixels"));
+        bail!("expected finite numbers, and focal lengths in pixels");
     }
     Ok(Pinhole::new(resolution, focal, principal, origin, axes))
 }
@@ -68,10 +68,7 @@ type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// Converts a C-contiguous array (rows, columns, channels).
 fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     let [height, width, channels] = *image.shape() else {
-        return Err(input(format!(
-            "{what}: the shape is {:?}; expected (rows, columns, channels)",
-            image.shape()
-        )));
+        bail!("{what}: the shape is {:?}; expected (rows, columns, channels)", image.shape());
     };
     Ok(Map { width, height, channels, data: slice(what, image)?.to_vec() })
 }
@@ -103,11 +100,11 @@ enum Code {
 impl Code {
     fn of(name: &str, columns: usize, periods: Option<Vec<f64>>) -> PyResult<Self> {
         if !(1..=65_536).contains(&columns) {
-            return Err(input("columns: expected 1 to 65536"));
+            bail!("columns: expected 1 to 65536");
         }
         let unused = || match &periods {
             None => Ok(()),
-            Some(_) => Err(input(format!("periods: the code `{name}` has none; remove this argument"))),
+            Some(_) => bail!("periods: the code `{name}` has none; remove this argument"),
         };
         match name {
             "gray" => unused().map(|()| Self::Gray),
@@ -116,13 +113,13 @@ impl Code {
             "phase-shift" => Ok(Self::PhaseShift(periods.unwrap_or_else(|| phase_shift::periods(columns)))),
             "micro-phase-shift" => match periods {
                 Some(periods) => Ok(Self::MicroPhaseShift(periods)),
-                None => Err(input(
-                    "periods: micro phase shifting needs its periods, in columns; the paper uses seven of about 16",
-                )),
+                None => bail!(
+                    "periods: micro phase shifting needs its periods, in columns; the paper uses seven of about 16"
+                ),
             },
-            other => Err(input(format!(
+            other => bail!(
                 "unknown code `{other}`; choose from gray, xor-02, xor-04, phase-shift, micro-phase-shift"
-            ))),
+            ),
         }
     }
 
@@ -208,7 +205,7 @@ pub fn polarization_cues<'py>(
     mirrored_off: bool,
 ) -> PyResult<Found<'py>> {
     if !(index > 1.0 && index <= 10.0) {
-        return Err(input("index: expected a refractive index above 1 and at most 10"));
+        bail!("index: expected a refractive index above 1 and at most 10");
     }
     let matrices = map("matrices", &matrices)?;
     let how = if mirrored { Reflection::Specular } else { Reflection::Diffuse };
@@ -230,7 +227,7 @@ pub fn normals_of_cues<'py>(
     of_camera("cues", &angles, camera)?;
     of_camera("guess", &guess, camera)?;
     if [angles.channels, guess.channels] != [3, 3] {
-        return Err(input("cues and guess: expected three numbers per pixel"));
+        bail!("cues and guess: expected three numbers per pixel");
     }
     let cues = Cues { angles };
     array(py, detached(py, || polarization::nearest(camera, &cues, &guess))?)

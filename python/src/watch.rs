@@ -78,15 +78,6 @@ impl Drop for Ring<'_> {
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&dyn Watch) -> T + Send,
-) -> PyResult<T> {
-    looked_on(py, progress, |shared| work(shared))
-}
-
-/// As [`watched`], for work with other units of progress than tiles.
-pub fn looked_on<T: Send>(
-    py: Python<'_>,
-    progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Shared) -> T + Send,
 ) -> PyResult<T> {
     let shared = Shared::default();

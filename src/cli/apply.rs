@@ -1,8 +1,7 @@
 //! The `sunstone apply` command: runs the paper's applications from scene files.
 
-use super::failure::Failure;
-use super::places;
-use super::progress::Progress;
+use crate::progress::Progress;
+use crate::{Failure, bail, places, print};
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -61,17 +60,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let all = catalog::all();
         let longest = all.iter().map(|a| a.name().len()).max().unwrap_or(0);
         let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name(), a.shows())).collect();
-        return super::output::print(&lines.join("\n"));
+        return print(&lines.join("\n"));
     }
     let application = catalog::find(&a.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
         Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
     })?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
-        return Err(Failure::input(format!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds)));
+        bail!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds);
     }
     if a.capture.is_some() && application.plan().slices.is_empty() {
-        return Err(Failure::input(format!("`{}` captures its own input; remove --capture", a.name)));
+        bail!("`{}` captures its own input; remove --capture", a.name);
     }
     let scene = application.plan().scene;
     let scenes = match &a.scenes {
@@ -95,12 +94,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             match (&a.sweep, &a.captures) {
                 (Some((part, values)), _) => {
                     if values.iter().any(|v| part.with(&chain, *v).is_none()) {
-                        return Err(Failure::input(format!(
+                        bail!(
                             "{}: its optics come from a file, so `{}` cannot be swept; set optics = {{ axis_error_deg, \
                              retardance_error_deg, extinction }}",
                             path.display(),
                             part.name()
-                        )));
+                        );
                     }
                     Links::Sweep(chain, *part, values.clone())
                 }
@@ -124,12 +123,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let progress = Progress::start();
     // Open one variant first, so that a missing or invalid scene file leaves no empty folder behind.
     Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;
-    std::fs::create_dir_all(&settings.renders).map_err(|e| {
-        Failure::failed(format!(
-            "cannot create {}: {e}; choose another folder with --renders",
-            settings.renders.display()
-        ))
-    })?;
+    make_renders(&settings.renders)?;
     let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
         // Errors of the capture are errors in the chain file, so the message names that file.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
@@ -146,7 +140,15 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let _ = writeln!(text, "{verdict}");
     }
     let _ = write!(text, "{}: tables and pictures ({} new renders)", folder.display(), done.rendered);
-    super::output::print(&text)
+    print(&text)
+}
+
+/// Creates the folder of renders.
+pub fn make_renders(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|e| {
+        let shown = folder.display();
+        Failure::failed(format!("cannot create {shown}: {e}; choose another folder with --renders"))
+    })
 }
 
 /// Converts an application's error to a failure of the command.

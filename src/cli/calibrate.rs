@@ -1,9 +1,7 @@
 //! The `sunstone calibrate` command: calibrates cameras, projectors and detectors.
 
-use super::calibrate_detector;
-use super::failure::Failure;
-use super::places;
-use clap::{Args, Subcommand, ValueEnum};
+use crate::{Failure, bail, calibrate_detector, output, places, print, print_path};
+use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use sunstone::base::calibration_file::Part;
@@ -28,16 +26,15 @@ Examples:
   sunstone calibrate projector view1 view2 view3 view4 --columns 9 --rows 6 --square 25mm --projector 912x1140 -o calib.toml")]
 pub struct Arguments {
     #[command(subcommand)]
-    what: What,
+    command: Command,
 }
 
-#[derive(Subcommand)]
-enum What {
-    Board(BoardArguments),
-    Patterns(PatternArguments),
-    Projector(ProjectorArguments),
-    Counter(calibrate_detector::Counter),
-    Sensor(calibrate_detector::Sensor),
+commands! {
+    Board(BoardArguments) => board,
+    Patterns(PatternArguments) => patterns,
+    Projector(ProjectorArguments) => projector,
+    Counter(calibrate_detector::Counter) => calibrate_detector::counter,
+    Sensor(calibrate_detector::Sensor) => calibrate_detector::sensor,
 }
 
 /// Longest square, and longest board, for which the unit may be omitted, in metres.
@@ -186,26 +183,20 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.what {
-        What::Board(a) => board(a),
-        What::Patterns(a) => patterns(a),
-        What::Projector(a) => projector(a),
-        What::Counter(a) => calibrate_detector::counter(a),
-        What::Sensor(a) => calibrate_detector::sensor(a),
-    }
+    a.command.run()
 }
 
 impl Target {
     fn board(&self) -> Result<Board, Failure> {
-        places::extension(&self.output, "calibrations are", &["toml", "json"])?;
+        places::extension([&self.output], "calibrations are", &["toml", "json"])?;
         let square = self.square.within(LONGEST_SQUARE, "--square").map_err(Failure::input)?;
         let board = Board::new(self.columns, self.rows, square).map_err(Failure::input)?;
         let extent = square * (self.columns.max(self.rows) + 1) as f64;
         if !self.square.has_unit && extent > LONGEST_BOARD {
-            return Err(Failure::input(format!(
+            bail!(
                 "--square {square}: a number without a unit is in metres, so the board would be {extent:.1} m long; write {square}mm or \
                  {square}m"
-            )));
+            );
         }
         Ok(board)
     }
@@ -228,10 +219,10 @@ impl Target {
         let calibration = Calibration::new(fit, files);
         if self.output.extension().is_some_and(|e| e == "json") {
             whole_file::write(&self.output, calibration.to_opencv_json().as_bytes())
-                .map_err(|e| Failure::failed(format!("{}: {e}", self.output.display())))?;
+                .map_err(Failure::at(&self.output))?;
         } else {
             let text = calibration.to_toml().map_err(Failure::failed)?;
-            super::output::calibration(&self.output, Part::Devices, &text)?;
+            output::calibration(&self.output, Part::Devices, &text)?;
         }
         for note in &fit.notes {
             eprintln!("note: {note}");
@@ -257,7 +248,7 @@ impl Target {
                 errors[3]
             );
         }
-        super::output::print(&self.output.display().to_string())
+        print_path(&self.output)
     }
 }
 
@@ -281,16 +272,18 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
     for (name, other) in &loaded {
         if other.image.size() != one.image.size() {
             let [w, h] = other.image.size();
-            return Err(Failure::input(format!(
+            bail!(
                 "{name}: its size is {w} × {h} pixels, but {first} is {} × {} pixels; use images of one camera",
-                one.image.width, one.image.height
-            )));
+                one.image.width,
+                one.image.height
+            );
         }
         if other.orientation != one.orientation {
-            return Err(Failure::input(format!(
+            bail!(
                 "{name}: its EXIF orientation is {}, but that of {first} is {}; use images with the same EXIF orientation, or without one",
-                other.orientation, one.orientation
-            )));
+                other.orientation,
+                one.orientation
+            );
         }
     }
     if one.orientation != 1 {
@@ -326,18 +319,17 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
         eprintln!("note: using {} of {} images", views.len(), images.len());
     }
     if views.is_empty() {
-        return Err(Failure::input(format!(
+        bail!(
             "none of the {} images shows a complete board of {} × {} inner corners",
             images.len(),
             board.columns,
             board.rows
-        )));
+        );
     }
     let fitted =
         fit(&[a.target.setup(size, a.target.lens)], &views, a.target.robust).map_err(Failure::input)?;
     if let Some(path) = &a.corners {
-        whole_file::write(path, table.as_bytes())
-            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        whole_file::write(path, table.as_bytes()).map_err(Failure::at(path))?;
     }
     a.target.write(&fitted, files)
 }
@@ -351,9 +343,9 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
         let path = a.output.join(format!("{i:03}.png"));
         let bytes = png_bytes(w, h, &sequence.bytes(*pattern));
         let bytes = bytes.ok_or_else(|| Failure::failed("cannot encode a pattern as PNG"))?;
-        whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        whole_file::write(&path, &bytes).map_err(Failure::at(&path))?;
     }
-    super::output::print(&format!("{}: {} patterns", a.output.display(), all.len()))
+    print(&format!("{}: {} patterns", a.output.display(), all.len()))
 }
 
 /// Returns the images of a folder, sorted by name. Skips other files and reports their number.
@@ -385,7 +377,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
     let board = a.target.board()?;
     let sequence = a.light.sequence()?;
     if a.reach.is_some_and(|r| !(2.0..=1000.0).contains(&r)) {
-        return Err(Failure::input("--reach: expected 2 to 1000 pixels"));
+        bail!("--reach: expected 2 to 1000 pixels");
     }
     let points = board.points();
     let (mut views, mut files, mut size) = (vec![], vec![], None);
@@ -400,9 +392,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         })?;
         let here = images[0].size();
         if *size.get_or_insert(here) != here {
-            return Err(Failure::input(format!(
-                "{name}: the size of its images differs from that of the first folder"
-            )));
+            bail!("{name}: the size of its images differs from that of the first folder");
         }
         let white = [(
             format!("{name}, white"),
@@ -432,20 +422,9 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        return Err(Failure::input("no folder shows the complete board under the projector's light"));
+        bail!("no folder shows the complete board under the projector's light");
     };
     let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;
     a.target.write(&fitted, files)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_width_and_height() {
-        assert_eq!(size("912x1140"), Ok([912, 1140]));
-        assert!(size("912").is_err());
-    }
 }

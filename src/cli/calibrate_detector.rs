@@ -1,7 +1,6 @@
 //! The `sunstone calibrate counter` and `sunstone calibrate sensor` commands.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, bail, output, places, print, print_path};
 use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -62,17 +61,14 @@ const LONGEST_DISTANCE: f64 = 50.0;
 
 pub fn counter(a: &Counter) -> Result<(), Failure> {
     places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
-    places::extension(&a.output, "calibrations are", &["toml"])?;
+    places::extension([&a.output], "calibrations are", &["toml"])?;
     if a.distance.len() != a.runs.len() {
-        return Err(Failure::input(format!(
-            "--distance: expected one distance per run, {} in total",
-            a.runs.len()
-        )));
+        bail!("--distance: expected one distance per run, {} in total", a.runs.len());
     }
     let distances = a.distance.iter().map(|d| d.within(LONGEST_DISTANCE, "--distance"));
     let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
     if distances.iter().any(|d| *d > 1e6) {
-        return Err(Failure::input("--distance: expected at most 1e6 m"));
+        bail!("--distance: expected at most 1e6 m");
     }
     let mut all = vec![];
     let mut start = Impulse::default();
@@ -90,11 +86,11 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     }
     let (counter, points) = (all[0].counter, all[0].points);
     if let Some(k) = all.iter().position(|h| h.counter != counter || h.points != points) {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: its counter settings or its points differ from those of {}; calibrate only runs of one plan together",
             a.runs[k].display(),
             a.runs[0].display()
-        )));
+        );
     }
     let captures: Vec<_> = all.iter().zip(&distances).flat_map(|(h, d)| h.of_plane(*d)).collect();
     let synchronous = counter.mode == Mode::Synchronous;
@@ -117,8 +113,8 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
         spad["after_pulsing"] = json!(r.after_pulsing);
     }
     write(&a.output, Part::Counter, "temporal", toml::Value::try_from(&found), &json!({"spad": spad}))?;
-    super::output::print(describe(&found).trim_end())?;
-    super::output::print(&a.output.display().to_string())
+    print(describe(&found).trim_end())?;
+    print_path(&a.output)
 }
 
 fn describe(found: &Temporal) -> String {
@@ -158,7 +154,7 @@ fn describe(found: &Temporal) -> String {
 
 pub fn sensor(a: &Sensor) -> Result<(), Failure> {
     places::files([Some(&a.run)], [Some(&a.output)])?;
-    places::extension(&a.output, "calibrations are", &["toml"])?;
+    places::extension([&a.output], "calibrations are", &["toml"])?;
     let run = Run::open(&a.run, None).map_err(Failure::input)?;
     let [dark, light] = run.stacks().map_err(Failure::input)?;
     let found = apply::calibrate(&dark, &light, &apply::Options::default()).map_err(Failure::input)?;
@@ -188,8 +184,8 @@ pub fn sensor(a: &Sensor) -> Result<(), Failure> {
     let current = found.dark.rate.as_ref().and(gain).map(|g| (g * found.dark.mean_rate()).max(0.0));
     tell("dark_current_e_s", "dark current", current, None, " e/s", 1.0);
     write(&a.output, Part::Sensor, "radiometric", toml::Value::try_from(&found), &json!({"cmos": cmos}))?;
-    super::output::print(&(lines + &more(&found)))?;
-    super::output::print(&a.output.display().to_string())
+    print(&(lines + &more(&found)))?;
+    print_path(&a.output)
 }
 
 fn more(found: &Radiometry) -> String {
@@ -228,5 +224,5 @@ fn write(
     let mut all = toml::Table::new();
     all.insert(name.to_owned(), found.map_err(Failure::failed)?);
     all.insert("detector".to_owned(), toml::Value::try_from(detector).map_err(Failure::failed)?);
-    super::output::calibration(path, part, &toml::to_string(&all).map_err(Failure::failed)?)
+    output::calibration(path, part, &toml::to_string(&all).map_err(Failure::failed)?)
 }

@@ -1,8 +1,7 @@
 //! The `sunstone capture` command: simulates captures of known Mueller matrices.
 
-use super::failure::Failure;
-use super::matrices::{MatrixSource, image};
-use super::places;
+use crate::matrices::{MatrixSource, image};
+use crate::{Failure, bail, places, print, print_paths};
 use std::path::{Path, PathBuf};
 use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
 use sunstone::polarimetry::capture::detector::file;
@@ -38,13 +37,13 @@ pub struct Arguments {
     scheme: PathBuf,
     /// Wavelengths in nanometres of the array's last axis before the matrices. Without this option there is
     /// no such axis and the wavelength is 550 nm.
-    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
+    #[arg(long, value_delimiter = ',', value_parser = places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
     /// Horizontal field of view, degrees: each pixel's light passes plates and mirrors in that pixel's
     /// direction. Without it, light is parallel to the axis.
-    #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
+    #[arg(long, value_name = "DEGREES", value_parser = places::view)]
     view: Option<f64>,
     /// Intensities to write.
     #[arg(short, long, value_name = "I.npy")]
@@ -88,9 +87,9 @@ impl NoiseArguments {
         if let Some(relative) = self.relative_noise {
             let sigma = good("--relative-noise", relative)? * target.mean();
             if !(sigma >= 0.0 && sigma.is_finite()) {
-                return Err(Failure::input(
-                    "--relative-noise: the mean T00 of the matrices is not positive; use --noise, in the unit of the matrices",
-                ));
+                bail!(
+                    "--relative-noise: the mean T00 of the matrices is not positive; use --noise, in the unit of the matrices"
+                );
             }
             return Ok(Noise::Gaussian { sigma });
         }
@@ -105,9 +104,7 @@ impl NoiseArguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outputs = [Some(&a.output), a.variance.as_ref()];
     places::files([Some(&a.from.source), Some(&a.scheme), a.noise.detector.as_ref()], outputs)?;
-    for path in outputs.into_iter().flatten() {
-        places::extension(path, "arrays are", &["npy"])?;
-    }
+    places::extension(outputs.into_iter().flatten(), "arrays are", &["npy"])?;
     let scheme = load(&a.scheme)?;
     let example = format!("--scheme {} -o {}", a.scheme.display(), a.output.display());
     let matrices = a.from.read("capture", &example)?;
@@ -119,10 +116,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let captured = target.capture(&scheme, &noise, a.noise.seed).map_err(Failure::input)?;
     let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
     if unknown == captured.intensities.len() {
-        return Err(Failure::input(format!(
-            "{}: no matrix gives a finite intensity; no file was written",
-            a.from.source.display()
-        )));
+        bail!("{}: no matrix gives a finite intensity; no file was written", a.from.source.display());
     }
     if unknown > 0 {
         eprintln!("note: {unknown} of {} intensities are not finite", captured.intensities.len());
@@ -134,22 +128,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     shape.extend(target.captured_shape(captured.layout));
     if let Some(path) = &a.variance {
         let Some(variances) = &captured.variances else {
-            return Err(Failure::input(
-                "--variance: only a camera model provides variances; use --detector with [cmos], or pass --noise to `reconstruct`",
-            ));
+            bail!(
+                "--variance: only a camera model provides variances; use --detector with [cmos], or pass --noise to `reconstruct`"
+            );
         };
         save(path, &shape, variances)?;
     }
     save(&a.output, &shape, &captured.intensities)?;
-    super::output::print(summary(&scheme, &target, &noise, &captured, &shape).trim_end())?;
-    for path in [Some(&a.output), a.variance.as_ref()].into_iter().flatten() {
-        super::output::print(&path.display().to_string())?;
-    }
-    Ok(())
+    print(summary(&scheme, &target, &noise, &captured, &shape).trim_end())?;
+    print_paths(outputs.into_iter().flatten())
 }
 
 fn save(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
-    numpy::save(path, shape, values).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+    numpy::save(path, shape, values).map_err(Failure::at(path))
 }
 
 fn summary(

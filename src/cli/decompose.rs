@@ -1,8 +1,7 @@
 //! The `sunstone decompose` command: Lu–Chipman decomposition.
 
-use super::failure::Failure;
-use super::matrices::MatrixSource;
-use super::places;
+use crate::matrices::MatrixSource;
+use crate::{Failure, bail, places, print_path};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::matrices::Matrices;
@@ -46,7 +45,7 @@ fn quantity(text: &str) -> Result<Quantity, String> {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files([Some(&a.from.source), a.errors.as_ref()], [Some(&a.output)])?;
-    places::extension(&a.output, "arrays are", &["npz"])?;
+    places::extension([&a.output], "arrays are", &["npz"])?;
     let Matrices { shape, values, errors, .. } =
         a.from.read("decompose", &format!("-o {}", a.output.display()))?;
     let errors = match &a.errors {
@@ -59,25 +58,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
-        _ => {
-            return Err(Failure::input(
-                "--errors: its dtype differs from that of the matrices; save both with one dtype",
-            ));
-        }
+        _ => bail!("--errors: its dtype differs from that of the matrices; save both with one dtype"),
     };
     if missing == all {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: none of its {all} matrices is realizable (m00 <= 0, diattenuation above 1, or not finite); no file was written",
             a.from.source.display()
-        )));
+        );
     }
     if missing > 0 {
         eprintln!(
             "note: {missing} of {all} matrices are not realizable (m00 <= 0, diattenuation above 1, or not finite) and became NaN"
         );
     }
-    write_npz(&a.output, &out).map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    super::output::print(&a.output.display().to_string())
+    write_npz(&a.output, &out).map_err(Failure::at(&a.output))?;
+    print_path(&a.output)
 }
 
 /// Returns the arrays to write, the number of matrices without a decomposition, and the number of all
@@ -118,20 +113,17 @@ fn arrays<T: Real>(
 fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: expected the shape of the matrices before the 4 x 4, got {other:?} for matrices of {shape:?}; pass one error per element",
             path.display()
-        )));
+        );
     }
     let negative = match &sigmas {
         Values::Single(v) => v.iter().any(|e| *e < 0.0),
         Values::Double(v) => v.iter().any(|e| *e < 0.0),
     };
     if negative {
-        return Err(Failure::input(format!(
-            "{}: some standard errors are negative; expected 0 or more",
-            path.display()
-        )));
+        bail!("{}: some standard errors are negative; expected 0 or more", path.display());
     }
     Ok(sigmas)
 }

@@ -1,7 +1,6 @@
 //! The `sunstone denoise` command: denoises the images of a store.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, places, print, print_path};
 use std::path::PathBuf;
 use sunstone::denoise::{Outcome, denoise};
 
@@ -40,7 +39,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             Some(ratio) => format!("error estimates {ratio:.3} times those of the render (RMS)"),
             None => "copied: not an image, or without error estimates".to_owned(),
         };
-        super::output::print(&format!("{slice:18} {said}"))?;
+        print(&format!("{slice:18} {said}"))?;
     }
-    super::output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }

@@ -1,7 +1,6 @@
 //! The `sunstone export` command: OpenEXR images and Mitsuba 3 scenes.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, bail, places, print, print_path, source};
 use std::path::PathBuf;
 use sunstone::scene::mitsuba::export::Export;
 use sunstone::store::exr::{ExrError, ExrOptions, export};
@@ -40,7 +39,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     mitsuba: Option<PathBuf>,
     /// Export the scene at this wavelength only, nanometres.
-    #[arg(long, value_name = "NM", requires = "mitsuba", value_parser = super::places::wavelength)]
+    #[arg(long, value_name = "NM", requires = "mitsuba", value_parser = places::wavelength)]
     wavelength: Option<f64>,
     /// Write into a folder that contains files, and replace files of the same names.
     #[arg(long, requires = "mitsuba")]
@@ -54,22 +53,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     match (&a.mitsuba, &a.slice, &a.output) {
         (Some(folder), ..) => scene(a, folder),
         (None, Some(slice), Some(output)) => image(a, slice, output),
-        _ => Err(Failure::input("expected STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR")),
+        _ => bail!("expected STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR"),
     }
 }
 
 fn image(a: &Arguments, slice: &str, output: &PathBuf) -> Result<(), Failure> {
     places::files([Some(&a.source)], [Some(output)])?;
-    places::extension(output, "images are", &["exr"])?;
-    let source = super::source::Source {
-        store: a.source.clone(),
-        slice: slice.to_owned(),
-        select: a.select.clone(),
-        partial: a.partial,
-    };
-    let (_, slice) = source.open()?;
+    places::extension([output], "images are", &["exr"])?;
+    let (_, slice) = source::slice(&a.source, slice, a.partial)?;
     let options = ExrOptions {
-        select: source.select,
+        select: a.select.clone(),
         expand: if a.expand.is_empty() { vec![] } else { parse_axes(&a.expand).map_err(Failure::input)? },
         mueller: a.mueller,
     };
@@ -77,7 +70,7 @@ fn image(a: &Arguments, slice: &str, output: &PathBuf) -> Result<(), Failure> {
         ExrError::Write { .. } => Failure::failed(e),
         _ => Failure::input(e),
     })?;
-    super::output::print(&output.display().to_string())
+    print_path(output)
 }
 
 fn scene(a: &Arguments, folder: &PathBuf) -> Result<(), Failure> {
@@ -90,5 +83,5 @@ fn scene(a: &Arguments, folder: &PathBuf) -> Result<(), Failure> {
     for note in &export.notes {
         eprintln!("note: {note}");
     }
-    super::output::print(&folder.join("scene.xml").display().to_string())
+    print(&folder.join("scene.xml").display().to_string())
 }

@@ -3,15 +3,22 @@
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::fmt;
 use std::io::IsTerminal;
+use std::path::Path;
 use sunstone::base::locate::InputError;
 use sunstone::scene::mitsuba::import::ImportError;
 
+/// Returns [`Failure::Input`] with a formatted message.
+macro_rules! bail {
+    ($($message:tt)*) => {
+        return Err($crate::Failure::input(format_args!($($message)*)))
+    };
+}
+pub(crate) use bail;
+
 /// The reason why a command failed.
 pub enum Failure {
-    /// An error in a scene file: exit code 2.
-    Scene(InputError),
-    /// Several errors in a scene file: exit code 2.
-    Scenes(Vec<InputError>),
+    /// Errors in a file: exit code 2.
+    File(Vec<InputError>),
     /// Other invalid input: exit code 2.
     Input(String),
     /// A failure during the run (disk full, …): exit code 1.
@@ -29,6 +36,16 @@ impl Failure {
         Self::Failed(e.to_string())
     }
 
+    /// Converts an error of reading or writing a file.
+    pub fn at<E: fmt::Display>(path: &Path) -> impl Fn(E) -> Self {
+        move |e| Self::failed(format_args!("{}: {e}", path.display()))
+    }
+
+    /// Converts an error of writing a file.
+    pub fn writing<E: fmt::Display>(path: &Path) -> impl Fn(E) -> Self {
+        move |e| Self::failed(format_args!("cannot write {}: {e}", path.display()))
+    }
+
     /// Returns [`Failure::Failed`] for a system error, otherwise [`Failure::Input`].
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
         if is_of_system { Self::failed(e) } else { Self::input(e) }
@@ -37,12 +54,8 @@ impl Failure {
     /// Prints the message and returns the exit code.
     pub fn report(&self) -> u8 {
         match self {
-            Self::Scene(e) => {
-                report_scene(e);
-                2
-            }
-            Self::Scenes(errors) => {
-                errors.iter().take(MOST).for_each(report_scene);
+            Self::File(errors) => {
+                errors.iter().take(MOST).for_each(report_error);
                 if errors.len() > 1 {
                     eprintln!("{} problems", errors.len());
                 }
@@ -66,13 +79,13 @@ impl Failure {
 
 impl From<ImportError> for Failure {
     fn from(e: ImportError) -> Self {
-        Self::Scenes(e.0)
+        Self::File(e.0)
     }
 }
 
 impl From<InputError> for Failure {
     fn from(e: InputError) -> Self {
-        Self::Scene(e)
+        Self::File(vec![e])
     }
 }
 
@@ -95,7 +108,7 @@ fn cut(text: &str) -> String {
 }
 
 /// Prints `file:line:column: message`, the line that editors and scripts parse, then the place in the file.
-fn report_scene(e: &InputError) {
+fn report_error(e: &InputError) {
     eprintln!("{}", cut(&format!("error: {e}")));
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
         return;

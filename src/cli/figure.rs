@@ -1,11 +1,10 @@
 //! The `sunstone figure` command: draws slices of a store.
 
-use super::failure::Failure;
-use super::figure_file::Extension;
-use super::{figure_file, places};
+use crate::figure_file::Extension;
+use crate::{Failure, bail, figure_file, places, print_path, source};
 use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
-use sunstone::figure::{Drawing, FigureError, Format};
+use sunstone::figure::{FigureError, Format};
 use sunstone::figures::{self, FiguresError};
 use sunstone::store::place::is_address;
 
@@ -31,7 +30,7 @@ pub struct Arguments {
     #[arg(long)]
     slice: Option<String>,
     /// Wavelength in nanometres (mueller, maps).
-    #[arg(long, value_parser = super::places::wavelength)]
+    #[arg(long, value_parser = places::wavelength)]
     wavelength: Option<f64>,
     /// Mueller element, such as 01 (maps, profile).
     #[arg(long, default_value = "00", value_parser = element)]
@@ -99,9 +98,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
         if a.view.is_some() || a.partial || of_view || moved {
-            return Err(Failure::input(
-                "--view, its options and --partial apply only to stores; set the view in the figure file",
-            ));
+            bail!("--view, its options and --partial apply only to stores; set the view in the figure file");
         }
         let further = a.names.iter().map(PathBuf::from);
         let files: Vec<PathBuf> = a.store.iter().cloned().chain(further).collect();
@@ -129,7 +126,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             slice,
             pixel: match a.pixel[..] {
                 [x, y] => [x, y],
-                _ => return Err(Failure::input("--view profile needs --pixel X,Y")),
+                _ => bail!("--view profile needs --pixel X,Y"),
             },
             element: a.element,
         }),
@@ -137,9 +134,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let name = a.slice.clone().unwrap_or_default();
     let path = a.output.clone().unwrap_or_else(|| folder(&store).join(format!("{name}.png")));
     places::files([Some(&store)], [Some(&path)])?;
-    let store = super::source::store(&store, a.partial)?;
+    let store = source::store(&store, a.partial)?;
     figures::draw_to(&store, &Figure { name, view }, &path)?;
-    super::output::print(&path.display().to_string())
+    print_path(&path)
 }
 
 /// Returns the default folder for a store's figures: next to the store, or the current folder for a store at
@@ -157,12 +154,12 @@ pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     places::folders([Some(&path.to_owned())], [Some(&out)])?;
     places::outside_stores([&out])?;
-    let store = super::source::store(path, a.is_some_and(|a| a.partial))?;
+    let store = source::store(path, a.is_some_and(|a| a.partial))?;
     let format = a.map_or("png", |a| a.format.name());
     for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {
         let file = out.join(format!("{}.{format}", figure.name));
         figures::draw_to(&store, &figure, &file)?;
-        super::output::print(&file.display().to_string())?;
+        print_path(&file)?;
     }
     Ok(())
 }
@@ -172,11 +169,6 @@ pub fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     Format::of(&path).map_err(|e| e.to_string())?;
     Ok(path)
-}
-
-/// Writes a picture, and creates its folder if it does not exist.
-pub fn save(drawing: &Drawing, path: &Path) -> Result<(), Failure> {
-    Ok(sunstone::figure::save(drawing, path)?)
 }
 
 impl From<FigureError> for Failure {

@@ -1,8 +1,8 @@
 //! The `sunstone figure` command for figure files.
 
-use super::failure::Failure;
-use super::places;
-use super::progress::Progress;
+use crate::apply::{self, make_renders};
+use crate::progress::Progress;
+use crate::{Failure, bail, places, print};
 use std::path::{Path, PathBuf};
 use sunstone::figure::{Format, save};
 use sunstone::figure_file::{FigureFileError, Settings, Source, prepare, program};
@@ -54,9 +54,7 @@ impl Options {
     /// Refuses the options for figure files when a store is drawn.
     pub fn refuse(&self) -> Result<(), Failure> {
         if self.preview || self.renders.is_some() || self.scenes.is_some() {
-            return Err(Failure::input(
-                "--preview, --renders and --scenes apply only to figure files (.toml), not to stores",
-            ));
+            bail!("--preview, --renders and --scenes apply only to figure files (.toml), not to stores");
         }
         Ok(())
     }
@@ -112,17 +110,14 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     for source in &sources {
         all.push(prepare(source, &settings, &progress)?);
     }
-    std::fs::create_dir_all(&settings.renders).map_err(|e| {
-        let shown = settings.renders.display();
-        Failure::failed(format!("cannot create {shown}: {e}; choose another folder with --renders"))
-    })?;
+    make_renders(&settings.renders)?;
     for ((source, prepared), path) in sources.iter().zip(all).zip(&outputs) {
         let made = prepared.draw().map_err(|e| match e {
             FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
             e => e.into(),
         })?;
         save(&made.drawing, path)?;
-        super::output::print(&format!("{} ({} new renders)", path.display(), made.rendered))?;
+        print(&format!("{} ({} new renders)", path.display(), made.rendered))?;
     }
     Ok(())
 }
@@ -136,7 +131,7 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
         entries.flatten().map(|e| e.path()).filter(|p| is_toml(p) && p.is_file()).collect();
     all.sort();
     if all.is_empty() {
-        return Err(Failure::input(format!("--all {shown}: the folder contains no figure file (.toml)")));
+        bail!("--all {shown}: the folder contains no figure file (.toml)");
     }
     Ok(all)
 }
@@ -146,7 +141,7 @@ impl From<FigureFileError> for Failure {
         match e {
             FigureFileError::Input(e) => e.into(),
             FigureFileError::Studio(e) => e.into(),
-            FigureFileError::Application(e) => super::apply::failure(e),
+            FigureFileError::Application(e) => apply::failure(e),
             FigureFileError::Access(ref cause) => Self::of_system(cause.is_of_system(), e),
             FigureFileError::Open(_) => Self::input(e),
             FigureFileError::Figure(e) => e.into(),

@@ -1,7 +1,6 @@
 //! The `sunstone import` command: Mitsuba scenes and camera calibrations.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, bail, places, print, print_path};
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -122,7 +121,7 @@ fn definition(text: &str) -> Result<(String, String), String> {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(output) = &a.output {
         places::files([Some(&a.scene)], [Some(output)])?;
-        places::extension(output, "scenes are", &["toml"])?;
+        places::extension([output], "scenes are", &["toml"])?;
     }
     if calibration::is_calibration(&a.scene) {
         return calibrated(a);
@@ -137,13 +136,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in &import.notes {
         eprintln!("note: {note}");
     }
-    super::output::print(&output.display().to_string())
+    print_path(&output)
 }
 
 fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let c = &a.calibration;
     if !a.define.is_empty() {
-        return Err(Failure::input("-D applies only to Mitsuba scenes; a calibration has no parameters"));
+        bail!("-D applies only to Mitsuba scenes; a calibration has no parameters");
     }
     let options = Options {
         camera: c.camera.clone(),
@@ -156,24 +155,20 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let found = calibration::load(&a.scene, &options)?;
     let text = found.to_toml(c.device == Device::Projector).map_err(Failure::failed)?;
     let Some(output) = &a.output else {
-        return super::output::print(text.trim_end());
+        return print(text.trim_end());
     };
     write(&a.scene, output, &text, a.force)?;
-    super::output::print(&output.display().to_string())
+    print_path(output)
 }
 
 /// Writes a text to a file other than the input. Replaces an existing file only with `force`.
 fn write(input: &Path, output: &Path, text: &str, force: bool) -> Result<(), Failure> {
     let shown = output.display();
     if whole_file::is_same(input, output) {
-        return Err(Failure::input(format!(
-            "{shown} is both the input and the output; choose another output"
-        )));
+        bail!("{shown} is both the input and the output; choose another output");
     }
     if output.exists() && !force {
-        return Err(Failure::input(format!(
-            "{shown} exists; choose another name, or pass --force to replace it"
-        )));
+        bail!("{shown} exists; choose another name, or pass --force to replace it");
     }
     whole_file::write(output, text.as_bytes())
         .map_err(|e| Failure::failed(format!("cannot write {shown}: {e}")))

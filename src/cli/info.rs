@@ -1,6 +1,6 @@
 //! The `sunstone info` command: describes a store, or a scene before it is rendered.
 
-use super::failure::Failure;
+use crate::{Failure, print};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let text = sunstone::scene::read(&a.store)?;
         let built = sunstone::scene::from_text(&a.store, &text)?;
         let described = scene(&built) + &variants(&a.store, &text)?;
-        return super::output::print(described.trim_end());
+        return print(described.trim_end());
     }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();
@@ -77,7 +77,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         // A part lacks the light of the other parts, so its totals are not printed.
         line(if store.part().is_some() { axes(&slice) } else { describe(&slice)? });
     }
-    super::output::print(text.trim_end())
+    print(text.trim_end())
 }
 
 /// Formats the target of a render to an error, and its result.

@@ -1,8 +1,6 @@
 //! The `sunstone layers` command: ground truth of every camera pixel.
 
-use super::failure::Failure;
-use super::output::print;
-use super::places;
+use crate::{Failure, bail, places, print};
 use serde_json::{Map, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -46,7 +44,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    places::extension(&a.output, "layers are", &["npz", "zarr"])?;
+    places::extension([&a.output], "layers are", &["npz", "zarr"])?;
     let is_file = a.output.extension().is_some_and(|e| e == "npz");
     if is_file {
         places::files([Some(&a.scene)], [Some(&a.output)])?;
@@ -55,9 +53,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let shown = a.output.display();
     if !is_file && !a.force && std::fs::symlink_metadata(&a.output).is_ok() {
-        return Err(Failure::input(format!(
-            "{shown} exists; choose another name, or pass --force to replace it"
-        )));
+        bail!("{shown} exists; choose another name, or pass --force to replace it");
     }
     let scene = sunstone::scene::load(&a.scene)?;
     for note in &scene.notes {

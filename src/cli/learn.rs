@@ -1,15 +1,12 @@
 //! The `sunstone learn` command: optimizes capture schemes.
 
-use super::failure::Failure;
-use super::pbrdf::data::MaterialSource;
-use super::places;
-use super::scheme::{SensorArgument, picture, save, table};
+use crate::pbrdf::data::MaterialSource;
+use crate::scheme::{SensorArgument, picture, save, table};
+use crate::{Failure, bail, figure, output, places, print, print_paths};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use sunstone::base::whole_file;
-use sunstone::figure::chart;
-use sunstone::figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
+use sunstone::figure::chart::{self, Chart, ChartAxis, Series, SeriesStyle};
 use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
@@ -57,7 +54,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.0)]
     angle_error: f64,
     /// Wavelengths to optimize for, nanometres.
-    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     data: MaterialSource,
@@ -80,10 +77,10 @@ pub struct Arguments {
     #[arg(long, value_name = "PRIOR.toml")]
     save_prior: Option<PathBuf>,
     /// Also draw the angles (of a single scheme).
-    #[arg(long, value_name = "ANGLES.png|.svg|.pdf", value_parser = super::figure::picture)]
+    #[arg(long, value_name = "ANGLES.png|.svg|.pdf", value_parser = figure::picture)]
     angles: Option<PathBuf>,
     /// Also draw errors against captures, with those of dual rotating retarders and the bounds.
-    #[arg(long, value_name = "LOSS.png|.svg|.pdf", value_parser = super::figure::picture)]
+    #[arg(long, value_name = "LOSS.png|.svg|.pdf", value_parser = figure::picture)]
     figure: Option<PathBuf>,
     /// Also write the table of errors.
     #[arg(long, value_name = "LOSS.csv")]
@@ -131,7 +128,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let several = templates.len() * a.estimator.len() > 1;
     check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
-        return Err(Failure::input("--angles draws one scheme; pass only one -k, --sensor and --estimator"));
+        bail!("--angles draws one scheme; pass only one -k, --sensor and --estimator");
     }
     // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
     // needed.
@@ -159,8 +156,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         None
     };
     if let (Some(path), Some(materials)) = (&a.save_prior, &materials) {
-        second_moment::save(path, &a.data.name(), &materials.all)
-            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        second_moment::save(path, &a.data.name(), &materials.all).map_err(Failure::at(path))?;
     }
     let mut rows = vec![];
     let mut learned = vec![];
@@ -175,7 +171,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 validated,
                 seconds: begun.elapsed().as_secs_f64(),
             };
-            super::output::print(&line(&row, a.noise))?;
+            print(&line(&row, a.noise))?;
             let path = scheme_path(a, &scheme, *estimator, several);
             save(&scheme, &path)?;
             rows.push(row);
@@ -184,40 +180,33 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let schemes: Vec<Scheme> = learned.iter().map(|(s, _)| s.clone()).collect();
     let rays = rays(a);
-    super::output::print(table(&schemes, &rays).trim_end())?;
+    print(table(&schemes, &rays).trim_end())?;
     if let (Some(path), Some((scheme, _))) = (&a.angles, learned.first()) {
         picture(scheme, path)?;
     }
     if let Some(path) = &a.csv {
         let text = csv(&rows).map_err(Failure::failed)?;
-        whole_file::write_with(path, |file| std::io::Write::write_all(file, &text))
-            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        output::write(path, &text)?;
     }
     if let Some(path) = &a.figure {
         draw(a, &rows, &templates, path)?;
     }
-    for path in
-        learned.iter().map(|(_, p)| p).chain(&a.save_prior).chain(&a.angles).chain(&a.csv).chain(&a.figure)
-    {
-        super::output::print(&path.display().to_string())?;
-    }
-    Ok(())
+    let others = [&a.save_prior, &a.angles, &a.csv, &a.figure];
+    print_paths(learned.iter().map(|(_, path)| path).chain(others.into_iter().flatten()))
 }
 
 fn check(a: &Arguments) -> Result<(), Failure> {
     if !(1e-9..=1e6).contains(&a.noise) {
-        return Err(Failure::input("--noise: expected a number from 1e-9 to 1e6"));
+        bail!("--noise: expected a number from 1e-9 to 1e6");
     }
     if !(0.0..=90.0).contains(&a.angle_error) {
-        return Err(Failure::input("--angle-error: expected 0 to 90 degrees"));
+        bail!("--angle-error: expected 0 to 90 degrees");
     }
     if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
-        return Err(Failure::input(
-            "expected at most 100000 --starts and 10000000 --iterations or --adam-steps",
-        ));
+        bail!("expected at most 100000 --starts and 10000000 --iterations or --adam-steps");
     }
     match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
-        Some(k) => Err(Failure::input(format!("-k: expected 1 to 256 captures, got {k}"))),
+        Some(k) => bail!("-k: expected 1 to 256 captures, got {k}"),
         None => Ok(()),
     }
 }
@@ -238,18 +227,14 @@ fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<()
     if several {
         places::folders([], [Some(&a.output)])?;
     } else {
-        places::extension(&a.output, "schemes are", &["toml"])?;
+        places::extension([&a.output], "schemes are", &["toml"])?;
     }
     let schemes: Vec<PathBuf> =
         (a.estimator.iter()).flat_map(|e| templates.iter().map(|t| scheme_path(a, t, *e, several))).collect();
     let others = [a.save_prior.as_ref(), a.angles.as_ref(), a.figure.as_ref(), a.csv.as_ref()];
     places::files(inputs, schemes.iter().map(Some).chain(others))?;
-    if let Some(path) = &a.save_prior {
-        places::extension(path, "priors are", &["toml"])?;
-    }
-    if let Some(path) = &a.csv {
-        places::extension(path, "tables are", &["csv"])?;
-    }
+    places::extension(&a.save_prior, "priors are", &["toml"])?;
+    places::extension(&a.csv, "tables are", &["csv"])?;
     Ok(())
 }
 
@@ -261,10 +246,7 @@ fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
     if let Some(path) = &a.template {
         let scheme = load(path)?;
         if scheme.motors().is_empty() {
-            return Err(Failure::input(format!(
-                "{}: no setting changes between captures; list angles or retardances",
-                path.display()
-            )));
+            bail!("{}: no setting changes between captures; list angles or retardances", path.display());
         }
         return Ok(vec![scheme]);
     }
@@ -321,17 +303,13 @@ fn line(row: &LearnedRow, noise: f64) -> String {
     )
 }
 
+/// Columns of the table of errors.
+const COLUMNS: &str =
+    "scheme,captures,squared_error_unseen,standard_error,squared_error_seen,rms_element_unseen,seconds";
+
 fn csv(rows: &[LearnedRow]) -> Result<Vec<u8>, csv::Error> {
     let mut out = csv::Writer::from_writer(vec![]);
-    out.write_record([
-        "scheme",
-        "captures",
-        "squared_error_unseen",
-        "standard_error",
-        "squared_error_seen",
-        "rms_element_unseen",
-        "seconds",
-    ])?;
+    out.write_record(COLUMNS.split(','))?;
     for row in rows {
         out.write_record([
             row.kind.clone(),
@@ -408,7 +386,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
         )],
     };
     let image = chart::draw(&chart).map_err(Failure::failed)?;
-    super::figure::save(&image, path)
+    Ok(sunstone::figure::save(&image, path)?)
 }
 
 /// Returns the lowest bound of the compared sensors: the least error that the chart shows.

@@ -3,6 +3,24 @@
 // These docs are the text of --help, in which <name> is a placeholder and not an HTML tag.
 #![allow(rustdoc::invalid_html_tags)]
 
+/// Defines the enum of subcommands, each with its arguments, and runs the selected one.
+macro_rules! commands {
+    ($($(#[$doc:meta])* $name:ident($arguments:ty) => $run:expr,)*) => {
+        #[derive(clap::Subcommand)]
+        enum Command {
+            $($(#[$doc])* $name($arguments),)*
+        }
+
+        impl Command {
+            fn run(&self) -> Result<(), $crate::Failure> {
+                match self {
+                    $(Self::$name(a) => $run(a),)*
+                }
+            }
+        }
+    };
+}
+
 mod apply;
 mod calibrate;
 mod calibrate_detector;
@@ -37,8 +55,9 @@ mod source;
 mod trial;
 mod verify;
 
-use clap::{Parser, Subcommand};
-use failure::Failure;
+use clap::Parser;
+use failure::{Failure, bail};
+use output::{print, print_path, print_paths};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -81,39 +100,42 @@ struct Arguments {
     verbose: u8,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    Render(render::Arguments),
-    Info(info::Arguments),
-    Layers(layers::Arguments),
-    Probe(probe::Arguments),
-    Figure(figure::Arguments),
-    Merge(merge::Arguments),
-    Shard(shard::Arguments),
-    Verify(verify::Arguments),
-    Remove(remove::Arguments),
-    Decompose(decompose::Arguments),
-    Denoise(denoise::Arguments),
-    Scheme(scheme::Arguments),
-    Learn(learn::Arguments),
-    Capture(capture::Arguments),
-    Reconstruct(reconstruct::Arguments),
-    Rig(rig::Arguments),
-    Trial(trial::Arguments),
-    Calibrate(calibrate::Arguments),
-    Export(export::Arguments),
-    Import(import::Arguments),
-    Project(project::Arguments),
-    Ptu(ptu::Arguments),
-    Pbrdf(pbrdf::Arguments),
-    Apply(apply::Arguments),
-    Phase(phase::Arguments),
+commands! {
+    Render(render::Arguments) => render::run,
+    Info(info::Arguments) => info::run,
+    Layers(layers::Arguments) => layers::run,
+    Probe(probe::Arguments) => probe::run,
+    Figure(figure::Arguments) => figure::run,
+    Merge(merge::Arguments) => merge::run,
+    Shard(shard::Arguments) => shard::run,
+    Verify(verify::Arguments) => verify::run,
+    Remove(remove::Arguments) => remove::run,
+    Decompose(decompose::Arguments) => decompose::run,
+    Denoise(denoise::Arguments) => denoise::run,
+    Scheme(scheme::Arguments) => scheme::run,
+    Learn(learn::Arguments) => learn::run,
+    Capture(capture::Arguments) => capture::run,
+    Reconstruct(reconstruct::Arguments) => reconstruct::run,
+    Rig(rig::Arguments) => rig::run,
+    Trial(trial::Arguments) => trial::run,
+    Calibrate(calibrate::Arguments) => calibrate::run,
+    Export(export::Arguments) => export::run,
+    Import(import::Arguments) => import::run,
+    Project(project::Arguments) => project::run,
+    Ptu(ptu::Arguments) => ptu::run,
+    Pbrdf(pbrdf::Arguments) => pbrdf::run,
+    Apply(apply::Arguments) => apply::run,
+    Phase(phase::Arguments) => phase::run,
     /// Print the JSON Schema of scene files.
     ///
     /// Editors with a TOML language server use it to complete and check scene files: put `#:schema
     /// scene.schema.json` on the first line of a scene.
-    Schema,
+    Schema(NoArguments) => schema,
 }
+
+// Without a doc comment, which would replace the help text of the command.
+#[derive(clap::Args)]
+struct NoArguments {}
 
 /// Parses the program's arguments, runs the command, reports errors and returns the exit code.
 #[must_use]
@@ -135,35 +157,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     #[cfg(feature = "object-stores")]
     sunstone::objects::install();
     start_logging(arguments.verbose);
-    let result = match arguments.command {
-        Command::Render(a) => render::run(&a),
-        Command::Info(a) => info::run(&a),
-        Command::Layers(a) => layers::run(&a),
-        Command::Probe(a) => probe::run(&a),
-        Command::Figure(a) => figure::run(&a),
-        Command::Merge(a) => merge::run(&a),
-        Command::Shard(a) => shard::run(&a),
-        Command::Verify(a) => verify::run(&a),
-        Command::Remove(a) => remove::run(&a),
-        Command::Decompose(a) => decompose::run(&a),
-        Command::Denoise(a) => denoise::run(&a),
-        Command::Scheme(a) => scheme::run(&a),
-        Command::Learn(a) => learn::run(&a),
-        Command::Capture(a) => capture::run(&a),
-        Command::Trial(a) => trial::run(&a),
-        Command::Calibrate(a) => calibrate::run(&a),
-        Command::Reconstruct(a) => reconstruct::run(&a),
-        Command::Rig(a) => rig::run(&a),
-        Command::Export(a) => export::run(&a),
-        Command::Import(a) => import::run(&a),
-        Command::Project(a) => project::run(&a),
-        Command::Ptu(a) => ptu::run(&a),
-        Command::Pbrdf(a) => pbrdf::run(&a),
-        Command::Apply(a) => apply::run(&a),
-        Command::Phase(a) => phase::run(&a),
-        Command::Schema => schema(),
-    };
-    match result {
+    match arguments.command.run() {
         Ok(()) => 0,
         Err(failure) => failure.report(),
     }
@@ -185,9 +179,9 @@ fn start_logging(verbose: u8) {
         .try_init();
 }
 
-fn schema() -> Result<(), Failure> {
+fn schema(_: &NoArguments) -> Result<(), Failure> {
     let mut schema = schemars::schema_for!(sunstone::scene::syntax::scene::SceneFile);
     sunstone::figure::spec::describe_in(&mut schema);
     let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
-    output::print(&text)
+    print(&text)
 }

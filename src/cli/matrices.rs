@@ -1,6 +1,6 @@
 //! Mueller matrices that commands read: an array, or a slice of a store.
 
-use super::failure::Failure;
+use crate::{Failure, bail, source};
 use std::path::PathBuf;
 use sunstone::matrices::{Matrices, MatricesError};
 use sunstone::polarimetry::capture::mueller_image::{ImageError, MuellerImage};
@@ -32,27 +32,21 @@ impl MatrixSource {
             return self.stored(command, slice);
         }
         if self.source.is_dir() || is_address(&self.source) {
-            return Err(Failure::input(format!(
+            bail!(
                 "{} is a store; name the slice, for example: sunstone {command} {0} polarimetric {rest}",
-                self.source.display(),
-            )));
+                self.source.display()
+            );
         }
         Matrices::of_array(&self.source).map_err(Failure::input)
     }
 
     fn stored(&self, command: &str, slice: &str) -> Result<Matrices, Failure> {
-        let source = super::source::Source {
-            store: self.source.clone(),
-            slice: slice.to_owned(),
-            select: self.select.clone(),
-            partial: self.partial,
-        };
-        let (store, stored) = source.open()?;
+        let (store, stored) = source::slice(&self.source, slice, self.partial)?;
         // These commands use the matrices as ground truth.
         if ["capture", "trial"].contains(&command) {
             denoised::refuse(&store).map_err(Failure::input)?;
         }
-        Matrices::of_slice(&stored, &source.select).map_err(|e| match e {
+        Matrices::of_slice(&stored, &self.select).map_err(|e| match e {
             MatricesError::NotMueller => {
                 Failure::input(format!("slice {slice} of {} {e}", self.source.display()))
             }
@@ -64,9 +58,9 @@ impl MatrixSource {
 /// Converts matrices to the input of captures. `wavelengths` are those of an array's last axis.
 pub fn image(matrices: Matrices, wavelengths: &[f64]) -> Result<MuellerImage, Failure> {
     if matrices.facts.is_some() && !wavelengths.is_empty() {
-        return Err(Failure::input(
-            "--wavelengths: a slice stores its wavelengths; remove the option, or select some with -k wavelength=550",
-        ));
+        bail!(
+            "--wavelengths: a slice stores its wavelengths; remove the option, or select some with -k wavelength=550"
+        );
     }
     matrices.image(wavelengths).map_err(|e| match e {
         ImageError::Wavelength(_) | ImageError::Wavelengths { .. } => {

@@ -1,7 +1,6 @@
 //! The `sunstone merge` command: merges renders or joins parts.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, places, print_path};
 use std::path::PathBuf;
 use sunstone::store::merge::{Options, merge};
 use sunstone::store::zarr::TensorStore;
@@ -33,7 +32,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let options = Options { replace: a.force, partial: a.partial };
     merge(&a.inputs, &a.output, options).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
     note_dropped(a)?;
-    super::output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }
 
 /// Prints a note on data that inputs of earlier versions lack.

@@ -1,8 +1,7 @@
 //! The `sunstone phase` command: scattering by participating media.
 
-use super::failure::Failure;
-use super::places;
-use clap::Subcommand;
+use crate::source::choose;
+use crate::{Failure, bail, places, print, print_path};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -18,9 +17,8 @@ pub struct Arguments {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    Eval(EvalArguments),
+commands! {
+    Eval(EvalArguments) => eval,
 }
 
 /// Print the scattering matrix of a medium over the scattering angle, as CSV.
@@ -86,39 +84,22 @@ impl FromStr for Angles {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.command {
-        Command::Eval(a) => eval(a),
-    }
-}
-
-/// Returns the name of the selected medium.
-fn choose(a: &EvalArguments) -> Result<String, Failure> {
-    let names = media::names(&a.medium)?;
-    let file = a.medium.display();
-    let known = names.join(", ");
-    match (&a.name, &names[..]) {
-        (_, []) => Err(Failure::input(format!(
-            "{file} has no medium; add a table [media.NAME.KIND], such as [media.drink.milk]"
-        ))),
-        (Some(name), _) if names.contains(name) => Ok(name.clone()),
-        (Some(name), _) => Err(Failure::input(format!("{file} has no medium `{name}`; available: {known}"))),
-        (None, [name]) => Ok(name.clone()),
-        (None, _) => {
-            Err(Failure::input(format!("{file} contains several media; choose one with --name: {known}")))
-        }
-    }
+    a.command.run()
 }
 
 fn eval(a: &EvalArguments) -> Result<(), Failure> {
     places::files([Some(&a.medium)], [a.output.as_ref()])?;
-    if let Some(path) = &a.output {
-        places::extension(path, "tables are", &["csv"])?;
-    }
+    places::extension(&a.output, "tables are", &["csv"])?;
     // One wavelength at a time allows any number of wavelengths in any order.
     let each = |nm: &f64| Wavelengths::new(vec![*nm]);
     let wavelengths: Vec<Wavelengths> = (a.wavelengths.iter().map(each).collect::<Result<_, _>>())
         .map_err(|e| Failure::input(format!("--wavelengths: {e}")))?;
-    let name = choose(a)?;
+    let names = media::names(&a.medium)?;
+    if names.is_empty() {
+        let file = a.medium.display();
+        bail!("{file} has no medium; add a table [media.NAME.KIND], such as [media.drink.milk]");
+    }
+    let name = choose(&a.medium, ["medium", "media"], &names, a.name.as_deref())?;
     let mut head = format!(
         "# medium {name}: wavelength_nm,host_index,scattering_per_m,absorption_per_m,g,scattering_cross_section_m2,\
          absorption_cross_section_m2\n"
@@ -129,11 +110,11 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     }
     let text = format!("{head}angle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n{rows}");
     let Some(path) = &a.output else {
-        return super::output::print(text.trim_end());
+        return print(text.trim_end());
     };
     whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
-        .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
-    super::output::print(&path.display().to_string())
+        .map_err(Failure::writing(path))?;
+    print_path(path)
 }
 
 /// Appends the lines of a medium at one wavelength.

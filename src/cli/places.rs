@@ -1,7 +1,7 @@
 //! Checks of the paths that a command reads and writes: no output is an input, no two outputs are one file,
 //! and the extension matches the format.
 
-use super::failure::Failure;
+use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
 use sunstone::base::input::is_special;
 use sunstone::base::whole_file::{is_same, real};
@@ -21,10 +21,7 @@ pub fn files<'a>(
 ) -> Result<(), Failure> {
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     if let Some(folder) = outputs.iter().find(|o| o.is_dir()) {
-        return Err(Failure::input(format!(
-            "{}: expected a file, found a folder; choose a file name",
-            folder.display()
-        )));
+        bail!("{}: expected a file, found a folder; choose a file name", folder.display());
     }
     check(inputs, outputs)
 }
@@ -37,17 +34,14 @@ pub fn folders<'a>(
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     for output in &outputs {
         if output.exists() && !output.is_dir() {
-            return Err(Failure::input(format!(
-                "{}: expected a folder, found a file; choose another name",
-                output.display()
-            )));
+            bail!("{}: expected a folder, found a file; choose another name", output.display());
         }
         let extension = lower_extension(output);
         if OF_FILES.contains(&extension.as_str()) && !output.is_dir() {
-            return Err(Failure::input(format!(
+            bail!(
                 "{}: the output is a folder, not a .{extension} file; remove the extension, or use .zarr for a store",
                 output.display()
-            )));
+            );
         }
     }
     check(inputs, outputs)
@@ -59,10 +53,7 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
         return folders(inputs.into_iter().map(Some), [Some(output)]);
     }
     if inputs.into_iter().any(|input| input == output) {
-        return Err(Failure::input(format!(
-            "{}: is both an input and the output; choose another output",
-            output.display()
-        )));
+        bail!("{}: is both an input and the output; choose another output", output.display());
     }
     Ok(())
 }
@@ -86,19 +77,19 @@ fn lies_in(output: &Path, store: &Path) -> Failure {
     ))
 }
 
-/// Refuses a file whose extension is not `known`. `what` names the content in the message.
-pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure> {
+/// Refuses files whose extension is not `known`. `what` names the content in the message.
+pub fn extension<'a>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    what: &str,
+    known: &[&str],
+) -> Result<(), Failure> {
     // Case-sensitive, like the writers.
-    let extension = path.extension().and_then(|e| e.to_str());
-    if extension.is_some_and(|e| known.contains(&e)) {
-        return Ok(());
+    let is_known = |path: &&PathBuf| path.extension().is_some_and(|e| known.iter().any(|k| e == *k));
+    if let Some(path) = paths.into_iter().find(|path| !is_known(path)) {
+        let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();
+        bail!("{}: {what} written as {}; change the extension", path.display(), known.join(" or "));
     }
-    let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();
-    Err(Failure::input(format!(
-        "{}: {what} written as {}; change the extension",
-        path.display(),
-        known.join(" or ")
-    )))
+    Ok(())
 }
 
 fn lower_extension(path: &Path) -> String {
@@ -115,7 +106,7 @@ fn check<'a>(
         let refused = |why: String| Err(Failure::input(format!("{shown}: {why}")));
         let text = output.to_string_lossy();
         if text.is_empty() {
-            return Err(Failure::input("the name of an output is empty; set a file or a folder"));
+            bail!("the name of an output is empty; set a file or a folder");
         }
         if text == "-" {
             return refused("cannot write to standard output; choose a file name".into());
@@ -162,18 +153,17 @@ fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
 }
 
+/// Parses a number that satisfies a condition; otherwise returns what is expected.
+pub fn number(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
+    text.trim().parse().ok().filter(|v| is_good(*v)).ok_or_else(|| expected.to_owned())
+}
+
 /// Parses a wavelength in nanometres.
 pub fn wavelength(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(nm) if (100.0..=100_000.0).contains(&nm) => Ok(nm),
-        _ => Err("expected a wavelength from 100 to 100000 nm".into()),
-    }
+    number(text, |nm| (100.0..=100_000.0).contains(&nm), "expected a wavelength from 100 to 100000 nm")
 }
 
 /// Parses a horizontal field of view in degrees.
 pub fn view(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(degrees) if degrees > 0.0 && degrees < 170.0 => Ok(degrees),
-        _ => Err("expected an angle above 0 and below 170 degrees".into()),
-    }
+    number(text, |deg| deg > 0.0 && deg < 170.0, "expected an angle above 0 and below 170 degrees")
 }

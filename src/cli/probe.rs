@@ -1,7 +1,7 @@
 //! The `sunstone probe` command: queries a stored slice.
 
-use super::failure::Failure;
-use super::places;
+use crate::source::{Source, slice};
+use crate::{Failure, bail, places, print, print_path};
 use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::base::input;
@@ -22,7 +22,7 @@ Examples:
   sunstone probe room.zarr ss --pattern stripes.png -o lit.zarr")]
 pub struct Arguments {
     #[command(flatten)]
-    source: super::source::Source,
+    source: Source,
     /// Sum over axes (comma-separated names).
     #[arg(long, default_value = "")]
     sum: String,
@@ -62,7 +62,7 @@ enum Preset {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     check(a)?;
-    let (store, slice) = a.source.open()?;
+    let (store, slice) = slice(&a.source.store, &a.source.slice, a.source.partial)?;
     let mut probe = match a.preset {
         None => Probe::default(),
         Some(Preset::Spatial) => Probe::spatial(),
@@ -89,12 +89,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let mut attributes = store.attributes();
         attributes.retain(|k, _| k != "figures" && k != "slices");
         result.write(path, &attributes, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
-        return super::output::print(&path.display().to_string());
+        return print_path(path);
     }
     if a.csv.is_some() {
-        return super::output::print(csv(&result).trim_end());
+        return print(csv(&result).trim_end());
     }
-    super::output::print(summary(&result).trim_end())
+    print(summary(&result).trim_end())
 }
 
 /// Prints notes on what the result lacks: light outside the time bins, and unknown values.
@@ -111,9 +111,7 @@ fn report(r: &ProbeResult) -> Result<(), Failure> {
     let values = &r.mean.data;
     let unknown = values.iter().filter(|v| !v.is_finite()).count();
     if unknown == values.len() {
-        return Err(Failure::input(
-            "all values are NaN: the selected region is not rendered, or the selection is empty",
-        ));
+        bail!("all values are NaN: the selected region is not rendered, or the selection is empty");
     }
     if unknown > 0 {
         eprintln!("note: {unknown} of {} values are unknown (NaN)", values.len());
@@ -127,7 +125,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     let Some(path) = &a.output else {
         return Ok(());
     };
-    places::extension(path, "results are", &["npy", "csv", "zarr"])?;
+    places::extension([path], "results are", &["npy", "csv", "zarr"])?;
     if path.extension().is_some_and(|e| e == "zarr") {
         return places::folders(inputs, [Some(path)]);
     }

@@ -1,11 +1,32 @@
 //! Progress of a command's renders, and interruption with Ctrl-C.
 
+use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Whether the user asked to stop.
+pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Installs the Ctrl-C handler: the first Ctrl-C sets [`INTERRUPTED`], the second exits immediately. `what` is
+/// finished first.
+pub fn stop_on_interrupt(what: &'static str) {
+    // Python runs several commands in one process; the flag of an earlier one must not stop this one.
+    INTERRUPTED.store(false, Ordering::Relaxed);
+    let _ = ctrlc::set_handler(move || {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("finishing {what} (press Ctrl-C again to exit immediately)");
+    });
+}
+
+/// Returns a progress bar.
+pub fn bar(template: &str, length: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(length).with_style(style)
+}
 
 /// Prints the progress of a render every few seconds, and interrupts it on request.
 pub struct Progress {
@@ -13,15 +34,9 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Installs the Ctrl-C handler: the first Ctrl-C stops after the current tiles, the second exits
-    /// immediately.
+    /// Returns the progress of renders that Ctrl-C stops after the current tiles.
     pub fn start() -> Self {
-        let _ = ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-            eprintln!("finishing running tiles (press Ctrl-C again to exit immediately)");
-        });
+        stop_on_interrupt("running tiles");
         Self { last: Mutex::new(Instant::now()) }
     }
 }

@@ -1,6 +1,6 @@
 //! The `sunstone project` command: projects points of a scene onto the devices' pixels.
 
-use super::failure::Failure;
+use crate::{Failure, bail, print};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::base::document;
@@ -35,10 +35,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let scene = sunstone::scene::load(&a.scene)?;
     let points = points(&a.points)?;
     if points.is_empty() {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: the file contains no points; write x,y,z in metres, one point per line",
             a.points.display()
-        )));
+        );
     }
     let (all, mut unseen) = (points.len(), [0; 2]);
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
@@ -61,7 +61,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             eprintln!("note: {n} of {all} points are outside the view of the {name}");
         }
     }
-    super::output::print(&out)
+    print(&out)
 }
 
 /// Reads points, one x,y,z per line.

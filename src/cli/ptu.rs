@@ -3,9 +3,8 @@
 mod events;
 mod file;
 
-use super::failure::Failure;
-use super::places;
-use clap::{Args, Subcommand};
+use crate::{Failure, bail, places, print, print_path};
+use clap::Args;
 use file::{failed, open};
 use std::fmt::Write;
 use std::fs::File;
@@ -31,12 +30,11 @@ pub struct Arguments {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    Info(Info),
-    Histogram(Histogram),
-    Records(events::Records),
-    Write(events::FromText),
+commands! {
+    Info(Info) => info,
+    Histogram(Histogram) => count,
+    Records(events::Records) => events::print,
+    Write(events::FromText) => events::write,
 }
 
 /// Print the contents of a file: its tags, photons by channel, markers, duration.
@@ -92,12 +90,7 @@ struct Histogram {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.command {
-        Command::Info(a) => info(a),
-        Command::Histogram(a) => count(a),
-        Command::Records(a) => events::print(a),
-        Command::Write(a) => events::write(a),
-    }
+    a.command.run()
 }
 
 fn surveyed(path: &Path) -> Result<Survey, Failure> {
@@ -135,7 +128,7 @@ fn info(a: &Info) -> Result<(), Failure> {
         let index = if tag.index < 0 { String::new() } else { format!("[{}]", tag.index) };
         let _ = write!(out, "\n{}{index} = {}", tag.name.escape_default(), shown(&tag.value));
     }
-    super::output::print(&out)
+    print(&out)
 }
 
 /// Maximum length of a text or list that is printed completely.
@@ -161,7 +154,7 @@ fn shown(value: &Value) -> String {
 
 fn count(a: &Histogram) -> Result<(), Failure> {
     places::files([Some(&a.file)], [Some(&a.output)])?;
-    places::extension(&a.output, "arrays are", &["npy"])?;
+    places::extension([&a.output], "arrays are", &["npy"])?;
     let mut reader = open(&a.file)?;
     let scan = scan(a, &reader)?;
     let bin = bin(a, &reader)?;
@@ -171,13 +164,13 @@ fn count(a: &Histogram) -> Result<(), Failure> {
         given => given.to_vec(),
     };
     if channels.is_empty() {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: the file contains no photons; check that the measurement ran and that the file is complete",
             a.file.display()
-        )));
+        );
     }
     if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
-        return Err(Failure::input("--channel: a channel is listed twice; list each channel once"));
+        bail!("--channel: a channel is listed twice; list each channel once");
     }
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
     let plan = Plan { bin, bins, channels, scan };
@@ -187,9 +180,8 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     info!("{records} records in {seconds:.4} s, {:.1} million per second", 1e-6 * records as f64 / seconds);
     report(a, &reader, &plan, &found);
     let shape = &found.shape[if scan.is_some() { 0 } else { 2 }..];
-    numpy::save(&a.output, shape, &found.counts)
-        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    super::output::print(&a.output.display().to_string())
+    numpy::save(&a.output, shape, &found.counts).map_err(Failure::at(&a.output))?;
+    print_path(&a.output)
 }
 
 /// Returns the number of bins of one laser period, or up to the last photon if it is later (T3).
@@ -249,14 +241,12 @@ fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> 
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
         let fix = "remove --bin-ps";
-        return Err(Failure::input(format!("{}: the header has no resolution; {fix}", a.file.display())));
+        bail!("{}: the header has no resolution; {fix}", a.file.display());
     };
     let counts = wanted / (resolution * 1e12);
     if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
         let resolution = resolution * 1e12;
-        return Err(Failure::input(format!(
-            "--bin-ps {wanted}: expected a multiple of the file's resolution, {resolution:.6} ps"
-        )));
+        bail!("--bin-ps {wanted}: expected a multiple of the file's resolution, {resolution:.6} ps");
     }
     Ok(counts.round() as u32)
 }
@@ -265,15 +255,13 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     let (width, height) = match a.pixels[..] {
         [] => return Ok(None),
         [width, height] if width > 0 && height > 0 => (width, height),
-        _ => {
-            return Err(Failure::input("--pixels: expected columns and rows, such as --pixels 128,128"));
-        }
+        _ => bail!("--pixels: expected columns and rows, such as --pixels 128,128"),
     };
     let bit = |n: &u8| 1 << (n - 1);
     let markers = |begin: &u8, end: u8| {
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
-            return Err(Failure::input("--pixel-marker: begin, end and frame need different markers"));
+            bail!("--pixel-marker: begin, end and frame need different markers");
         }
         Ok(Clock::Pixels { begin, end, frame })
     };
@@ -281,11 +269,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         [] => return of_header(a, reader, width, height).map(Some),
         [begin] => markers(begin, 0)?,
         [begin, end] => markers(begin, bit(end))?,
-        _ => {
-            return Err(Failure::input(
-                "--pixel-marker: expected one or two markers, such as --pixel-marker 1,2",
-            ));
-        }
+        _ => bail!("--pixel-marker: expected one or two markers, such as --pixel-marker 1,2"),
     };
     Ok(Some(Scan { width, height, bidirectional: is_bidirectional(reader.header()), clock }))
 }
@@ -302,10 +286,13 @@ fn of_header(
         Failure::input(format!("{file}: {why}; if each pixel has a marker, set it with --pixel-marker"))
     })?;
     if (scan.width, scan.height) != (width, height) {
-        return Err(Failure::input(format!(
+        bail!(
             "--pixels {width},{height}: the header of {file} describes {} columns and {} rows; use --pixels {},{}",
-            scan.width, scan.height, scan.width, scan.height
-        )));
+            scan.width,
+            scan.height,
+            scan.width,
+            scan.height
+        );
     }
     Ok(scan)
 }

@@ -4,8 +4,7 @@ mod arguments;
 mod of_run;
 mod pieces;
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, bail, places, print_paths};
 pub use arguments::Arguments;
 use pieces::{Done, Work};
 use std::fs::File;
@@ -32,31 +31,25 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return of_run::run(a);
     }
     if !a.source.exists() {
-        return Err(Failure::input(format!("{}: file not found", a.source.display())));
+        bail!("{}: file not found", a.source.display());
     }
     places::files(inputs, outputs)?;
-    for path in outputs.into_iter().flatten() {
-        places::extension(path, "arrays are", &["npy"])?;
-    }
+    places::extension(outputs.into_iter().flatten(), "arrays are", &["npy"])?;
     let Some(scheme) = &a.scheme else {
-        return Err(Failure::input("--scheme is missing; pass the capture scheme with --scheme"));
+        bail!("--scheme is missing; pass the capture scheme with --scheme");
     };
     if !a.masks.is_empty() || a.superpixel {
-        return Err(Failure::input("--mask and --superpixel apply only to runs, not to intensities"));
+        bail!("--mask and --superpixel apply only to runs, not to intensities");
     }
     let scheme = load(scheme)?;
     if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        return Err(Failure::input(
-            "--noise: expected a number from 1e-18 to 1e18, in units of the intensities",
-        ));
+        bail!("--noise: expected a number from 1e-18 to 1e18, in units of the intensities");
     }
     if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(Failure::input("--saturation: expected a positive number, in units of the intensities"));
+        bail!("--saturation: expected a positive number, in units of the intensities");
     }
     if a.prior.is_some() && a.noise.is_none() {
-        return Err(Failure::input(
-            "--prior needs the standard deviation of the intensities; pass it with --noise",
-        ));
+        bail!("--prior needs the standard deviation of the intensities; pass it with --noise");
     }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
@@ -74,20 +67,20 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
     if !shape.starts_with(want) {
         let want = if channels == 1 { format!("({k}, ...)") } else { format!("({k}, {channels}, ...)") };
-        return Err(Failure::input(format!(
+        bail!(
             "{}: its shape is {shape:?}, but the {} captures need shape {want}; pass the scheme of these captures, with the captures on \
              the first axis",
             a.source.display(),
             scheme.name
-        )));
+        );
     }
     let pixels = shape[want.len()..].to_vec();
     let lanes = a.wavelengths.len();
     if lanes != 1 && pixels.last() != Some(&lanes) {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: the last axis of shape {shape:?} must be as long as --wavelengths, {lanes}",
             a.source.display()
-        )));
+        );
     }
     Ok(pixels)
 }
@@ -98,9 +91,9 @@ fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
         return Ok(Directions::Axial.rays(one_place(a), &a.wavelengths));
     };
     let [height, width, ..] = *leading else {
-        return Err(Failure::input(
-            "--view: the intensities have no row and column axes after captures and channels; remove the option",
-        ));
+        bail!(
+            "--view: the intensities have no row and column axes after captures and channels; remove the option"
+        );
     };
     let layout = Layout { height, width, ..one_place(a) };
     let view = Directions::pinhole(degrees.to_radians(), width, height);
@@ -121,10 +114,11 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     let pixels: usize = leading.iter().product();
     let variances = a.variance.as_deref().map(NumpyReader::open).transpose().map_err(Failure::input)?;
     if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
-        return Err(Failure::input(format!(
+        bail!(
             "--variance: its shape {:?} differs from that of the intensities, {:?}",
-            other.shape, intensities.shape
-        )));
+            other.shape,
+            intensities.shape
+        );
     }
     let rays = rays(a, &leading)?;
     let lanes = a.wavelengths.len();
@@ -191,10 +185,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
             tally.lost, tally.pixels
         );
     }
-    for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
-        super::output::print(&path.display().to_string())?;
-    }
-    Ok(())
+    print_paths([Some(&a.output), a.errors.as_ref()].into_iter().flatten())
 }
 
 /// The error if no pixel is determined.

@@ -1,6 +1,6 @@
 //! The `sunstone remove` command: deletes stores.
 
-use super::failure::Failure;
+use crate::{Failure, print};
 use std::path::PathBuf;
 use sunstone::store::zarr::{RemoveError, remove};
 
@@ -20,7 +20,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for store in &a.stores {
         let was_there = remove(store).map_err(failed)?;
         let message = if was_there { "removed" } else { "not found" };
-        super::output::print(&format!("{}: {message}", store.display()))?;
+        print(&format!("{}: {message}", store.display()))?;
     }
     Ok(())
 }

@@ -7,14 +7,13 @@ mod to_error;
 
 pub use arguments::Arguments;
 
-use super::failure::Failure;
-use super::places;
+use crate::progress::stop_on_interrupt;
+use crate::{Failure, bail, figure, places, print};
 use arguments::{again, named};
 use in_doubt::in_doubt;
-use progress::{INTERRUPTED, Progress};
+use progress::Progress;
 use serde_json::json;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
@@ -50,10 +49,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     );
     check_threads(a.threads)?;
     if let Some(light) = a.light.as_ref().filter(|light| is_address(light)) {
-        return Err(Failure::input(format!(
+        bail!(
             "--light is {}, but light paths are stored in a local folder; set a folder that all parts share, or remove --light",
             light.display()
-        )));
+        );
     }
     let variant = a.variant.map_or(String::new(), |k| format!("_variant{k}"));
     let part = a.part.or(a.tiles);
@@ -68,12 +67,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             || (a.output.is_none() && !a.force && (is_finished(&path) || is_finished_part(&path))),
         path,
     };
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("finishing running tiles (press Ctrl-C again to exit immediately)");
-    });
+    stop_on_interrupt("running tiles");
     for note in &scene.notes {
         eprintln!("note: {note}");
     }
@@ -81,18 +75,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(goal) = goal {
         return to_error::run(a, &mut scene, goal, json!(figures), &target, &progress);
     }
-    let render = Render::new(&scene)
+    let mut render = Render::new(&scene)
         .watch(&progress)
         .attribute("figures", json!(figures))
         .threads(a.threads.unwrap_or(0));
-    let render = match part {
-        Some(part) => render.part(part),
-        None => render,
-    };
-    let render = match &a.light {
-        Some(folder) => render.shared_light(folder),
-        None => render,
-    };
+    if let Some(part) = part {
+        render = render.part(part);
+    }
+    if let Some(folder) = &a.light {
+        render = render.shared_light(folder);
+    }
     let summary = render.to_target(&target).map_err(|e| Failure::of_system(is_of_system(&e), e))?;
     progress.clear();
     let store = target.path.display();
@@ -105,9 +97,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )));
     }
     if summary.samples == 0 && summary.tiles > 0 {
-        super::output::print(&format!("{store}: already complete"))?;
+        print(&format!("{store}: already complete"))?;
     } else {
-        super::output::print(&format!(
+        print(&format!(
             "{store}: {}{} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
             part.map_or(String::new(), |part| format!(
                 "{part}, {} tiles, {} samples, ",
@@ -123,7 +115,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ))?;
     }
     if !a.no_figures && part.is_none() {
-        super::figure::draw_all(&target.path, None)?;
+        figure::draw_all(&target.path, None)?;
     }
     Ok(())
 }
@@ -132,11 +124,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
     let (cores, most) = (cores(), most_threads());
     match threads {
-        Some(0) => Err(Failure::input("--threads: expected at least 1, got 0")),
-        Some(n) if n > most => Err(Failure::input(format!(
+        Some(0) => bail!("--threads: expected at least 1, got 0"),
+        Some(n) if n > most => bail!(
             "--threads: got {n}; this machine has {cores} cores and the limit is {} threads per core, {most}",
             most / cores
-        ))),
+        ),
         _ => Ok(()),
     }
 }

@@ -8,7 +8,7 @@ mod run;
 mod session;
 mod status;
 
-use super::failure::Failure;
+use crate::Failure;
 
 /// Execute and inspect capture plans on a rig of real or simulated instruments.
 #[derive(clap::Args)]
@@ -17,21 +17,14 @@ pub struct Arguments {
     command: Command,
 }
 
-#[derive(clap::Subcommand)]
-enum Command {
-    Run(run::Arguments),
-    Check(check::Arguments),
-    Calibrate(calibrate::Arguments),
-    Flash(flash::Arguments),
-    Status(status::Arguments),
+commands! {
+    Run(run::Arguments) => run::run,
+    Check(check::Arguments) => check::run,
+    Calibrate(calibrate::Arguments) => calibrate::run,
+    Flash(flash::Arguments) => flash::run,
+    Status(status::Arguments) => status::run,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.command {
-        Command::Run(a) => run::run(a),
-        Command::Check(a) => check::run(a),
-        Command::Calibrate(a) => calibrate::run(a),
-        Command::Flash(a) => flash::run(a),
-        Command::Status(a) => status::run(a),
-    }
+    a.command.run()
 }

@@ -1,10 +1,8 @@
 //! The `sunstone scheme` command: makes, prints and checks capture schemes.
 
-use super::failure::Failure;
-use super::places;
-use clap::{Subcommand, ValueEnum};
+use crate::{Failure, bail, figure, output, places, print, print_path};
+use clap::ValueEnum;
 use std::path::{Path, PathBuf};
-use sunstone::base::whole_file;
 use sunstone::figure::angles;
 use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::{Quantity, Ray};
@@ -30,20 +28,19 @@ pub struct Arguments {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
+commands! {
     /// Dual rotating retarders (Azzam 1978): retarder 2 rotates by 5° and retarder 3 by 25° per capture.
-    Drr(New),
+    Drr(New) => |a| make(a, Scheme::drr),
     /// Quad rotating polarizers and retarders at hand-chosen angles; `sunstone learn` finds better ones.
-    Qrpr(New),
+    Qrpr(New) => |a| make(a, Scheme::qrpr),
     /// Liquid-crystal retarders, two on each side: nothing rotates, retardances change.
-    Lc(New),
+    Lc(New) => |a| make(a, Scheme::liquid_crystal),
     /// Print rank, condition number, error variance and the lower bound of that variance for any scheme.
-    Show(Show),
+    Show(Show) => show,
     /// Write the design matrix as .npy.
-    Matrix(Matrix),
+    Matrix(Matrix) => write_matrix,
     /// Draw the settings of all captures.
-    Plot(Plot),
+    Plot(Plot) => draw,
 }
 
 /// The type of a sensor.
@@ -75,7 +72,7 @@ struct Show {
     #[arg(required = true, value_name = "SCHEME")]
     schemes: Vec<PathBuf>,
     /// Wavelengths, nanometres.
-    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
 }
 
@@ -84,7 +81,7 @@ struct Matrix {
     #[arg(value_name = "SCHEME")]
     scheme: PathBuf,
     /// Wavelength, nanometres.
-    #[arg(long, default_value_t = 550.0, value_parser = super::places::wavelength)]
+    #[arg(long, default_value_t = 550.0, value_parser = places::wavelength)]
     wavelength: f64,
     /// Angle between the rays and the optical axis, degrees.
     #[arg(long, default_value_t = 0.0, value_parser = incidence)]
@@ -99,17 +96,11 @@ struct Matrix {
 }
 
 fn incidence(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(deg) if (0.0..90.0).contains(&deg) => Ok(deg),
-        _ => Err("expected 0 to less than 90 degrees".into()),
-    }
+    places::number(text, |deg| (0.0..90.0).contains(&deg), "expected 0 to less than 90 degrees")
 }
 
 fn azimuth(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(deg) if deg.abs() <= 360.0 => Ok(deg),
-        _ => Err("expected -360 to 360 degrees".into()),
-    }
+    places::number(text, |deg| deg.abs() <= 360.0, "expected -360 to 360 degrees")
 }
 
 #[derive(clap::Args)]
@@ -117,26 +108,18 @@ struct Plot {
     #[arg(value_name = "SCHEME")]
     scheme: PathBuf,
     /// Picture to write.
-    #[arg(short, long, default_value = "angles.png", value_parser = super::figure::picture)]
+    #[arg(short, long, default_value = "angles.png", value_parser = figure::picture)]
     output: PathBuf,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.command {
-        Command::Drr(new) => make(new, Scheme::drr),
-        Command::Qrpr(new) => make(new, Scheme::qrpr),
-        Command::Lc(new) => make(new, Scheme::liquid_crystal),
-        Command::Show(show) => {
-            let mut schemes = vec![];
-            for path in &show.schemes {
-                schemes.push(load(path)?);
-            }
-            let rays: Vec<Ray> = show.wavelengths.iter().copied().map(Ray::axial).collect();
-            super::output::print(table(&schemes, &rays).trim_end())
-        }
-        Command::Matrix(matrix) => write_matrix(matrix),
-        Command::Plot(plot) => draw(plot),
-    }
+    a.command.run()
+}
+
+fn show(a: &Show) -> Result<(), Failure> {
+    let schemes: Vec<Scheme> = a.schemes.iter().map(|path| load(path)).collect::<Result<_, _>>()?;
+    let rays: Vec<Ray> = a.wavelengths.iter().copied().map(Ray::axial).collect();
+    print(table(&schemes, &rays).trim_end())
 }
 
 /// Maximum number of captures of a scheme: about as many as a rig can take in a day.
@@ -144,21 +127,19 @@ const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
     places::files([], [Some(&new.output)])?;
-    places::extension(&new.output, "schemes are", &["toml"])?;
+    places::extension([&new.output], "schemes are", &["toml"])?;
     if new.captures > MOST {
-        return Err(Failure::input(format!("-k: expected at most {MOST} captures, got {}", new.captures)));
+        bail!("-k: expected at most {MOST} captures, got {}", new.captures);
     }
     let scheme = of(new.captures, new.sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?;
     save(&scheme, &new.output)?;
-    super::output::print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
-    super::output::print(&new.output.display().to_string())
+    print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
+    print_path(&new.output)
 }
 
 pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
-    places::extension(path, "schemes are", &["toml"])?;
     let text = to_toml(scheme).map_err(Failure::failed)?;
-    whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
-        .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+    output::write(path, text.as_bytes())
 }
 
 /// Formats a table with a row for each scheme and wavelength.
@@ -191,27 +172,26 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
 
 fn write_matrix(a: &Matrix) -> Result<(), Failure> {
     places::files([Some(&a.scheme)], [Some(&a.output)])?;
-    places::extension(&a.output, "arrays are", &["npy"])?;
+    places::extension([&a.output], "arrays are", &["npy"])?;
     let scheme = load(&a.scheme)?;
     let ray = Ray { nm: a.wavelength, incidence: a.incidence.to_radians(), azimuth: a.azimuth.to_radians() };
     let matrix = DesignMatrix::new(&scheme, &ray).a;
     let values: Vec<f64> = matrix.transpose().iter().copied().collect();
-    numpy::save(&a.output, &[matrix.nrows(), matrix.ncols()], &values)
-        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    super::output::print(&a.output.display().to_string())
+    numpy::save(&a.output, &[matrix.nrows(), matrix.ncols()], &values).map_err(Failure::at(&a.output))?;
+    print_path(&a.output)
 }
 
 fn draw(a: &Plot) -> Result<(), Failure> {
     places::files([Some(&a.scheme)], [Some(&a.output)])?;
     let scheme = load(&a.scheme)?;
     picture(&scheme, &a.output)?;
-    super::output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }
 
 pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let motors = scheme.motors();
     if motors.is_empty() {
-        return Err(Failure::input("no setting of the scheme changes between captures"));
+        bail!("no setting of the scheme changes between captures");
     }
     let period = |quantity| match quantity {
         Quantity::Angle => 180.0,
@@ -235,5 +215,5 @@ pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
         .map(|k| (0..motors.len()).map(|m| all[m * captures + k].to_degrees()).collect())
         .collect();
     let image = angles::draw(&scheme.name, &elements, &values).map_err(Failure::failed)?;
-    super::figure::save(&image, path)
+    Ok(sunstone::figure::save(&image, path)?)
 }

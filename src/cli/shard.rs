@@ -1,7 +1,6 @@
 //! The `sunstone shard` command: copies a store into shards.
 
-use super::failure::Failure;
-use super::places;
+use crate::{Failure, places, print_path};
 use std::path::PathBuf;
 use sunstone::store::shard::shard;
 
@@ -27,5 +26,5 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::store([&a.store], &a.output)?;
     shard(&a.store, &a.output, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
-    super::output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }

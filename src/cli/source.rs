@@ -1,6 +1,6 @@
-//! Arguments of commands that read a slice of a store.
+//! Sources that commands read: a slice of a store, or an item of a file.
 
-use super::failure::Failure;
+use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
 use sunstone::store::probe::Selection;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
@@ -26,11 +26,21 @@ pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
     open(path).map_err(Failure::input)
 }
 
-impl Source {
-    /// Opens the store and the slice.
-    pub fn open(&self) -> Result<(TensorStore, StoredSlice), Failure> {
-        let store = store(&self.store, self.partial)?;
-        let slice = store.slice(&self.slice).map_err(Failure::input)?;
-        Ok((store, slice))
+/// Returns the name of the selected item of a file, or of its only item. `kind` is that of the items,
+/// singular and plural.
+pub fn choose(file: &Path, kind: [&str; 2], names: &[String], name: Option<&str>) -> Result<String, Failure> {
+    let ([one, several], file, known) = (kind, file.display(), names.join(", "));
+    match (name, names) {
+        (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
+        (Some(name), _) => bail!("{file} has no {one} `{name}`; available: {known}"),
+        (None, [name]) => Ok(name.clone()),
+        (None, _) => bail!("{file} contains several {several}; choose one with --name: {known}"),
     }
+}
+
+/// Opens a store and a slice of it.
+pub fn slice(path: &Path, name: &str, partial: bool) -> Result<(TensorStore, StoredSlice), Failure> {
+    let store = store(path, partial)?;
+    let slice = store.slice(name).map_err(Failure::input)?;
+    Ok((store, slice))
 }

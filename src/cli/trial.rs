@@ -1,14 +1,11 @@
 //! The `sunstone trial` command: compares capture schemes on known matrices.
 
-use super::capture::NoiseArguments;
-use super::failure::Failure;
-use super::matrices::{MatrixSource, image};
-use super::places;
+use crate::capture::NoiseArguments;
+use crate::matrices::{MatrixSource, image};
+use crate::{Failure, bail, figure, output, places, print, print_paths};
 use report::{csv, curve, short, table};
-use std::io::Write;
 use std::path::PathBuf;
-use sunstone::base::whole_file;
-use sunstone::figure::{chart, maps as error_maps};
+use sunstone::figure::{chart, maps as error_maps, save};
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::polarimetry::trial::{SchemeResult, Trial, TrialError, brightness};
@@ -40,13 +37,13 @@ pub struct Arguments {
     schemes: Vec<PathBuf>,
     /// Wavelengths in nanometres of the array's last axis before the matrices. Without this option there is
     /// no such axis and the wavelength is 550 nm.
-    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
+    #[arg(long, value_delimiter = ',', value_parser = places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
     /// Horizontal field of view, degrees: each pixel's light passes plates and mirrors in that pixel's
     /// direction.
-    #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
+    #[arg(long, value_name = "DEGREES", value_parser = places::view)]
     view: Option<f64>,
     /// Second moment of the expected matrices (.toml), for schemes of rank below 16.
     #[arg(long, value_name = "PRIOR.toml")]
@@ -58,11 +55,11 @@ pub struct Arguments {
     #[arg(short, long, value_name = "TABLE.csv")]
     output: Option<PathBuf>,
     /// Picture to write of each scheme's errors per pixel, for the first repetition.
-    #[arg(long, value_name = "MAPS.png|.svg|.pdf", value_parser = super::figure::picture)]
+    #[arg(long, value_name = "MAPS.png|.svg|.pdf", value_parser = figure::picture)]
     figure: Option<PathBuf>,
     /// Chart to write of the errors against the number of captures, with a line for each kind of scheme (its
     /// name without the number).
-    #[arg(long, value_name = "CURVE.png|.svg|.pdf", value_parser = super::figure::picture)]
+    #[arg(long, value_name = "CURVE.png|.svg|.pdf", value_parser = figure::picture)]
     curve: Option<PathBuf>,
 }
 
@@ -70,9 +67,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let inputs = [Some(&a.from.source), a.noise.detector.as_ref(), a.prior.as_ref()];
     let outputs = [a.output.as_ref(), a.figure.as_ref(), a.curve.as_ref()];
     places::files(inputs.into_iter().chain(a.schemes.iter().map(Some)), outputs)?;
-    if let Some(path) = &a.output {
-        places::extension(path, "tables are", &["csv"])?;
-    }
+    places::extension(&a.output, "tables are", &["csv"])?;
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let mut schemes = vec![];
     for path in &a.schemes {
@@ -98,18 +93,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for scheme in &schemes {
         let row = trial.run(scheme).map_err(failure)?;
         if row.lost >= 1.0 {
-            return Err(Failure::input(format!(
+            bail!(
                 "scheme {}: no pixel is determined: all measurements are saturated or not finite",
                 row.name
-            )));
+            );
         }
         rows.push(row);
     }
-    super::output::print(table(&rows).trim_end())?;
+    print(table(&rows).trim_end())?;
     if let Some(path) = &a.output {
         let text = csv(&rows).map_err(Failure::failed)?;
-        whole_file::write_with(path, |file| file.write_all(&text))
-            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        output::write(path, &text)?;
     }
     if let Some(path) = &a.figure {
         let note = "√(Σ ΔTij²) / mean T00 of all pixels, RMS over wavelengths. Grey: not determined.";
@@ -130,16 +124,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             error_maps::Quantity::Size,
             &[note.to_owned()],
         );
-        super::figure::save(&image?, path)?;
+        save(&image?, path)?;
     }
     if let Some(path) = &a.curve {
         let image = chart::draw(&curve(&rows))?;
-        super::figure::save(&image, path)?;
+        save(&image, path)?;
     }
-    for path in [&a.output, &a.figure, &a.curve].into_iter().flatten() {
-        super::output::print(&path.display().to_string())?;
-    }
-    Ok(())
+    print_paths([&a.output, &a.figure, &a.curve].into_iter().flatten())
 }
 
 /// Returns the number of matrices with a non-finite element.

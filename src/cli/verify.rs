@@ -1,6 +1,6 @@
 //! The `sunstone verify` command: checks a store.
 
-use super::failure::Failure;
+use crate::{Failure, print};
 use std::path::PathBuf;
 use sunstone::store::zarr;
 
@@ -25,7 +25,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         if let Some(refusal) = &found.unlisted {
             eprintln!("note: cannot list other files in this store: {refusal}");
         }
-        return super::output::print(&format!(
+        return print(&format!(
             "{store}: {}{files} files, {size:.1} MB, all intact",
             found.part.map_or(String::new(), |part| format!("{part} of a render, "))
         ));

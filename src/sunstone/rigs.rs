@@ -29,17 +29,11 @@ pub enum BenchError {
 }
 
 /// Returns the scene of a bench, with the device resolutions of the rig and only the slice that the bench
-/// needs. `None` if the bench does not use a scene.
-///
-/// # Errors
-/// [`InputError`] of the scene.
-pub fn scene_of(rig: &RigPlan, plan: &Plan, bench: &BenchPlan) -> Result<Option<SceneFile>, InputError> {
-    let Scene::Scene(path, spp) = &bench.scene else {
-        return Ok(None);
-    };
+/// needs.
+fn scene_of(rig: &RigPlan, plan: &Plan, slice: &str, path: &Path) -> Result<SceneFile, InputError> {
     let text = scene::read(path)?;
     let mut file = SceneFile::read(path, &text)?;
-    let slice = SliceFile::new(&bench.slice).mueller();
+    let slice = SliceFile::new(slice).mueller();
     let slice = match &plan.work {
         Work::Camera(_) => {
             if let Some((_, camera)) = &rig.camera {
@@ -57,10 +51,7 @@ pub fn scene_of(rig: &RigPlan, plan: &Plan, bench: &BenchPlan) -> Result<Option<
     };
     file.slices = vec![slice.into()];
     file.figures.clear();
-    if let Some(spp) = spp {
-        file.render.spp = (*spp).into();
-    }
-    Ok(Some(file))
+    Ok(file)
 }
 
 fn located<T: Clone>(
@@ -84,14 +75,15 @@ pub fn tensor_of(
     folder: &Path,
     watch: &dyn Watch,
 ) -> Result<Option<PathBuf>, BenchError> {
-    let path = match &bench.scene {
+    let (path, spp) = match &bench.scene {
         Scene::Sample(_) => return Ok(None),
         Scene::Tensor(path) => return Ok(Some(path.clone())),
-        Scene::Scene(path, _) => path,
+        Scene::Scene(path, spp) => (path, spp),
     };
-    let Some(file) = scene_of(rig, plan, bench)? else {
-        return Ok(None);
-    };
+    let mut file = scene_of(rig, plan, &bench.slice, path)?;
+    if let Some(spp) = spp {
+        file.render.spp = (*spp).into();
+    }
     let built = SceneBuilder::from(file).folder(path.parent().unwrap_or(Path::new(""))).build()?;
     let hash = &built.sha256[..12.min(built.sha256.len())];
     let target = folder.join(format!("{}-{hash}-{}.zarr", built.name, built.settings.spp));

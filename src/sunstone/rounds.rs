@@ -15,7 +15,7 @@ use store::sink::is_finished;
 use store::zarr::{CreateError, PlaceLock, RemoveError, TensorStore};
 use tensor::sink::Summary;
 pub use tensor::target::Goal;
-use tensor::target::{ATTRIBUTE, Next, ROUND, Survey};
+use tensor::target::{ATTRIBUTE, Next, ROUND};
 use transport::scene::Scene;
 
 /// The reason why a render to an error stopped.
@@ -227,18 +227,14 @@ impl ToError<'_> {
         } else {
             (Some(survey.reached(self.goal.share)), survey.next(&self.goal))
         };
-        Ok(self.tell(&survey, stores.len() as u32, error, next))
-    }
-
-    fn tell(&self, survey: &Survey, round: u32, error: Option<f64>, next: Next) -> Standing {
-        Standing {
-            round,
+        Ok(Standing {
+            round: stores.len() as u32,
             error,
             samples: survey.samples(),
             mean: survey.mean_samples(),
             uniform: survey.uniform(self.goal.share),
             next,
-        }
+        })
     }
 
     /// Renders a part of a round, which is determined by the previous rounds in the folder.

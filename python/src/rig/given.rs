@@ -21,6 +21,8 @@ pub struct Given<Limits, State> {
     thrown: Thrown,
     limits: Limits,
     state: State,
+    /// Number of frames or histograms taken. It continues after a reconnection.
+    taken: u64,
 }
 
 impl<L: Value, S: Default> Given<L, S> {
@@ -36,6 +38,7 @@ impl<L: Value, S: Default> Given<L, S> {
             thrown: thrown.clone(),
             limits,
             state: S::default(),
+            taken: 0,
         })
     }
 }
@@ -177,86 +180,68 @@ impl PatternProjector for Projector {
     }
 }
 
-/// Settings of a Python camera.
-#[derive(Default)]
-pub struct Exposing {
-    settings: Option<CameraSettings>,
+/// The state of a Python camera or counter.
+pub struct Acquiring<Settings> {
+    settings: Option<Settings>,
     under_way: bool,
 }
 
-/// A Python area camera. The frame count is stored separately, so that it continues after a reconnection.
-pub struct Camera {
-    of: Given<CameraLimits, Exposing>,
-    taken: u64,
-}
-
-impl Camera {
-    /// As [`Given::new`].
-    pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
-        let of = Given::new(name, object, thrown)?;
-        Ok(Self { of, taken: 0 })
+impl<S> Default for Acquiring<S> {
+    fn default() -> Self {
+        Self { settings: None, under_way: false }
     }
 }
 
-/// Implements `Instrument` for the camera and the counter through the object that they wrap.
-macro_rules! instrument_of {
-    ($of:ty) => {
-        impl Instrument for $of {
-            fn name(&self) -> &str {
-                self.of.name()
-            }
-            fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
-                self.of.identify(within)
-            }
-            fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
-                self.of.reconnect(within)
-            }
-            fn temperature_c(&mut self) -> Option<f64> {
-                self.of.temperature_c()
-            }
+impl<L, S: Value> Given<L, Acquiring<S>> {
+    /// Passes settings, which are within the limits, to the object.
+    fn configure_with(&mut self, settings: S, within: Duration) -> Result<(), Failure> {
+        self.state = Acquiring::default();
+        let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));
+        let asked = asked.map_err(|e| self.failure(Fault::Refused, e.to_string()))?;
+        self.tell("configure", (asked, within.as_secs_f64()))?;
+        self.state.settings = Some(settings);
+        Ok(())
+    }
+
+    /// Begins an acquisition. `device` and `acquisition` are the nouns of messages.
+    fn start(&mut self, method: &str, device: &str, acquisition: &str) -> Result<(), Failure> {
+        if self.state.settings.is_none() {
+            return Err(self.failure(Fault::Refused, format!("the {device} is not configured")));
         }
-    };
+        if self.state.under_way {
+            return Err(self.failure(Fault::Refused, format!("an {acquisition} is already in progress")));
+        }
+        self.tell(method, ())?;
+        self.state.under_way = true;
+        Ok(())
+    }
 }
 
-instrument_of!(Camera);
+/// A Python area camera.
+pub type Camera = Given<CameraLimits, Acquiring<CameraSettings>>;
 
 impl AreaCamera for Camera {
     fn limits(&self) -> CameraLimits {
-        self.of.limits.clone()
+        self.limits.clone()
     }
 
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure> {
-        let fits = self.of.limits.check(settings);
-        fits.map_err(|what| self.of.failure(Fault::Limit, what))?;
-        self.of.state = Exposing::default();
-        let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));
-        let asked = asked.map_err(|e| self.of.failure(Fault::Refused, e.to_string()))?;
-        self.of.tell("configure", (asked, within.as_secs_f64()))?;
-        self.of.state.settings = Some(*settings);
-        Ok(())
+        self.limits.check(settings).map_err(|what| self.failure(Fault::Limit, what))?;
+        self.configure_with(*settings, within)
     }
 
     fn expose(&mut self) -> Result<(), Failure> {
-        if self.of.state.settings.is_none() {
-            return Err(self.of.failure(Fault::Refused, "the camera is not configured"));
-        }
-        if self.of.state.under_way {
-            return Err(self.of.failure(Fault::Refused, "an exposure is already in progress"));
-        }
-        self.of.tell("expose", ())?;
-        self.of.state.under_way = true;
-        Ok(())
+        self.start("expose", "camera", "exposure")
     }
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
-        let (Some(CameraSettings { region, format, .. }), true) =
-            (self.of.state.settings, self.of.state.under_way)
+        let (Some(CameraSettings { region, format, .. }), true) = (self.state.settings, self.state.under_way)
         else {
-            return Err(self.of.failure(Fault::Refused, "no exposure was started"));
+            return Err(self.failure(Fault::Refused, "no exposure was started"));
         };
         let read = |answer: &Answer<'_, '_>| Picture::read(answer, format);
-        let picture = self.of.call("frame", (within.as_secs_f64(),), read)?;
-        self.of.state.under_way = false;
+        let picture = self.call("frame", (within.as_secs_f64(),), read)?;
+        self.state.under_way = false;
         let Region { width, height, .. } = region;
         let [rows, columns] = picture.shape;
         if picture.shape != [height as usize, width as usize] {
@@ -264,7 +249,7 @@ impl AreaCamera for Camera {
             let what = format!(
                 "`frame` returned an array of shape ({rows}, {columns}), but the configured region has {height} rows and {width} columns"
             );
-            return Err(self.of.failure(Fault::Timeout, what));
+            return Err(self.failure(Fault::Timeout, what));
         }
         self.taken += 1;
         Ok(RawFrame {
@@ -323,36 +308,16 @@ impl PulsedLaser for Laser {
     }
 }
 
-/// Settings of a Python counter.
-#[derive(Default)]
-pub struct Counting {
-    settings: Option<CounterSettings>,
-    under_way: bool,
-}
-
 /// A Python photon counter.
-pub struct Counter {
-    of: Given<CounterLimits, Counting>,
-    taken: u64,
-}
-
-impl Counter {
-    /// As [`Given::new`].
-    pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
-        let of = Given::new(name, object, thrown)?;
-        Ok(Self { of, taken: 0 })
-    }
-}
-
-instrument_of!(Counter);
+pub type Counter = Given<CounterLimits, Acquiring<CounterSettings>>;
 
 impl PhotonCounter for Counter {
     fn limits(&self) -> CounterLimits {
-        self.of.limits
+        self.limits
     }
 
     fn configure(&mut self, s: &CounterSettings, within: Duration) -> Result<(), Failure> {
-        let limits = &self.of.limits;
+        let limits = &self.limits;
         let fits = (1..=limits.bins).contains(&s.bins)
             && s.bin_ps >= limits.finest_ps
             && s.bin_ps.is_finite()
@@ -362,45 +327,32 @@ impl PhotonCounter for Counter {
             && (limits.tags.is_some() || !s.tags);
         if !fits {
             let what = format!("{s:?} exceed {limits:?}; correct the plan");
-            return Err(self.of.failure(Fault::Limit, what));
+            return Err(self.failure(Fault::Limit, what));
         }
-        self.of.state = Counting::default();
-        let asked = Python::attach(|py| s.object(py).map(Bound::unbind));
-        let asked = asked.map_err(|e| self.of.failure(Fault::Refused, e.to_string()))?;
-        self.of.tell("configure", (asked, within.as_secs_f64()))?;
-        self.of.state.settings = Some(*s);
-        Ok(())
+        self.configure_with(*s, within)
     }
 
     fn begin(&mut self) -> Result<(), Failure> {
-        if self.of.state.settings.is_none() {
-            return Err(self.of.failure(Fault::Refused, "the counter is not configured"));
-        }
-        if self.of.state.under_way {
-            return Err(self.of.failure(Fault::Refused, "an acquisition is already in progress"));
-        }
-        self.of.tell("begin", ())?;
-        self.of.state.under_way = true;
-        Ok(())
+        self.start("begin", "counter", "acquisition")
     }
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
-        let (Some(settings), true) = (self.of.state.settings, self.of.state.under_way) else {
-            return Err(self.of.failure(Fault::Refused, "no acquisition was started"));
+        let (Some(settings), true) = (self.state.settings, self.state.under_way) else {
+            return Err(self.failure(Fault::Refused, "no acquisition was started"));
         };
         let number = self.taken + 1;
         let read = |answer: &Answer<'_, '_>| histogram(answer, number);
-        let found = self.of.call("finish", (within.as_secs_f64(),), read)?;
-        self.of.state.under_way = false;
+        let found = self.call("finish", (within.as_secs_f64(),), read)?;
+        self.state.under_way = false;
         let bins = if settings.tags { 0 } else { settings.bins };
         if found.counts.len() != bins {
             let what =
                 format!("`finish` returned {} counts, but {bins} bins are configured", found.counts.len());
-            return Err(self.of.failure(Fault::Timeout, what));
+            return Err(self.failure(Fault::Timeout, what));
         }
-        let full = self.of.limits.full;
+        let full = self.limits.full;
         if found.counts.iter().any(|n| u64::from(*n) >= full) {
-            return Err(self.of.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
+            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
         }
         self.taken = number;
         Ok(found)

@@ -1,13 +1,14 @@
 //! The rig's instruments as Python objects with the methods that a session calls, so that a Python instrument
 //! can forward calls to them. An instrument that a session uses is unavailable to others.
 
-use super::arrays;
-use super::fault::exception;
+use super::fault::{Thrown, exception};
 use super::values::{Answer, Value, within};
+use super::{arrays, given};
 use crate::error::input;
 use crate::off_python::detached;
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 use sunstone::rig::instrument::{
     AreaCamera, CameraSettings, CounterSettings, Failure, GalvoScanner, PatternProjector, PhotonCounter,
     PulsedLaser, RotationStage,
@@ -51,11 +52,22 @@ impl<D: ?Sized + Send> Slot<D> {
     ) -> PyResult<T> {
         self.with(py, work)?.map_err(|failure| exception(py, &failure, ""))
     }
+
+    /// Sends a request with a deadline.
+    fn ask_within<T: Send>(
+        &self,
+        py: Python<'_>,
+        within_s: f64,
+        work: impl FnOnce(&mut D, Duration) -> Result<T, Failure> + Send,
+    ) -> PyResult<T> {
+        let within = within(within_s).map_err(input)?;
+        self.ask(py, |d| work(d, within))
+    }
 }
 
 /// Defines a Python class for one kind of instrument: the common methods and its own.
 macro_rules! own {
-    ($(#[$doc:meta])* $class:ident, $device:ident, { $($methods:tt)* }) => {
+    ($(#[$doc:meta])* $class:ident, $device:ident, $given:ident, { $($methods:tt)* }) => {
         $(#[$doc])*
         #[pyclass(frozen, module = "pysunstone._native")]
         pub struct $class(Slot<dyn $device>);
@@ -67,17 +79,23 @@ macro_rules! own {
                 Self(Slot::new(&name, device))
             }
 
-            /// Takes the instrument out of an object, if the object is of this class.
-            pub fn lend(object: &Bound<'_, PyAny>) -> Option<PyResult<Box<dyn $device>>> {
-                let own = object.cast::<Self>().ok()?.get();
-                Some(own.0.take().ok_or_else(|| {
-                    input(format!("{}: already in use; wait until it is released", own.0.name))
-                }))
+            /// Takes the instrument out of an object of this class, or uses any other object as an instrument.
+            pub fn lend(
+                name: &str,
+                object: &Bound<'_, PyAny>,
+                thrown: &Thrown,
+            ) -> PyResult<Box<dyn $device>> {
+                let Ok(own) = object.cast::<Self>() else {
+                    return Ok(Box::new(given::$given::new(name, object, thrown)?));
+                };
+                let Slot { name, .. } = &own.get().0;
+                let in_use = || input(format!("{name}: already in use; wait until it is released"));
+                own.get().0.take().ok_or_else(in_use)
             }
 
             /// Returns the instrument to an object; has no effect if the object is of another class.
-            pub fn give_back(object: &Bound<'_, PyAny>, device: Box<dyn $device>) {
-                if let Ok(own) = object.cast::<Self>() {
+            pub fn give_back(object: &Bound<'_, PyAny>, device: Option<Box<dyn $device>>) {
+                if let (Ok(own), Some(device)) = (object.cast::<Self>(), device) {
                     own.get().0.put(device);
                 }
             }
@@ -91,13 +109,11 @@ macro_rules! own {
             }
 
             fn identify<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-                let within = within(within_s).map_err(input)?;
-                self.0.ask(py, |d| d.identify(within))?.object(py)
+                self.0.ask_within(py, within_s, |d, within| d.identify(within))?.object(py)
             }
 
             fn reconnect(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-                let within = within(within_s).map_err(input)?;
-                self.0.ask(py, |d| d.reconnect(within))
+                self.0.ask_within(py, within_s, |d, within| d.reconnect(within))
             }
 
             fn temperature_c(&self, py: Python<'_>) -> PyResult<Option<f64>> {
@@ -119,10 +135,9 @@ macro_rules! own {
 
 own!(
     /// A rotation stage of the rig.
-    RigStage, RotationStage, {
+    RigStage, RotationStage, Stage, {
         fn home(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.home(within))
+            self.0.ask_within(py, within_s, |d, within| d.home(within))
         }
 
         fn begin_move(&self, py: Python<'_>, angle_deg: f64) -> PyResult<()> {
@@ -130,25 +145,22 @@ own!(
         }
 
         fn finish_move<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.finish_move(within))?.object(py)
+            self.0.ask_within(py, within_s, |d, within| d.finish_move(within))?.object(py)
         }
 
         fn read<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.read(within))?.object(py)
+            self.0.ask_within(py, within_s, |d, within| d.read(within))?.object(py)
         }
 
         fn stop(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.stop(within))
+            self.0.ask_within(py, within_s, |d, within| d.stop(within))
         }
     }
 );
 
 own!(
     /// A pattern projector of the rig.
-    RigProjector, PatternProjector, {
+    RigProjector, PatternProjector, Projector, {
         fn load(&self, py: Python<'_>, patterns: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
             let within = within(within_s).map_err(input)?;
             let patterns = arrays::patterns(patterns).map_err(input)?;
@@ -156,20 +168,18 @@ own!(
         }
 
         fn show(&self, py: Python<'_>, pattern: usize, within_s: f64) -> PyResult<()> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.show(pattern, within))
+            self.0.ask_within(py, within_s, |d, within| d.show(pattern, within))
         }
 
         fn dark(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.dark(within))
+            self.0.ask_within(py, within_s, |d, within| d.dark(within))
         }
     }
 );
 
 own!(
     /// An area camera of the rig.
-    RigCamera, AreaCamera, {
+    RigCamera, AreaCamera, Camera, {
         fn configure(&self, py: Python<'_>, settings: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
             let within = within(within_s).map_err(input)?;
             let settings = CameraSettings::read(&Answer(settings)).map_err(input)?;
@@ -181,8 +191,7 @@ own!(
         }
 
         fn frame(&self, py: Python<'_>, within_s: f64) -> PyResult<Py<PyAny>> {
-            let within = within(within_s).map_err(input)?;
-            let frame = self.0.ask(py, |d| d.frame(within))?;
+            let frame = self.0.ask_within(py, within_s, |d, within| d.frame(within))?;
             arrays::of_frame(py, &self.0.name, &frame)
         }
     }
@@ -190,10 +199,9 @@ own!(
 
 own!(
     /// A galvo scanner of the rig.
-    RigGalvo, GalvoScanner, {
+    RigGalvo, GalvoScanner, Galvo, {
         fn point(&self, py: Python<'_>, angles_deg: [f64; 2], within_s: f64) -> PyResult<(f64, f64)> {
-            let within = within(within_s).map_err(input)?;
-            let [x, y] = self.0.ask(py, |d| d.point(angles_deg, within))?;
+            let [x, y] = self.0.ask_within(py, within_s, |d, within| d.point(angles_deg, within))?;
             Ok((x, y))
         }
     }
@@ -201,22 +209,20 @@ own!(
 
 own!(
     /// A pulsed laser of the rig.
-    RigLaser, PulsedLaser, {
+    RigLaser, PulsedLaser, Laser, {
         fn emit(&self, py: Python<'_>, on: bool, rate_hz: f64, within_s: f64) -> PyResult<()> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.emit(on, rate_hz, within))
+            self.0.ask_within(py, within_s, |d, within| d.emit(on, rate_hz, within))
         }
 
         fn state<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            let within = within(within_s).map_err(input)?;
-            self.0.ask(py, |d| d.state(within))?.object(py)
+            self.0.ask_within(py, within_s, |d, within| d.state(within))?.object(py)
         }
     }
 );
 
 own!(
     /// A photon counter of the rig.
-    RigCounter, PhotonCounter, {
+    RigCounter, PhotonCounter, Counter, {
         fn configure(&self, py: Python<'_>, settings: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
             let within = within(within_s).map_err(input)?;
             let settings = CounterSettings::read(&Answer(settings)).map_err(input)?;
@@ -228,8 +234,7 @@ own!(
         }
 
         fn finish<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            let within = within(within_s).map_err(input)?;
-            let found = self.0.ask(py, |d| d.finish(within))?;
+            let found = self.0.ask_within(py, within_s, |d, within| d.finish(within))?;
             arrays::of_histogram(py, &found)
         }
     }

@@ -1,16 +1,15 @@
 //! Sessions: a plan, a rig file, and instruments of the file and of Python.
 
 use super::fault::Thrown;
-use super::given;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};
 use crate::error::{failed, input, located};
-use crate::watch::looked_on;
+use crate::watch::watched;
+use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
-use sunstone::rig::instrument::RotationStage;
 use sunstone::rig::session::lab::{Rig, Stage};
 use sunstone::rig::session::run::{self, RunError};
 use sunstone::rig::session::run_store;
@@ -25,9 +24,9 @@ pub struct RigSession {
     sample: Option<String>,
 }
 
-fn prepare(py: Python<'_>, e: &PrepareError) -> PyErr {
+fn prepare(e: PrepareError) -> PyErr {
     match e {
-        PrepareError::Input(e) => located(py, e),
+        PrepareError::Input(e) => located(e),
         PrepareError::Wrong(e) => input(e),
         PrepareError::Failed(e) | PrepareError::Interrupted(e) => failed(e),
     }
@@ -47,33 +46,31 @@ pub fn rig_open<'py>(
     dry: bool,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(RigSession, Bound<'py, PyDict>)> {
-    let mut prepared = Prepared::load(&plan, rig.as_ref()).map_err(|e| prepare(py, &e))?;
+    let mut prepared = Prepared::load(&plan, rig.as_ref()).map_err(prepare)?;
     if let Some(sample) = &sample {
-        prepared.put_sample(sample).map_err(|e| prepare(py, &e))?;
+        prepared.put_sample(sample).map_err(prepare)?;
     }
-    let made = looked_on(py, progress, |seen| prepared.assemble(&given, dry, &bench, seen))?;
-    let mut rig = made.map_err(|e| prepare(py, &e))?;
+    let made = watched(py, progress, |seen| prepared.assemble(&given, dry, &bench, seen))?;
+    let mut rig = made.map_err(prepare)?;
     let own = PyDict::new(py);
     for (name, stage) in std::mem::take(&mut rig.stages) {
-        own.set_item(name, Bound::new(py, RigStage::new(stage.device))?)?;
+        add(&own, &name, Some(RigStage::new(stage.device)))?;
     }
-    if let Some(device) = rig.projector.take() {
-        own.set_item("projector", Bound::new(py, RigProjector::new(device))?)?;
-    }
-    if let Some(device) = rig.camera.take() {
-        own.set_item("camera", Bound::new(py, RigCamera::new(device))?)?;
-    }
-    if let Some(device) = rig.galvo.take() {
-        own.set_item("galvo", Bound::new(py, RigGalvo::new(device))?)?;
-    }
-    if let Some(device) = rig.laser.take() {
-        own.set_item("laser", Bound::new(py, RigLaser::new(device))?)?;
-    }
-    if let Some(device) = rig.counter.take() {
-        own.set_item("counter", Bound::new(py, RigCounter::new(device))?)?;
-    }
+    add(&own, "projector", rig.projector.take().map(RigProjector::new))?;
+    add(&own, "camera", rig.camera.take().map(RigCamera::new))?;
+    add(&own, "galvo", rig.galvo.take().map(RigGalvo::new))?;
+    add(&own, "laser", rig.laser.take().map(RigLaser::new))?;
+    add(&own, "counter", rig.counter.take().map(RigCounter::new))?;
     let session = RigSession { prepared, bare: Mutex::new(Some(rig)), sample };
     Ok((session, own))
+}
+
+/// Adds an instrument, if there is one, to the instruments by name.
+fn add<C>(own: &Bound<'_, PyDict>, name: &str, instrument: Option<C>) -> PyResult<()>
+where
+    C: PyClass + Into<PyClassInitializer<C>>,
+{
+    instrument.map_or(Ok(()), |i| own.set_item(name, Bound::new(own.py(), i)?))
 }
 
 /// A rig whose instruments are lent by Python objects; they are returned when it is dropped.
@@ -104,17 +101,12 @@ impl Drop for Lent<'_, '_> {
         };
         for (name, object) in &self.objects {
             match name.as_str() {
-                "projector" => {
-                    rig.projector.take().into_iter().for_each(|d| RigProjector::give_back(object, d));
-                }
-                "camera" => rig.camera.take().into_iter().for_each(|d| RigCamera::give_back(object, d)),
-                "galvo" => rig.galvo.take().into_iter().for_each(|d| RigGalvo::give_back(object, d)),
-                "laser" => rig.laser.take().into_iter().for_each(|d| RigLaser::give_back(object, d)),
-                "counter" => rig.counter.take().into_iter().for_each(|d| RigCounter::give_back(object, d)),
-                stage => {
-                    let device = rig.stages.remove(stage).map(|s| s.device);
-                    device.into_iter().for_each(|d| RigStage::give_back(object, d));
-                }
+                "projector" => RigProjector::give_back(object, rig.projector.take()),
+                "camera" => RigCamera::give_back(object, rig.camera.take()),
+                "galvo" => RigGalvo::give_back(object, rig.galvo.take()),
+                "laser" => RigLaser::give_back(object, rig.laser.take()),
+                "counter" => RigCounter::give_back(object, rig.counter.take()),
+                stage => RigStage::give_back(object, rig.stages.remove(stage).map(|s| s.device)),
             }
         }
         *self.session.bare.lock().unwrap_or_else(PoisonError::into_inner) = Some(rig);
@@ -130,41 +122,13 @@ fn lend(
     thrown: &Thrown,
 ) -> PyResult<()> {
     match name {
-        "projector" => {
-            rig.projector = Some(match RigProjector::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Projector::new(name, object, thrown)?),
-            });
-        }
-        "camera" => {
-            rig.camera = Some(match RigCamera::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Camera::new(name, object, thrown)?),
-            });
-        }
-        "galvo" => {
-            rig.galvo = Some(match RigGalvo::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Galvo::new(name, object, thrown)?),
-            });
-        }
-        "laser" => {
-            rig.laser = Some(match RigLaser::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Laser::new(name, object, thrown)?),
-            });
-        }
-        "counter" => {
-            rig.counter = Some(match RigCounter::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Counter::new(name, object, thrown)?),
-            });
-        }
+        "projector" => rig.projector = Some(RigProjector::lend(name, object, thrown)?),
+        "camera" => rig.camera = Some(RigCamera::lend(name, object, thrown)?),
+        "galvo" => rig.galvo = Some(RigGalvo::lend(name, object, thrown)?),
+        "laser" => rig.laser = Some(RigLaser::lend(name, object, thrown)?),
+        "counter" => rig.counter = Some(RigCounter::lend(name, object, thrown)?),
         stage => {
-            let device: Box<dyn RotationStage> = match RigStage::lend(object) {
-                Some(own) => own?,
-                None => Box::new(given::Stage::new(name, object, thrown)?),
-            };
+            let device = RigStage::lend(name, object, thrown)?;
             let approach_deg = session.prepared.approach_deg(stage);
             rig.stages.insert(stage.to_owned(), Stage { device, approach_deg });
         }
@@ -174,27 +138,15 @@ fn lend(
 
 /// Return the cost of a run: frames, seconds (also while stages move), bytes; and the element stages.
 #[pyfunction]
-pub fn rig_cost<'py>(
-    py: Python<'py>,
-    session: &RigSession,
-    instruments: &Bound<'py, PyDict>,
-) -> PyResult<(u64, f64, f64, u64)> {
+pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResult<(u64, f64, f64, u64)> {
     let thrown = Thrown::default();
     let lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &lent.rig else {
         return Err(input("the session is running"));
     };
-    let steps = session.prepared.steps(rig).map_err(|e| prepare(py, &e))?;
+    let steps = session.prepared.steps(rig).map_err(prepare)?;
     let cost = steps.cost(rig);
     Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
-}
-
-/// Reason why a run ended early.
-enum Ended {
-    Prepare(PrepareError),
-    Run(RunError),
-    Disk(String),
-    Python(PyErr),
 }
 
 /// Take all missing frames. Return their number, the number of failed attempts, and the seconds of the rig's
@@ -221,27 +173,20 @@ pub fn rig_run<'py>(
         return Err(input("the session is running"));
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
-    let done = looked_on(py, progress, |seen| {
-        seen.calls_python().map_err(Ended::Python)?;
-        let steps = prepared.steps(rig).map_err(Ended::Prepare)?;
-        let begun = prepared.begin(&output, &steps, existing, sample);
-        let (store, recovered) = begun.map_err(Ended::Prepare)?;
+    watched(py, progress, |seen| {
+        seen.calls_python()?;
+        let steps = prepared.steps(rig).map_err(prepare)?;
+        let (store, recovered) = prepared.begin(&output, &steps, existing, sample).map_err(prepare)?;
         let message = &mut |p: &run::Progress<'_>| seen.tell(p.done, p.frames);
-        let outcome = run::run(rig, &steps, store, recovered, seen.stop(), message).map_err(Ended::Run)?;
-        run_store::finish(&output, &steps).map_err(|e| Ended::Disk(e.to_string()))?;
-        Ok(outcome)
-    })?;
-    drop(lent);
-    match done {
-        Ok(outcome) => Ok((outcome.taken, outcome.retries, outcome.elapsed.as_secs_f64())),
-        Err(Ended::Prepare(e)) => Err(prepare(py, &e)),
-        Err(Ended::Run(RunError::Instrument(failure))) => {
-            let rest =
-                format!("all earlier frames are saved in {}; resume with resume=True", output.display());
-            Err(thrown.raise(py, &failure, &rest))
-        }
-        Err(Ended::Run(e)) => Err(failed(e)),
-        Err(Ended::Disk(e)) => Err(failed(e)),
-        Err(Ended::Python(e)) => Err(e),
-    }
+        let outcome = run::run(rig, &steps, store, recovered, seen.stop(), message).map_err(|e| match e {
+            RunError::Instrument(failure) => {
+                let saved = format!("all earlier frames are saved in {}", output.display());
+                let rest = format!("{saved}; resume with resume=True");
+                Python::attach(|py| thrown.raise(py, &failure, &rest))
+            }
+            e => failed(e),
+        })?;
+        run_store::finish(&output, &steps).map_err(failed)?;
+        Ok((outcome.taken, outcome.retries, outcome.elapsed.as_secs_f64()))
+    })?
 }

@@ -91,74 +91,88 @@ pub trait Value: Sized {
     }
 }
 
-impl Value for Identity {
-    const CLASS: &'static str = "Identity";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            maker: from.field("maker", "a text")?,
-            model: from.field("model", "a text")?,
-            serial: from.field("serial", "a text")?,
-            firmware: from.field("firmware", "a text")?,
-        })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (&self.maker, &self.model, &self.serial, &self.firmware).into_pyobject(py)
-    }
+/// Returns a pair, which becomes a tuple in Python, unlike an array.
+fn pair<T>([a, b]: [T; 2]) -> (T, T) {
+    (a, b)
 }
 
-impl Value for StageLimits {
-    const CLASS: &'static str = "StageLimits";
+/// Implements [`Value`] for a data class, field by field: how to read it from an answer, and its value for
+/// Python.
+macro_rules! value {
+    ($class:ident, $from:ident, $own:ident, { $($field:ident: $read:expr => $object:expr,)* }) => {
+        impl Value for $class {
+            const CLASS: &'static str = stringify!($class);
 
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            range_deg: from.pair("range_deg", "degrees")?,
-            velocity: from.number("velocity_deg_per_s", "degrees per second")?,
-            acceleration: from.number("acceleration_deg_per_s2", "degrees per second squared")?,
-            resolution_deg: from.number("resolution_deg", "degrees")?,
-        })
-    }
+            fn read($from: &Answer<'_, '_>) -> Result<Self, String> {
+                Ok(Self { $($field: $read?,)* })
+            }
 
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let [least, most] = self.range_deg;
-        ((least, most), self.velocity, self.acceleration, self.resolution_deg).into_pyobject(py)
-    }
+            fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+                let $own = self;
+                ($($object,)*).into_pyobject(py)
+            }
+        }
+    };
 }
 
-impl Value for StageReading {
-    const CLASS: &'static str = "StageReading";
+value!(Identity, from, own, {
+    maker: from.field("maker", "a text") => &own.maker,
+    model: from.field("model", "a text") => &own.model,
+    serial: from.field("serial", "a text") => &own.serial,
+    firmware: from.field("firmware", "a text") => &own.firmware,
+});
 
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            angle_deg: from.number("angle_deg", "degrees")?,
-            moving: from.field("moving", "True or False")?,
-            homed: from.field("homed", "True or False")?,
-        })
-    }
+value!(StageLimits, from, own, {
+    range_deg: from.pair("range_deg", "degrees") => pair(own.range_deg),
+    velocity: from.number("velocity_deg_per_s", "degrees per second") => own.velocity,
+    acceleration: from.number("acceleration_deg_per_s2", "degrees per second squared") => own.acceleration,
+    resolution_deg: from.number("resolution_deg", "degrees") => own.resolution_deg,
+});
 
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.angle_deg, self.moving, self.homed).into_pyobject(py)
-    }
-}
+value!(StageReading, from, own, {
+    angle_deg: from.number("angle_deg", "degrees") => own.angle_deg,
+    moving: from.field("moving", "True or False") => own.moving,
+    homed: from.field("homed", "True or False") => own.homed,
+});
 
-impl Value for ProjectorLimits {
-    const CLASS: &'static str = "ProjectorLimits";
+value!(ProjectorLimits, from, own, {
+    size: from.field("size", "columns and rows in pixels") => pair(own.size),
+    patterns: from.field("patterns", "the number of patterns in memory") => own.patterns,
+    bits: from.field("bits", "1 to 8") => own.bits,
+    shortest: from.seconds("shortest_s") => own.shortest.as_secs_f64(),
+});
 
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            size: from.field("size", "columns and rows in pixels")?,
-            patterns: from.field("patterns", "the number of patterns in memory")?,
-            bits: from.field("bits", "1 to 8")?,
-            shortest: from.seconds("shortest_s")?,
-        })
-    }
+value!(Region, from, own, {
+    x: from.field("x", "a column") => own.x,
+    y: from.field("y", "a row") => own.y,
+    width: from.field("width", "columns") => own.width,
+    height: from.field("height", "rows") => own.height,
+});
 
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let [width, height] = self.size;
-        ((width, height), self.patterns, self.bits, self.shortest.as_secs_f64()).into_pyobject(py)
-    }
-}
+value!(GalvoLimits, from, own, {
+    range_deg: from.pair("range_deg", "degrees, in x and y") => pair(own.range_deg),
+    resolution_deg: from.number("resolution_deg", "degrees") => own.resolution_deg,
+    settle: from.seconds("settle_s") => own.settle.as_secs_f64(),
+});
+
+value!(LaserLimits, from, own, {
+    nm: from.number("wavelength_nm", "nanometres") => own.nm,
+    rate_hz: from.pair("rate_hz", "hertz") => pair(own.rate_hz),
+});
+
+value!(LaserState, from, own, {
+    emitting: from.field("emitting", "True or False") => own.emitting,
+    rate_hz: from.number("rate_hz", "hertz") => own.rate_hz,
+    power: from.number("power", "a fraction of nominal power, 1 in normal operation") => own.power,
+});
+
+value!(CounterSettings, from, own, {
+    bins: from.field("bins", "the number of bins") => own.bins,
+    bin_ps: from.field("bin_ps", "a number of picoseconds") => own.bin_ps,
+    dwell: from.seconds("dwell_s") => own.dwell.as_secs_f64(),
+    offset_ps: from.field("offset_ps", "a number of picoseconds") => own.offset_ps,
+    tags: from.field("tags", "True or False") => own.tags,
+});
 
 /// Returns the pixel format with a GenICam name.
 fn format(name: &str) -> Result<PixelFormat, String> {
@@ -183,29 +197,10 @@ impl Value for CameraLimits {
     }
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let pair = |[a, b]: [u32; 2]| (a, b);
-        let [shortest, longest] = self.exposure.map(|e| e.as_secs_f64());
-        let [least, most] = self.gain_db;
+        let exposure = pair(self.exposure.map(|e| e.as_secs_f64()));
         let formats = PyTuple::new(py, self.formats.iter().map(|f| f.name()))?;
         let row = self.row_time.as_secs_f64();
-        (pair(self.size), pair(self.step), (shortest, longest), (least, most), formats, row).into_pyobject(py)
-    }
-}
-
-impl Value for Region {
-    const CLASS: &'static str = "Region";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            x: from.field("x", "a column")?,
-            y: from.field("y", "a row")?,
-            width: from.field("width", "columns")?,
-            height: from.field("height", "rows")?,
-        })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.x, self.y, self.width, self.height).into_pyobject(py)
+        (pair(self.size), pair(self.step), exposure, pair(self.gain_db), formats, row).into_pyobject(py)
     }
 }
 
@@ -242,52 +237,6 @@ impl Value for CameraSettings {
     }
 }
 
-impl Value for GalvoLimits {
-    const CLASS: &'static str = "GalvoLimits";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            range_deg: from.pair("range_deg", "degrees, in x and y")?,
-            resolution_deg: from.number("resolution_deg", "degrees")?,
-            settle: from.seconds("settle_s")?,
-        })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let [x, y] = self.range_deg;
-        ((x, y), self.resolution_deg, self.settle.as_secs_f64()).into_pyobject(py)
-    }
-}
-
-impl Value for LaserLimits {
-    const CLASS: &'static str = "LaserLimits";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self { nm: from.number("wavelength_nm", "nanometres")?, rate_hz: from.pair("rate_hz", "hertz")? })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let [least, most] = self.rate_hz;
-        (self.nm, (least, most)).into_pyobject(py)
-    }
-}
-
-impl Value for LaserState {
-    const CLASS: &'static str = "LaserState";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            emitting: from.field("emitting", "True or False")?,
-            rate_hz: from.number("rate_hz", "hertz")?,
-            power: from.number("power", "a fraction of nominal power, 1 in normal operation")?,
-        })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.emitting, self.rate_hz, self.power).into_pyobject(py)
-    }
-}
-
 impl Value for CounterLimits {
     const CLASS: &'static str = "CounterLimits";
 
@@ -311,23 +260,5 @@ impl Value for CounterLimits {
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let tags = self.tags.map(RecordType::name);
         (self.bins, self.finest_ps, self.longest.as_secs_f64(), self.full, tags).into_pyobject(py)
-    }
-}
-
-impl Value for CounterSettings {
-    const CLASS: &'static str = "CounterSettings";
-
-    fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        Ok(Self {
-            bins: from.field("bins", "the number of bins")?,
-            bin_ps: from.field("bin_ps", "a number of picoseconds")?,
-            dwell: from.seconds("dwell_s")?,
-            offset_ps: from.field("offset_ps", "a number of picoseconds")?,
-            tags: from.field("tags", "True or False")?,
-        })
-    }
-
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.bins, self.bin_ps, self.dwell.as_secs_f64(), self.offset_ps, self.tags).into_pyobject(py)
     }
 }

@@ -1,7 +1,7 @@
 //! Materials for commands that learn from data: a folder of tables, or the stand-ins.
 
 use super::resolution::Resolution;
-use crate::failure::Failure;
+use crate::Failure;
 use std::path::PathBuf;
 use sunstone::pbrdf::data_set;
 use sunstone::pbrdf::stand_ins::{BandedError, BandedMaterials};

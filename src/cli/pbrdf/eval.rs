@@ -1,6 +1,7 @@
 //! The `sunstone pbrdf eval` command: Mueller matrices of a material at given directions.
 
-use crate::failure::Failure;
+use crate::source::choose;
+use crate::{Failure, bail, print};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -124,7 +125,8 @@ struct Subject<'a> {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let set = MaterialSet::load(&a.material)?;
-    let name = choose(&set, &a.material, a.name.as_deref())?;
+    let names: Vec<String> = set.names.keys().cloned().collect();
+    let name = choose(&a.material, ["material", "materials"], &names, a.name.as_deref())?;
     let specimen = Specimen::new(&set, &name, a.uv.0.map(|c| c as f32));
     let subject = Subject {
         set: &set,
@@ -145,14 +147,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let what = match (lobe, a.outgoing) {
             (Some(lobe), _) => What::Lobe(lobe),
             (None, Some(out)) => What::Brdf(out.direction()),
-            (None, None) => {
-                return Err(Failure::input("expected --out THETA,PHI, --mirror or --refract"));
-            }
+            (None, None) => bail!("expected --out THETA,PHI, --mirror or --refract"),
         };
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
         subject.eval(incoming, what)?
     };
-    crate::output::print(&readable(&value, 0))
+    print(&readable(&value, 0))
 }
 
 /// Formats JSON with short values on one line, so that each row of a matrix is one line.
@@ -172,30 +172,6 @@ fn readable(value: &Value, indent: usize) -> String {
     };
     let (pad, end) = (" ".repeat(indent + 2), " ".repeat(indent));
     format!("{open}\n{pad}{}\n{end}{close}", items.join(&format!(",\n{pad}")))
-}
-
-/// Returns the name of the selected material.
-fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, Failure> {
-    let known = || set.names.keys().cloned().collect::<Vec<_>>().join(", ");
-    let found = match name {
-        Some(name) => set.names.get_key_value(name).map(|(n, _)| n),
-        None if set.names.len() == 1 => set.names.keys().next(),
-        None => {
-            return Err(Failure::input(format!(
-                "{} contains several materials; choose one with --name: {}",
-                file.display(),
-                known()
-            )));
-        }
-    };
-    found.cloned().ok_or_else(|| {
-        Failure::input(format!(
-            "{} has no material `{}`; available: {}",
-            file.display(),
-            name.unwrap_or_default(),
-            known()
-        ))
-    })
 }
 
 fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>, Failure> {

@@ -8,8 +8,7 @@ mod sheet;
 mod synth;
 mod table;
 
-use super::failure::Failure;
-use clap::Subcommand;
+use crate::Failure;
 
 /// Inspect, evaluate and make polarimetric BRDFs.
 #[derive(clap::Args)]
@@ -18,25 +17,16 @@ pub struct Arguments {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    Eval(eval::Arguments),
-    Sheet(sheet::Arguments),
-    Synth(synth::Arguments),
-    Info(table::InfoArguments),
-    Plot(table::PlotArguments),
-    Slice(table::SliceArguments),
-    Pca(pca::Arguments),
+commands! {
+    Eval(eval::Arguments) => eval::run,
+    Sheet(sheet::Arguments) => sheet::run,
+    Synth(synth::Arguments) => synth::run,
+    Info(table::InfoArguments) => table::info,
+    Plot(table::PlotArguments) => table::plot,
+    Slice(table::SliceArguments) => table::slice,
+    Pca(pca::Arguments) => pca::run,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    match &a.command {
-        Command::Eval(a) => eval::run(a),
-        Command::Sheet(a) => sheet::run(a),
-        Command::Synth(a) => synth::run(a),
-        Command::Info(a) => table::info(a),
-        Command::Plot(a) => table::plot(a),
-        Command::Slice(a) => table::slice(a),
-        Command::Pca(a) => pca::run(a),
-    }
+    a.command.run()
 }

@@ -1,11 +1,11 @@
 //! The `sunstone pbrdf pca` command: principal components of a folder of tables, or of the stand-ins.
 
 use super::data::MaterialSource;
-use crate::failure::Failure;
-use crate::places;
+use crate::{Failure, bail, places, print, print_paths};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
+use sunstone::figure::save;
 use sunstone::polarimetry::reconstruct::pca::components::Components;
 use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings, Weight};
 use sunstone::polarimetry::reconstruct::second_moment;
@@ -60,14 +60,10 @@ enum Mapping {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files([a.data.folder()], [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()])?;
-    if let Some(path) = &a.npz {
-        places::extension(path, "arrays are", &["npz"])?;
-    }
-    if let Some(path) = &a.prior {
-        places::extension(path, "priors are", &["toml"])?;
-    }
+    places::extension(&a.npz, "arrays are", &["npz"])?;
+    places::extension(&a.prior, "priors are", &["toml"])?;
     if !(1e-6..=1e6).contains(&a.c) {
-        return Err(Failure::input(format!("-c: expected a number from 1e-6 to 1e6, got {}", a.c)));
+        bail!("-c: expected a number from 1e-6 to 1e6, got {}", a.c);
     }
     let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {
@@ -85,18 +81,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     picture(a, &data, &components, &quantity)?;
     if let Some(path) = &a.npz {
-        arrays(path, &components)
-            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+        arrays(path, &components).map_err(Failure::writing(path))?;
     }
     if let Some(path) = &a.prior {
         second_moment::save(path, &a.data.name(), &a.data.frames().second_moment(&data.plain(Weight::Bins)))
-            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+            .map_err(Failure::writing(path))?;
     }
-    crate::output::print(table(&data, &components, &quantity).trim_end())?;
-    for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()].into_iter().flatten() {
-        crate::output::print(&path.display().to_string())?;
-    }
-    Ok(())
+    print(table(&data, &components, &quantity).trim_end())?;
+    print_paths([Some(&a.output), a.npz.as_ref(), a.prior.as_ref()].into_iter().flatten())
 }
 
 /// Returns the cumulative shares of the first components.
@@ -151,7 +143,7 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
     ];
     let image = draw("Principal components of Mueller matrices", &maps, 4, quantity, &notes)
         .map_err(Failure::input)?;
-    crate::figure::save(&image, &a.output)
+    Ok(save(&image, &a.output)?)
 }
 
 fn arrays(path: &Path, c: &Components) -> std::io::Result<()> {

@@ -1,9 +1,10 @@
 //! The `sunstone pbrdf sheet` command: every material of a file as a sphere, as 4×4 Mueller grids on one
 //! page.
 
-use crate::failure::Failure;
+use crate::{Failure, bail, print_path};
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table;
+use sunstone::figure::save;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::render::{Target, Unwatched, render};
 use sunstone::scene::materials::MaterialSet;
@@ -40,11 +41,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     crate::places::files([Some(&a.material)], [Some(&a.output)])?;
     let set = MaterialSet::load(&a.material)?;
     if spectral_table::nearest_within(set.wavelengths.nm(), a.wavelength).is_none() {
-        return Err(Failure::input(format!(
+        bail!(
             "--wavelength {}: not available; the materials are given at {:?} nm",
             a.wavelength,
             set.wavelengths.nm()
-        )));
+        );
     }
     let grids: Result<Vec<Grid>, Failure> =
         set.names.iter().map(|(name, id)| sphere(a, &set, name, *id)).collect();
@@ -56,8 +57,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         "M00 is shown as intensity on its own scale. Grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns.into(), &notes).map_err(Failure::input)?;
-    crate::figure::save(&image, &a.output)?;
-    crate::output::print(&a.output.display().to_string())
+    save(&image, &a.output)?;
+    print_path(&a.output)
 }
 
 /// Returns the lane of the nearest wavelength.

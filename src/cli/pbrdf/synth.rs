@@ -2,9 +2,8 @@
 
 use super::data::banded_failure;
 use super::resolution::Resolution;
-use crate::failure::Failure;
-use crate::places;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::progress::bar;
+use crate::{Failure, places, print_path};
 use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
 use sunstone::pbrdf::synth;
@@ -54,10 +53,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let there = a.output.exists();
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot create {}: {e}", a.output.display())))?;
-    let bar = ProgressBar::new(names.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
-        bar.set_style(style);
-    }
+    let bar = bar("{bar:30} {pos}/{len} {msg}", names.len() as u64);
     for name in &names {
         bar.set_message(name.clone());
         let file = a.output.join(format!("{name}.pbsdf"));
@@ -72,9 +68,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let list = synth::list(&a.output, &a.bands)
-        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    crate::output::print(&list.display().to_string())
+    let list = synth::list(&a.output, &a.bands).map_err(Failure::at(&a.output))?;
+    print_path(&list)
 }
 
 /// Returns the materials to make: those given by name, or all that light from a point can show.

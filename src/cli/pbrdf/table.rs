@@ -1,11 +1,11 @@
 //! The `sunstone pbrdf info`, `slice` and `plot` commands: inspect a `.pbsdf` file.
 
-use crate::failure::Failure;
-use crate::places;
+use crate::{Failure, bail, places, print, print_path};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table::nearest_within;
 use sunstone::base::whole_file;
+use sunstone::figure::save;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::pbrdf::table_part::{TablePart, band_statistics, nearest_angle, statistics_step};
 use sunstone::store::numpy;
@@ -53,7 +53,7 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
         let (nm, share, kept) = (band.nm, 100.0 * band.known, band.kept);
         text += &format!("  {nm}  {share:5.1} %  {:12.4e}  {:12.4e}  {kept:.3}\n", band.low, band.high);
     }
-    crate::output::print(text.trim_end())
+    print(text.trim_end())
 }
 
 /// Draw a table's Mueller matrices over half angle and difference angle.
@@ -100,8 +100,8 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
         "M00 (BRDF, 1/sr) is shown as intensity; white is its 99th percentile. Grey: unknown.",
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
-    crate::figure::save(&image, &a.output)?;
-    crate::output::print(&a.output.display().to_string())
+    save(&image, &a.output)?;
+    print_path(&a.output)
 }
 
 /// Write part of a table. Given angles and wavelengths are fixed at their nearest entries; the other axes are
@@ -132,17 +132,13 @@ pub struct SliceArguments {
 
 pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
     places::files([Some(&a.source.file)], [Some(&a.output)])?;
-    places::extension(&a.output, "parts of tables are", &["npy", "csv"])?;
+    places::extension([&a.output], "parts of tables are", &["npy", "csv"])?;
     let table = a.source.open()?;
     within(&table, [a.phi_d, a.theta_d, a.theta_h], a.wavelength)?;
     let part = TablePart::new(&table, [a.phi_d, a.theta_d, a.theta_h], a.wavelength);
-    match a.output.extension().and_then(|e| e.to_str()) {
-        Some("npy") => npy(&table, &part, &a.output),
-        Some("csv") => csv(&table, &part, &a.output),
-        _ => return Err(Failure::input("the output must have the extension .npy or .csv")),
-    }
-    .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
-    crate::output::print(&a.output.display().to_string())
+    let write = if a.output.extension().is_some_and(|e| e == "npy") { npy } else { csv };
+    write(&table, &part, &a.output).map_err(Failure::writing(&a.output))?;
+    print_path(&a.output)
 }
 
 /// Refuses values outside a table's angles and bands.
@@ -150,10 +146,10 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
     for ((name, nodes), wanted) in ANGLES.iter().zip(table.angles()).zip(degrees) {
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
         if let Some(deg) = wanted.filter(|deg| !(first - 1.0..=last + 1.0).contains(deg)) {
-            return Err(Failure::input(format!(
+            bail!(
                 "--{} {deg}: outside the table's range of {first:.1}° to {last:.1}°",
                 name.replace('_', "-")
-            )));
+            );
         }
     }
     let bands: Vec<f64> = table.wavelengths_nm().iter().copied().map(f64::from).collect();

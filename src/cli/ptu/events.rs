@@ -1,8 +1,7 @@
 //! Prints the records of a file as text, and writes a file from such text.
 
-use super::super::failure::Failure;
-use super::super::{output, places};
 use super::file::{failed, open};
+use crate::{Failure, bail, places, print_path};
 use clap::Args;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -88,7 +87,7 @@ pub fn print(a: &Records) -> Result<(), Failure> {
         Event::Overflow { time } => writeln!(out, "overflow,{time},,,"),
         Event::Unknown { .. } => writeln!(out, "unknown,,,,"),
     };
-    output::print(COLUMNS)?;
+    crate::print(COLUMNS)?;
     while left > 0 {
         let block = reader.block().map_err(failed)?;
         if block.is_empty() {
@@ -132,7 +131,7 @@ fn event(line: &str) -> Option<Event> {
 
 pub fn write(a: &FromText) -> Result<(), Failure> {
     places::files([Some(&a.events)], [Some(&a.output)])?;
-    places::extension(&a.output, "photons are", &["ptu"])?;
+    places::extension([&a.output], "photons are", &["ptu"])?;
     let fix = "write lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
     let text = document::read(&a.events, "events", fix)?;
     let description = Description {
@@ -143,7 +142,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
         tags: vec![],
     };
     if text.trim().is_empty() {
-        return Err(Failure::input(format!("{}: the file contains no events; {fix}", a.events.display())));
+        bail!("{}: the file contains no events; {fix}", a.events.display());
     }
     let mut wrong: Option<InputError> = None;
     let done = writer::write(&a.output, &description, |writer| {
@@ -184,7 +183,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
         return Err(e.into());
     }
     done.map_err(|e| describe(&a.output, &e))?;
-    output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }
 
 fn describe(path: &Path, e: &std::io::Error) -> Failure {

@@ -1,6 +1,6 @@
 //! Opens files of photons and converts their errors.
 
-use super::super::failure::Failure;
+use crate::Failure;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;

@@ -1,8 +1,7 @@
 //! The `sunstone reconstruct` command for the raw frames of a run.
 
-use super::super::failure::Failure;
-use super::super::places;
 use super::arguments::Arguments;
+use crate::{Failure, bail, places, print, print_path};
 use serde_json::json;
 use std::path::Path;
 use sunstone::polarimetry::capture::scheme_file::load;
@@ -20,13 +19,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
-            return Err(Failure::input("--errors: a store already contains the errors; remove the option"));
+            bail!("--errors: a store already contains the errors; remove the option");
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
-        return Err(Failure::input(
-            "--variance, --noise and --saturation come from the run's detector; remove them",
-        ));
+        bail!("--variance, --noise and --saturation come from the run's detector; remove them");
     }
     let scheme = a.scheme.as_deref().map(load).transpose()?;
     let run = Run::open(&a.source, scheme.as_ref()).map_err(Failure::input)?;
@@ -36,11 +33,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         a.masks.clone()
     };
     if array && masks.len() != 1 {
-        return Err(Failure::input(format!(
+        bail!(
             "an array holds one mask, but the run has {}; choose one with --mask, or write a store: -o {}",
             masks.join(", "),
             a.output.with_extension("zarr").display()
-        )));
+        );
     }
     let how = RunOptions {
         options: Options {
@@ -57,12 +54,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         images.push(run.mueller(mask, &how).map_err(Failure::input)?);
     }
     if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: none of the {} pixels of mask {} is determined: unsaturated readings are too few for 16 elements; no file was written",
             a.source.display(),
             image.tally.pixels,
             image.name
-        )));
+        );
     }
     if array {
         let image = &images[0];
@@ -71,9 +68,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             shape.push(image.layout.times);
         }
         shape.extend([4, 4]);
-        let save = |path: &Path, values: &[f32]| {
-            numpy::save(path, &shape, values).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
-        };
+        let save = |path: &Path, values: &[f32]| numpy::save(path, &shape, values).map_err(Failure::at(path));
         if let Some(path) = &a.errors {
             save(path, &image.errors)?;
         }
@@ -90,10 +85,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     for image in &images {
         let t = image.tally;
-        super::super::output::print(&format!(
+        print(&format!(
             "{:<14} {} pixels, {} with missing measurements, {} not determined",
             image.name, t.pixels, t.partial, t.lost
         ))?;
     }
-    super::super::output::print(&a.output.display().to_string())
+    print_path(&a.output)
 }

@@ -1,9 +1,8 @@
 //! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces, so input,
 //! output and computation overlap and the data that was read is still in the cache.
 
-use super::super::failure::Failure;
+use crate::{Failure, bail};
 use rayon::prelude::*;
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
@@ -40,8 +39,8 @@ pub struct Done {
     pub computing: Duration,
 }
 
-/// A thread's buffers.
-struct Room<T> {
+/// Buffers for the pieces that a thread reconstructs one after another.
+struct Buffers<T> {
     intensities: Vec<T>,
     variances: Vec<T>,
     elements: Vec<T>,
@@ -59,30 +58,23 @@ impl<T: PixelNumber> Work<'_, T> {
     pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;
-        // A thread that waits inside a piece may start another one, which then needs a second set of buffers.
-        let free: Mutex<Vec<Room<T>>> = Mutex::default();
-        let take = || free.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let pieces = self.pixels.div_ceil(most);
-        let one = |k: usize| -> Result<Done, Failure> {
-            let (first, n) = (k * most, most.min(self.pixels - k * most));
-            let free = take().pop();
-            let mut room = free.unwrap_or_else(|| self.room(most, errors));
-            let done = self.piece(&mut room, first, n, write)?;
-            take().push(room);
-            Ok(done)
+        let one = |buffers: &mut Buffers<T>, k: usize| {
+            self.piece(buffers, k * most, most.min(self.pixels - k * most), write)
         };
         let with = |a: Done, b: Done| -> Result<Done, Failure> {
             Ok(Done { tally: a.tally.with(b.tally), computing: a.computing + b.computing })
         };
-        let mut done = (0..pieces).into_par_iter().map(one).try_reduce(Done::default, with)?;
+        let buffers = || self.buffers(most, errors);
+        let mut done = (0..pieces).into_par_iter().map_init(buffers, one).try_reduce(Done::default, with)?;
         done.computing /= rayon::current_num_threads() as u32;
         Ok(done)
     }
 
-    fn room(&self, pixels: usize, errors: bool) -> Room<T> {
+    fn buffers(&self, pixels: usize, errors: bool) -> Buffers<T> {
         let numbers = |n: usize| vec![T::default(); n];
         let count = self.scheme.measurements() * pixels;
-        Room {
+        Buffers {
             intensities: numbers(count),
             variances: numbers(if self.variances.is_some() { count } else { 0 }),
             elements: numbers(16 * pixels),
@@ -92,26 +84,26 @@ impl<T: PixelNumber> Work<'_, T> {
 
     fn piece(
         &self,
-        room: &mut Room<T>,
+        buffers: &mut Buffers<T>,
         first: usize,
         n: usize,
         write: &Write<'_, T>,
     ) -> Result<Done, Failure> {
         let count = self.scheme.measurements();
-        let intensities = &mut room.intensities[..n * count];
+        let intensities = &mut buffers.intensities[..n * count];
         self.read(&self.intensities, intensities, first, n)?;
         let mut weights = None;
         if let Some(variances) = &self.variances {
-            let v = &mut room.variances[..n * count];
+            let v = &mut buffers.variances[..n * count];
             self.read(variances, v, first, n)?;
             if v.iter().any(|v| v.get() < 0.0) {
-                return Err(Failure::input("--variance: some values are negative; expected 0 or more"));
+                bail!("--variance: some values are negative; expected 0 or more");
             }
             weights = Some(&*v);
         }
         let begun = Instant::now();
-        let elements = &mut room.elements[..n * 16];
-        let mut errors = (!room.errors.is_empty()).then(|| &mut room.errors[..n * 16]);
+        let elements = &mut buffers.elements[..n * 16];
+        let mut errors = (!buffers.errors.is_empty()).then(|| &mut buffers.errors[..n * 16]);
         let wanted = errors.as_deref_mut();
         let tally = if let Some(rays) = self.rays {
             let places = Places {

@@ -1,5 +1,6 @@
 //! Arguments of `sunstone render`, and the command that repeats them.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use sunstone::render::{Part, Target};
 use sunstone::rounds::Goal;
@@ -109,23 +110,6 @@ impl TargetArguments {
             most: self.most_spp.unwrap_or_else(|| MOST.max(spp.unwrap_or(FIRST))),
         })
     }
-
-    /// Formats these options for a command line.
-    pub fn words(&self) -> String {
-        let mut words = String::new();
-        let mut word = |name: &str, value: Option<String>| {
-            if let Some(value) = value {
-                words += &format!(" --{name} {value}");
-            }
-        };
-        word("target-error", self.target_error.map(|v| v.to_string()));
-        word("target-slice", self.target_slice.clone());
-        word("target-share", self.target_share.map(|v| v.to_string()));
-        word("most-spp", self.most_spp.map(|v| v.to_string()));
-        word("rounds", self.rounds.as_deref().map(quoted));
-        word("round", self.round.map(|v| v.to_string()));
-        words
-    }
 }
 
 /// Parses the name of an integrator.
@@ -166,21 +150,28 @@ pub(super) fn named(part: Part) -> [String; 2] {
 
 /// Formats the command that resumes a render.
 pub(super) fn again(a: &Arguments, target: &Target) -> String {
-    let slices =
-        if a.slices.is_empty() { String::new() } else { format!(" --slices {}", a.slices.join(",")) };
-    format!(
-        "sunstone render {} --resume{}{}{}{}{}{slices}{}{}{} -o {}",
-        quoted(&a.scene),
-        a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
-        a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
-        a.replicates.map_or(String::new(), |v| format!(" --replicates {v}")),
-        a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
-        a.integrator.map_or(String::new(), |v| format!(" --integrator {}", v.name())),
-        a.part.or(a.tiles).map_or(String::new(), |part| format!(" {}", named(part)[0])),
-        a.light.as_ref().map_or(String::new(), |v| format!(" --light {}", quoted(v))),
-        a.target.words(),
-        quoted(&target.path),
-    )
+    fn option(name: &str, value: Option<impl Display>) -> Option<String> {
+        value.map(|value| format!(" --{name} {value}"))
+    }
+    let to = &a.target;
+    let options = [
+        option("variant", a.variant),
+        option("spp", a.spp),
+        option("replicates", a.replicates),
+        option("seed", a.seed),
+        option("integrator", a.integrator.map(Integrator::name)),
+        option("slices", (!a.slices.is_empty()).then(|| a.slices.join(","))),
+        a.part.or(a.tiles).map(|part| format!(" {}", named(part)[0])),
+        option("light", a.light.as_deref().map(quoted)),
+        option("target-error", to.target_error),
+        option("target-slice", to.target_slice.as_ref()),
+        option("target-share", to.target_share),
+        option("most-spp", to.most_spp),
+        option("rounds", to.rounds.as_deref().map(quoted)),
+        option("round", to.round),
+    ];
+    let options: String = options.into_iter().flatten().collect();
+    format!("sunstone render {} --resume{options} -o {}", quoted(&a.scene), quoted(&target.path))
 }
 
 /// Quotes a path for a shell.

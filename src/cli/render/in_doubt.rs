@@ -1,6 +1,6 @@
 //! Reports unreliable error estimates of a finished render.
 
-use crate::failure::Failure;
+use crate::Failure;
 use std::path::Path;
 use sunstone::store::doubt;
 use sunstone::store::zarr::TensorStore;

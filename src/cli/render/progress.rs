@@ -1,13 +1,12 @@
 //! Progress of a render, and its interruption with Ctrl-C.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::progress::{INTERRUPTED, bar};
+use indicatif::ProgressBar;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
-
-pub(super) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Prints progress: a bar on a terminal, otherwise a line every few seconds.
 pub(super) struct Progress {
@@ -21,13 +20,9 @@ pub(super) struct Progress {
 
 impl Progress {
     pub(super) fn new(warnings: Vec<String>) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} tiles  {msg}  {eta} left")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(0).with_style(style)
-        });
+        let bar = || bar("{bar:32} {pos}/{len} tiles  {msg}  {eta} left", 0);
         Self {
-            bar,
+            bar: std::io::stderr().is_terminal().then(bar),
             last: Mutex::new(Instant::now()),
             warnings: Mutex::new(warnings),
             about: Mutex::default(),

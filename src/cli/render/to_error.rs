@@ -3,8 +3,7 @@
 use super::arguments::{Arguments, again};
 use super::in_doubt::in_doubt;
 use super::progress::Progress;
-use crate::failure::Failure;
-use crate::{figure, output};
+use crate::{Failure, bail, figure, print};
 use serde_json::Value;
 use std::sync::Mutex;
 use sunstone::render::{Summary, Target};
@@ -48,7 +47,7 @@ pub(super) fn run(
     let failed = |e: RoundsError| Failure::of_system(e.is_of_system(), e);
     if let (Some(folder), None) = (&a.target.rounds, a.target.round) {
         let standing = to_error.standing(scene, folder, None).map_err(failed)?;
-        return output::print(&standing.to_json().to_string());
+        return print(&standing.to_json().to_string());
     }
     let round = a.target.rounds.as_ref().zip(a.target.round).zip(a.part);
     let summary = match round {
@@ -56,9 +55,7 @@ pub(super) fn run(
             let part = RoundPart { part, light: a.light.as_deref() };
             to_error.part_of_round(scene, folder, round, part, target)
         }
-        None if a.part.is_some() => {
-            return Err(Failure::input("--part with --target-error needs --rounds FOLDER and --round K"));
-        }
+        None if a.part.is_some() => bail!("--part with --target-error needs --rounds FOLDER and --round K"),
         None => to_error.render(scene, target),
     };
     let summary = summary.map_err(failed)?;
@@ -73,7 +70,7 @@ pub(super) fn run(
     }
     let store = target.path.display();
     let standing = last.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    output::print(&match (a.target.round, standing) {
+    print(&match (a.target.round, standing) {
         (Some(round), _) => format!(
             "{store}: part of round {round}, {} tiles, {} samples, {:.1} s",
             summary.tiles, summary.samples, summary.wall_s

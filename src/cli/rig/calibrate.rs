@@ -1,7 +1,6 @@
 //! The `sunstone rig calibrate` command: calibrates the optics of a scheme.
 
-use super::super::failure::Failure;
-use super::super::places;
+use crate::{Failure, bail, output, places, print, print_path};
 use std::path::PathBuf;
 use sunstone::base::calibration_file::Part;
 use sunstone::polarimetry::capture::scheme_file;
@@ -36,14 +35,14 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
-    places::extension(&a.output, "calibrations are", &["toml"])?;
+    places::extension([&a.output], "calibrations are", &["toml"])?;
     let mut samples = vec![];
     for path in &a.runs {
         let run = Run::open(path, None).map_err(Failure::input)?;
         samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
-        return Err(Failure::input("expected runs of known samples"));
+        bail!("expected runs of known samples");
     };
     for s in samples.iter().filter(|s| s.left_out > 0) {
         eprintln!(
@@ -56,10 +55,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for word in &a.free {
         if word.is_empty() || !all.iter().any(|p| names(p).contains(word.as_str())) {
             let known: Vec<String> = all.iter().map(names).collect();
-            return Err(Failure::input(format!(
-                "--free: unknown parameter `{word}`; available: {}",
-                known.join(", ")
-            )));
+            bail!("--free: unknown parameter `{word}`; available: {}", known.join(", "));
         }
     }
     let free: Vec<Parameter> = all
@@ -70,9 +66,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let found = calibrate(&samples, &free).map_err(Failure::input)?;
     let scheme = scheme_file::to_toml(&found.scheme).map_err(Failure::failed)?;
     let beside = found.statistics().to_toml().map_err(Failure::failed)?;
-    super::super::output::calibration(&a.output, Part::Elements, &(scheme + "\n" + &beside))?;
-    super::super::output::print(table(&found).trim_end())?;
-    super::super::output::print(&a.output.display().to_string())
+    output::calibration(&a.output, Part::Elements, &(scheme + "\n" + &beside))?;
+    print(table(&found).trim_end())?;
+    print_path(&a.output)
 }
 
 fn table(found: &Calibrated) -> String {

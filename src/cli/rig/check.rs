@@ -1,7 +1,7 @@
 //! The `sunstone rig check` command: tests the instruments of a rig.
 
-use super::super::failure::Failure;
 use super::session::{BENCH, driver};
+use crate::{Failure, print};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use sunstone::render::Unwatched;
@@ -84,7 +84,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
     }
     if !lines.is_empty() {
-        super::super::output::print(&lines.join("\n"))?;
+        print(&lines.join("\n"))?;
     }
     if failed.is_empty() { Ok(()) } else { Err(Failure::failed(failed.join("\nerror: "))) }
 }

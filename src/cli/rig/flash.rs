@@ -1,8 +1,7 @@
 //! The `sunstone rig flash` command: images for a projector's flash memory.
 
-use super::super::failure::Failure;
-use super::super::places;
 use super::session::stand_in;
+use crate::{Failure, bail, places, print};
 use std::path::PathBuf;
 use sunstone::base::whole_file;
 use sunstone::rig::driver::dlpc350::flash;
@@ -30,26 +29,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let session = Prepared::load(&a.plan, a.rig.as_ref())?;
     places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
     if a.output.exists() {
-        return Err(Failure::input(format!("{}: already exists; choose a new folder", a.output.display())));
+        bail!("{}: already exists; choose a new folder", a.output.display());
     }
     let steps = session.steps(&stand_in(&session)?)?;
     let [w, h] = SIZE;
     if steps.patterns.is_empty() || steps.patterns.iter().any(|p| [p.width, p.height] != SIZE) {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: the projector's patterns are not {w} x {h} pixels; set [projector] size = [{w}, {h}] in the rig file",
             a.plan.display()
-        )));
+        );
     }
     let images = flash::images(&steps.patterns);
     for (i, rgb) in images.iter().enumerate() {
         let path = a.output.join(format!("flash_{i:02}.png"));
         let bytes = flash::to_png(rgb).ok_or_else(|| Failure::failed("cannot encode an image as PNG"))?;
-        whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        whole_file::write(&path, &bytes).map_err(Failure::at(&path))?;
     }
-    super::super::output::print(&format!(
-        "{}: {} patterns in {} images",
-        a.output.display(),
-        steps.patterns.len(),
-        images.len()
-    ))
+    print(&format!("{}: {} patterns in {} images", a.output.display(), steps.patterns.len(), images.len()))
 }

@@ -1,8 +1,9 @@
 //! Live display of a run: rate, remaining time, the last frame's histogram.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::progress::{INTERRUPTED, bar};
+use indicatif::ProgressBar;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 use sunstone::rig::session::run::Progress;
@@ -22,11 +23,8 @@ const EACH: Duration = Duration::from_millis(100);
 
 impl Live {
     pub fn new(frames: u32) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template("{bar:24} {pos}/{len} frames  {msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(u64::from(frames)).with_style(style)
-        });
+        let bar = || bar("{bar:24} {pos}/{len} frames  {msg}", frames.into());
+        let bar = std::io::stderr().is_terminal().then(bar);
         Self { bar, begun: Instant::now(), first: None, last: Instant::now() }
     }
 
@@ -79,9 +77,9 @@ fn histogram(numbers: &[u32]) -> String {
 }
 
 /// Watches the render of a simulated bench's tensor.
-pub struct Rendering<'a>(pub &'a AtomicBool);
+pub struct Rendering;
 
-impl Watch for Rendering<'_> {
+impl Watch for Rendering {
     fn tile_done(&self, s: &Summary) {
         if s.tiles_done == 1 {
             eprintln!("rendering the bench's tensor: {} tiles", s.tiles);
@@ -89,6 +87,6 @@ impl Watch for Rendering<'_> {
     }
 
     fn interrupted(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        INTERRUPTED.load(Ordering::Relaxed)
     }
 }

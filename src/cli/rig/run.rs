@@ -1,11 +1,10 @@
 //! The `sunstone rig run` command: executes plans.
 
-use super::super::failure::Failure;
-use super::super::places;
 use super::live::{Live, Rendering};
 use super::session::{BENCH, summary, time};
+use crate::progress::{INTERRUPTED, stop_on_interrupt};
+use crate::{Failure, bail, places, print};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use sunstone::rig::session::rig_file::Scene;
 use sunstone::rig::session::run::{self, RunError};
@@ -49,8 +48,6 @@ pub struct Arguments {
     force: bool,
 }
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let mut session = Prepared::load(&a.plan, a.rig.as_ref())?;
     if let Some(sample) = &a.sample {
@@ -63,22 +60,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             places::folders([Some(tensor)], [Some(output)])?;
         }
         if output.exists() && !a.resume && !a.force {
-            return Err(Failure::input(format!(
+            bail!(
                 "{} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`",
                 output.display()
-            )));
+            );
         }
     }
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("finishing the current frame (press Ctrl-C again to exit immediately)");
-    });
+    stop_on_interrupt("the current frame");
     let begun = Instant::now();
-    let mut rig = session.assemble(&[], a.dry_run, Path::new(BENCH), &Rendering(&INTERRUPTED))?;
+    let mut rig = session.assemble(&[], a.dry_run, Path::new(BENCH), &Rendering)?;
     let steps = session.steps(&rig)?;
-    super::super::output::print(summary(&session.plan.scheme, &steps, &rig).trim_end())?;
+    print(summary(&session.plan.scheme, &steps, &rig).trim_end())?;
     let Some(output) = a.output.as_ref().filter(|_| !a.dry_run) else {
         return Ok(());
     };
@@ -111,7 +103,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         RunError::Disk(e) => Failure::failed(e),
     })?;
     run_store::finish(output, &steps).map_err(Failure::failed)?;
-    super::super::output::print(&format!(
+    print(&format!(
         "{}: {} frames in {} of rig time, {} retries, {:.1} s in total",
         output.display(),
         outcome.taken,

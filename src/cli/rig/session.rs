@@ -1,6 +1,6 @@
 //! Helpers of the rig commands: errors, summaries and stand-in instruments.
 
-use super::super::failure::Failure;
+use crate::Failure;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::rig::session::assemble;
 use sunstone::rig::session::lab::Rig;

@@ -1,7 +1,7 @@
 //! The `sunstone rig status` command: the state of a run.
 
-use super::super::failure::Failure;
 use super::session::time;
+use crate::{Failure, bail, print};
 use std::path::PathBuf;
 use sunstone::rig::session::journal::{self, Event};
 use sunstone::store::zarr::frames::is_frames;
@@ -18,10 +18,10 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !is_frames(&a.store) {
-        return Err(Failure::input(format!(
+        bail!(
             "{}: not the store of a run; create one with `sunstone rig run PLAN -o STORE`",
             a.store.display()
-        )));
+        );
     }
     let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", a.store.display()));
     let records = journal::frames(&a.store, |r| (r.frame, r.run_s)).map_err(failed)?;
@@ -59,5 +59,5 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for line in &lines[skip..] {
         text.push_str(&format!("  {line}\n"));
     }
-    super::super::output::print(text.trim_end())
+    print(text.trim_end())
 }

@@ -45,21 +45,14 @@ pub fn table(rows: &[SchemeResult]) -> String {
     out
 }
 
+/// Columns of the table as CSV.
+const COLUMNS: &str = "scheme,captures,rank,condition,estimate,predicted_rmse,rmse,rmse_std_error,\
+                       normalized_error,lost_share";
+
 /// Formats the table as CSV; unknown values are empty.
 pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(vec![]);
-    writer.write_record([
-        "scheme",
-        "captures",
-        "rank",
-        "condition",
-        "estimate",
-        "predicted_rmse",
-        "rmse",
-        "rmse_std_error",
-        "normalized_error",
-        "lost_share",
-    ])?;
+    writer.write_record(COLUMNS.split(','))?;
     for r in rows {
         let number = |v: f64| {
             if v.is_finite() { format!("{v:e}") } else { String::new() }
@@ -77,7 +70,7 @@ pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
             number(r.lost),
         ])?;
     }
-    writer.into_inner().map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
+    writer.into_inner().map_err(|e| e.into_error().into())
 }
 
 /// Draws errors against captures; the kind of a scheme is its name up to the last space.
