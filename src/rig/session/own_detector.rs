@@ -1,6 +1,6 @@
 //! Calibration data of a run's own detector: histograms of a plane (counter), dark and lit frames (camera).
 
-use super::image::{ImageError, Run};
+use super::image::{ImageError, Run, failed};
 use crate::calibrate::radiometric::stack::Stack;
 use crate::calibrate::temporal::captures::{Capture, Counter};
 use polarimetry::capture::detector::spad::Mode;
@@ -26,7 +26,6 @@ pub struct Histograms {
 
 impl Histograms {
     /// Returns the histograms of a plane perpendicular to the scan's axis, `metres` from the mirrors' pivot.
-    #[must_use]
     pub fn of_plane(&self, metres: f64) -> Vec<Capture<'_>> {
         let all = self.counts.iter().zip(&self.pulses).enumerate();
         all.map(|(i, (counts, pulses))| {
@@ -66,7 +65,7 @@ impl Run {
         });
         let mut counts = vec![];
         for row in 0..captures * height {
-            let all = self.store.read_chunk(row).map_err(|e| ImageError(e.to_string()))?;
+            let all = self.store.read_chunk(row).map_err(failed)?;
             counts.extend(all.chunks_exact(bins).map(<[u32]>::to_vec));
         }
         let pulses: Vec<u64> = self.pulses()?.into_iter().map(|n| n.max(0.0) as u64).collect();
@@ -130,7 +129,7 @@ impl Run {
                 Stack::new(height * width, times[e], light, ((1_u64 << bits) - 1) as u32).map_err(message)?;
             for k in 0..captures {
                 let n = (k * shots + shot) * exposures + e;
-                let frame = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
+                let frame = self.store.read_chunk(n).map_err(failed)?;
                 stack.add(&frame).map_err(message)?;
             }
             Ok(stack)
