@@ -119,6 +119,12 @@ impl Run {
         ImageError(format!("{}: {what} is damaged", self.store.path().display()))
     }
 
+    /// Returns the lengths of the frames' axes.
+    pub(super) fn shape<const N: usize>(&self) -> Result<[usize; N], ImageError> {
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
+        shape.try_into().map_err(|_| self.damaged("the frames' shape"))
+    }
+
     /// Returns the bits per pixel of the camera's format.
     #[must_use]
     pub fn bits(&self) -> u32 {
@@ -138,10 +144,7 @@ impl Run {
 
     fn camera(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
         let layout = self.store.layout();
-        let shape: Vec<usize> = layout.shape().into_iter().map(|n| n as usize).collect();
-        let [captures, shots, exposures, height, width] = shape[..] else {
-            return Err(self.damaged("the frames' shape"));
-        };
+        let [captures, shots, exposures, height, width] = self.shape()?;
         let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
             ImageError(format!("unknown mask `{mask}`; the run has {}", self.masks.join(", ")))
@@ -251,10 +254,7 @@ impl Run {
     }
 
     fn scan(&self) -> Result<Intensities, ImageError> {
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let [captures, height, width, bins] = shape[..] else {
-            return Err(self.damaged("the frames' shape"));
-        };
+        let [captures, height, width, bins] = self.shape()?;
         let spad = self.diode()?.ok_or_else(|| self.damaged("`detector`"))?;
         let offset_ps = self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?;
         let bin_ps = spad.bin_ps;

@@ -51,13 +51,10 @@ impl Run {
         let Some(spad) = self.diode()? else {
             return Err(ImageError(format!("{path}: this is a camera run; use a run of a plan with [scan]")));
         };
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let (&[captures, height, width, bins], Some(fov)) = (&shape[..], self.fov_x) else {
+        let [captures, height, width, bins] = self.shape()?;
+        let Some(fov) = self.fov_x.filter(|_| width > 0 && height > 0 && bins > 0) else {
             return Err(self.damaged("the frames' shape"));
         };
-        if width == 0 || height == 0 || bins == 0 {
-            return Err(self.damaged("the frames' shape"));
-        }
         let view = Directions::pinhole(fov, width, height);
         let slant = (0..width * height).map(|p| {
             let [ax, ay] = view.ray(p % width, p / width, [width, height], self.nm).direction();
@@ -97,8 +94,7 @@ impl Run {
     /// element angles, or is damaged.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let (&[captures, shots, exposures, height, width], true) = (&shape[..], self.fov_x.is_none()) else {
+        let (Ok([captures, shots, exposures, height, width]), None) = (self.shape(), self.fov_x) else {
             return Err(ImageError(format!("{path}: this is a scan; use a run of a plan with [camera]")));
         };
         let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());

@@ -174,8 +174,8 @@ impl Th260Counter {
                 self.tell(Order::InputCfd(s.channel, s.input_mv, s.zero_cross_mv))?;
             }
             "TimeHarp 260 N" => {
-                self.tell(Order::SyncEdge(s.sync_mv, s.sync_edge.number()))?;
-                self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge.number()))?;
+                self.tell(Order::SyncEdge(s.sync_mv, s.sync_edge as i32))?;
+                self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge as i32))?;
             }
             other => {
                 let what = format!("unknown model `{other}`; supported: TimeHarp 260 P and N");
