@@ -76,9 +76,10 @@ fn dlpc350() {
         ("pattern long", Command::PatternTable(vec![second; 128])),
     ];
     for (name, command) in commands {
-        print(name, &Message::host(false, 0, command.code(), &command.data()));
+        let (code, data) = command.encode();
+        print(name, &Message::host(false, 0, code, &data));
     }
-    print("main status", &Message::host(true, 0, Question::Main.code(), &[]));
+    print("main status", &Message::host(true, 0, Question::Main as u16, &[]));
 }
 
 fn print(name: &str, message: &Message) {

@@ -81,12 +81,16 @@ impl Bench {
         Self(folder)
     }
 
+    fn write(&self, name: &str, text: impl AsRef<str>) {
+        std::fs::write(self.path(name), text.as_ref()).expect("writes");
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     fn command(&self, plan: &str, store: &str, rest: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        let mut command = program();
         command.args(["rig", "run"]).arg(self.path(plan)).arg("-o").arg(self.path(store)).args(rest);
         command.stdin(Stdio::null());
         command
@@ -99,8 +103,7 @@ impl Bench {
     /// The content of a finished store: all files except the journal, which differs between runs.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
-        let verified =
-            Command::new(env!("CARGO_BIN_EXE_sunstone")).arg("verify").arg(&root).output().expect("runs");
+        let verified = program().arg("verify").arg(&root).output().expect("runs");
         assert!(verified.status.success(), "{}", text(&verified));
         let mut files = vec![];
         let mut folders = vec![root.clone()];
@@ -119,6 +122,16 @@ impl Bench {
         files.sort();
         files
     }
+}
+
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_sunstone"))
+}
+
+/// Checks that a command ended with an exit code and a message that contains `words`.
+fn refused(output: &Output, code: i32, words: &str) {
+    let message = text(output);
+    assert!(output.status.code() == Some(code) && message.contains(words), "{words}: {message}");
 }
 
 fn text(output: &Output) -> String {
@@ -334,19 +347,19 @@ fn time_tags_have_the_histograms() {
     bytes[last] ^= 1;
     std::fs::write(&file, bytes).expect("writes");
     let verify = |words: &str| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        let mut command = program();
         let output = command.arg("verify").arg(bench.path("tags.zarr")).output().expect("runs");
-        assert!(!output.status.success() && text_has(&output, &[words]));
+        assert!(!output.status.success() && text(&output).contains(words), "{}", text(&output));
     };
     verify("000003.ptu");
     std::fs::remove_file(&file).expect("removes");
     verify("000003.ptu");
     // More bins than a record can express.
     let long = tagged().replace("bins = 64", "bins = 40000");
-    std::fs::write(bench.path("long.toml"), long).expect("writes");
+    bench.write("long.toml", long);
     let output = bench.run("long.toml", "long.zarr", &[]);
-    assert!(text_has(&output, &["long.toml:4:1", "`time_tags` with 40000 bins"]));
-    assert_eq!(output.status.code(), Some(2));
+    refused(&output, 2, "long.toml:4:1");
+    refused(&output, 2, "`time_tags` with 40000 bins");
 }
 
 /// Shape and values of an array of unsigned 32-bit integers.
@@ -371,16 +384,15 @@ fn what_cannot_be_resumed_is_refused() {
     let before = bench.content("s.zarr");
     for (rest, words) in [(&[][..], "already exists"), (&["--resume"][..], "already finished")] {
         let output = bench.run("camera.toml", "s.zarr", rest);
-        assert_eq!(output.status.code(), Some(2));
-        assert!(text(&output).contains(words), "{}", text(&output));
+        refused(&output, 2, words);
     }
     let fault = "[[bench.faults]]\nkind = \"interlock\"\ninstrument = \"camera\"\nat = 20\n";
     let broken = Bench::new(fault);
     assert_eq!(broken.run("camera.toml", "s.zarr", &[]).status.code(), Some(1));
     let other = CAMERA.replace("captures = 6", "captures = 7");
-    std::fs::write(broken.path("camera.toml"), other).expect("writes");
+    broken.write("camera.toml", other);
     let output = broken.run("camera.toml", "s.zarr", &["--resume"]);
-    assert!(output.status.code() == Some(2) && text(&output).contains("another plan"), "{}", text(&output));
+    refused(&output, 2, "another plan");
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
 
@@ -389,10 +401,9 @@ fn what_cannot_be_resumed_is_refused() {
 fn a_laser_without_a_table_is_told() {
     let bench = Bench::new("");
     let rig = RIG.replace("[laser]\nnm = 550", "[laser]\ndriver = \"scpi\"\nnm = 550");
-    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    bench.write("rig.toml", rig);
     let output = bench.run("scan.toml", "s.zarr", &[]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output).contains("needs a table"), "{}", text(&output));
+    refused(&output, 2, "needs a table");
     assert!(!bench.path("s.zarr").exists());
 }
 
@@ -479,8 +490,8 @@ fn damaged_runs_are_told() {
     // As many captures as the matrices require.
     let more =
         |text: &str| text.replace("captures = 6", "captures = 16").replace("captures = 4", "captures = 16");
-    std::fs::write(bench.path("camera.toml"), more(CAMERA)).expect("writes");
-    std::fs::write(bench.path("scan.toml"), more(SCAN)).expect("writes");
+    bench.write("camera.toml", more(CAMERA));
+    bench.write("scan.toml", more(SCAN));
     for plan in ["camera", "scan"] {
         let store = format!("{plan}.zarr");
         assert!(bench.run(&format!("{plan}.toml"), &store, &[]).status.success());
@@ -552,7 +563,7 @@ fn an_analog_galvo_takes_the_same_frames() {
             rig += &format!("[[bench.faults]]\nkind = \"{fault}\"\ninstrument = \"galvo\"\nat = 11\n");
         }
         let bench = Bench::new("");
-        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+        bench.write("rig.toml", rig);
         let output = bench.run("scan.toml", "s.zarr", &[]);
         assert!(output.status.success(), "{fault}: {}", text(&output));
         assert_same(&bench.content("s.zarr"), &want, fault);
@@ -562,13 +573,13 @@ fn an_analog_galvo_takes_the_same_frames() {
     // A card of four bits points elsewhere, which the frames show.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
     let bench = Bench::new("");
-    std::fs::write(bench.path("rig.toml"), coarse).expect("writes");
+    bench.write("rig.toml", coarse);
     assert!(bench.run("scan.toml", "s.zarr", &[]).status.success());
     assert!(bench.content("s.zarr") != want, "pointing is of no matter");
     let checked = |rig: &str| {
         let bench = Bench::new("");
-        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        bench.write("rig.toml", rig);
+        let mut command = program();
         command.args(["rig", "check", "--move"]).arg(bench.path("scan.toml"));
         command.output().expect("runs")
     };
@@ -580,8 +591,7 @@ fn an_analog_galvo_takes_the_same_frames() {
         ("channels = [0, 1]", "applies only to driver"),
     ] {
         let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{galvo}\n")));
-        assert_eq!(output.status.code(), Some(2), "{galvo}: {}", text(&output));
-        assert!(text(&output).contains(words), "{}", text(&output));
+        refused(&output, 2, words);
     }
 }
 
@@ -596,10 +606,9 @@ fn a_counter_without_its_library_is_told() {
         ("library = \"lib.so\"", 2, "apply only to driver"),
     ] {
         let rig = RIG.replace("[counter]\n", &format!("[counter]\n{counter}\n"));
-        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+        bench.write("rig.toml", rig);
         let output = bench.run("scan.toml", "s.zarr", &[]);
-        assert_eq!(output.status.code(), Some(code), "{}", text(&output));
-        assert!(text(&output).contains(words), "{}", text(&output));
+        refused(&output, code, words);
         assert!(!bench.path("s.zarr").exists());
     }
 }
@@ -610,16 +619,15 @@ fn a_counter_without_its_library_is_told() {
 fn a_camera_of_another_build_is_told() {
     let bench = Bench::new("");
     let rig = RIG.replace("[camera]\n", "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n");
-    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    bench.write("rig.toml", rig);
     let output = bench.run("camera.toml", "s.zarr", &[]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output).contains("--features usb3_vision"), "{}", text(&output));
+    refused(&output, 1, "--features usb3_vision");
     assert!(!bench.path("s.zarr").exists());
 }
 
 /// Runs a command of the program, which must succeed, and returns its output.
 fn said(words: &[&str], paths: &[&Path]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    let mut command = program();
     command.args(words).args(paths);
     let output = command.output().expect("runs");
     assert!(output.status.success(), "{words:?}: {}", text(&output));
@@ -648,17 +656,17 @@ fn a_scanned_plane_calibrates_the_counter() {
          [[slices]]\nname = \"spatial\"\n",
         z = -metres
     );
-    std::fs::write(bench.path("plane.toml"), scene).expect("writes");
+    bench.write("plane.toml", scene);
     let sample = "sample = \"air\"\nbrightness = 0.3\n";
     let spad = "mode = \"synchronous\"\nphotons_per_unit = 2\ndark_counts_per_s = 2000\n";
     let detectors = format!(
         "[detector.spad]\n{spad}[bench.spad]\n{spad}irf_fwhm_ps = 61\nirf_tail = 0.3\nirf_tail_ps = 150\n"
     );
     let rig = RIG.replace(sample, "scene = \"plane.toml\"\nspp = 16\n") + &detectors;
-    std::fs::write(bench.path("rig.toml"), &rig).expect("writes");
+    bench.write("rig.toml", &rig);
     let plan = SCAN.replace("points = [5, 4]", "points = [4, 4]").replace("fov_x_deg = 10", "fov_x_deg = 1");
     let plan = plan.replace("bins = 64", "bins = 400").replace("dwell_ms = 2", "dwell_ms = 20");
-    std::fs::write(bench.path("plan.toml"), plan).expect("writes");
+    bench.write("plan.toml", plan);
     let mut run = bench.command("plan.toml", "plane.zarr", &[]);
     let output = run.current_dir(bench.0.path()).output().expect("runs");
     assert!(output.status.success(), "{}", text(&output));
@@ -682,19 +690,17 @@ fn a_scanned_plane_calibrates_the_counter() {
         said(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
     let late = stated(&message.replace(" ps", ""), "time zero")[0];
     assert!((late - 20.01).abs() < 1.0, "{late}");
-    std::fs::write(bench.path("rig.toml"), format!("calibration = [\"counter.toml\"]\n{rig}"))
-        .expect("writes");
+    bench.write("rig.toml", format!("calibration = [\"counter.toml\"]\n{rig}"));
     let mut again = bench.command("plan.toml", "again.zarr", &[]);
     assert!(again.current_dir(bench.0.path()).output().expect("runs").status.success());
     for (arguments, words) in [
         (vec!["calibrate", "counter", "--distance=1,2"], "one distance per run, 1 in total"),
         (vec!["calibrate", "sensor"], "this is a scan"),
     ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        let mut command = program();
         let output =
             command.args(&arguments).arg(&store).arg("-o").arg(bench.path("x.toml")).output().expect("runs");
-        assert_eq!(output.status.code(), Some(2));
-        assert!(text(&output).contains(words), "{}", text(&output));
+        refused(&output, 2, words);
     }
 }
 
@@ -716,18 +722,18 @@ fn still_frames_calibrate_the_sensor() {
             ("analyzer", "retarder_3"),
             ("analyzer", "polarizer_4"),
         ]);
-    std::fs::write(bench.path("still.toml"), scheme).expect("writes");
+    bench.write("still.toml", scheme);
     let levels = "[0.5, 1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 40]";
     let plan = CAMERA
         .replace("scheme = { kind = \"quad\", captures = 6 }", "scheme = \"still.toml\"")
         .replace("[10, 40]", levels)
         .replace(", { name = \"epipolar\", stripes = 3 }", "")
         .replace("saturated_share = 0.9", "saturated_share = 1.0");
-    std::fs::write(bench.path("plan.toml"), plan).expect("writes");
+    bench.write("plan.toml", plan);
     let truth = "quantum_efficiency = 0.6\nphotons_per_unit = 6e6\nread_noise_e = 4.5\ndark_current_e_s = 300\nfull_well_e = 12000\n\
                  gain_e_per_dn = 3.2\nblack_level_dn = 40\n";
     let detectors = format!("[detector.cmos]\nphotons_per_unit = 6e6\n[bench.cmos]\n{truth}");
-    std::fs::write(bench.path("rig.toml"), format!("{RIG}{detectors}")).expect("writes");
+    bench.write("rig.toml", format!("{RIG}{detectors}"));
     let output = bench.run("plan.toml", "still.zarr", &[]);
     assert!(output.status.success(), "{}", text(&output));
     let out = bench.path("sensor.toml");
@@ -748,7 +754,7 @@ fn still_frames_calibrate_the_sensor() {
     assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
     assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
-    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    bench.write("rig.toml", rig);
     assert!(bench.run("plan.toml", "again.zarr", &[]).status.success());
     let store = Run::open(&bench.path("again.zarr"), None).expect("a run");
     let believed = &store.attributes()["detector"]["cmos"];
@@ -764,7 +770,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
         .replace("captures = 6", "captures = 25")
         .replace(", { name = \"epipolar\", stripes = 3 }", "")
         .replace("[10, 40]", "[10]");
-    std::fs::write(bench.path("full.toml"), plan).expect("writes");
+    bench.write("full.toml", plan);
     for sample in ["air", "mirror"] {
         let store = format!("{sample}.zarr");
         assert!(bench.run("full.toml", &store, &["--sample", sample]).status.success());
@@ -788,24 +794,18 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
     // Plans and rigs; a rig accepts a single name or a list.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
-    std::fs::write(bench.path("again.toml"), plan).expect("writes");
-    std::fs::write(bench.path("rig.toml"), format!("calibration = \"sensor.toml\"\n{RIG}")).expect("writes");
+    bench.write("again.toml", plan);
+    bench.write("rig.toml", format!("calibration = \"sensor.toml\"\n{RIG}"));
     assert!(bench.run("again.toml", "calibrated.zarr", &[]).status.success());
     let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
     let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
     assert_eq!(gain, before["detector"]["cmos"]["gain_e_per_dn"].as_float());
     // A file that is not a calibration is not changed.
     let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    let mut command = program();
     command.args(["rig", "calibrate"]).arg(&air).arg("-o").arg(bench.path("rig.toml"));
     let output = command.output().expect("runs");
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text_has(&output, &["unknown field `bench`", "another file name"]));
+    refused(&output, 2, "unknown field `bench`");
+    refused(&output, 2, "another file name");
     assert_eq!(std::fs::read_to_string(bench.path("rig.toml")).expect("reads"), other);
-}
-
-fn text_has(output: &Output, words: &[&str]) -> bool {
-    let message = text(output);
-    assert!(words.iter().all(|w| message.contains(w)), "{message}");
-    true
 }

@@ -221,10 +221,8 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
             note(format!("channel {channel} has no counted photons"));
         }
     }
-    let step = match plan.scan.map(|s| s.clock) {
-        Some(Clock::Pixels { .. }) => "pixels",
-        _ => "lines",
-    };
+    let by_pixels = plan.scan.is_some_and(|s| s.clock.sweep.is_none());
+    let step = if by_pixels { "pixels" } else { "lines" };
     if found.beyond > 0 {
         note(format!("{} {step} begin after the last one of their frame", found.beyond));
     }
@@ -263,7 +261,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         if begin & end != 0 || (begin | end) & frame != 0 {
             bail!("--pixel-marker: begin, end and frame need different markers");
         }
-        Ok(Clock::Pixels { begin, end, frame })
+        Ok(Clock { begin, end, frame, sweep: None })
     };
     let clock = match &a.pixel_marker[..] {
         [] => return of_header(a, reader, width, height).map(Some),

@@ -18,6 +18,9 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
+    /// All formats.
+    pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10p, Self::Mono12p, Self::Mono16];
+
     /// Returns the number of bits per pixel.
     #[must_use]
     pub fn bits(self) -> u32 {

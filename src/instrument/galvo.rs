@@ -15,6 +15,19 @@ pub struct GalvoLimits {
     pub settle: Duration,
 }
 
+impl GalvoLimits {
+    /// Checks that the scanner can point to optical angles, in degrees.
+    ///
+    /// # Errors
+    /// A message with angles and range.
+    pub fn check(&self, angles_deg: [f64; 2]) -> Result<(), String> {
+        if angles_deg.iter().zip(self.range_deg).all(|(a, most)| a.abs() <= most) {
+            return Ok(());
+        }
+        Err(format!("{angles_deg:?}° is outside ±{:?}°", self.range_deg))
+    }
+}
+
 pub trait GalvoScanner: Instrument {
     fn limits(&self) -> GalvoLimits;
 

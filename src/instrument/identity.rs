@@ -1,6 +1,6 @@
 //! Features common to all instruments: name, identity and reconnection.
 
-use super::failure::Failure;
+use super::failure::{Failure, Fault};
 use std::time::Duration;
 
 /// Identity that an instrument reports.
@@ -29,6 +29,25 @@ pub trait Instrument: Send {
     /// # Errors
     /// [`Failure`], at the latest after `within`.
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure>;
+
+    /// Creates a failure of this instrument.
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure
+    where
+        Self: Sized,
+    {
+        Failure::new(fault, self.name(), what)
+    }
+
+    /// Fails with a failure of this instrument.
+    ///
+    /// # Errors
+    /// Always, with this [`Failure`].
+    fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure>
+    where
+        Self: Sized,
+    {
+        Err(self.failure(fault, what))
+    }
 
     /// Returns the temperature in degrees Celsius, if the instrument measures it.
     fn temperature_c(&mut self) -> Option<f64> {

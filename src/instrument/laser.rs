@@ -13,6 +13,20 @@ pub struct LaserLimits {
     pub rate_hz: [f64; 2],
 }
 
+impl LaserLimits {
+    /// Checks a pulse rate, in hertz.
+    ///
+    /// # Errors
+    /// A message with rate and range.
+    pub fn check(&self, hz: f64) -> Result<(), String> {
+        let [least, most] = self.rate_hz;
+        if hz >= least && hz <= most {
+            return Ok(());
+        }
+        Err(format!("{hz} Hz is outside {least} to {most} Hz"))
+    }
+}
+
 /// State of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserState {

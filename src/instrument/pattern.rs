@@ -28,6 +28,28 @@ pub struct ProjectorLimits {
     pub shortest: Duration,
 }
 
+impl ProjectorLimits {
+    /// Checks a number of patterns.
+    ///
+    /// # Errors
+    /// A message with number and limit.
+    pub fn check(&self, patterns: usize) -> Result<(), String> {
+        if patterns <= self.patterns {
+            return Ok(());
+        }
+        Err(format!("{patterns} patterns exceed the limit of {}", self.patterns))
+    }
+}
+
+/// Returns an entry of a projector's list of loaded patterns.
+///
+/// # Errors
+/// A message if the list has no such entry.
+pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
+    let found = loaded.get(pattern).cloned();
+    found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))
+}
+
 pub trait PatternProjector: Instrument {
     fn limits(&self) -> ProjectorLimits;
 

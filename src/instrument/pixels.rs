@@ -87,7 +87,7 @@ mod tests {
             height in prop_oneof![0..4_u32, any::<u32>()],
             which in 0..4_usize,
         ) {
-            let format = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16][which];
+            let format = PixelFormat::ALL[which];
             let mut frame = frame(bytes, format, width);
             frame.region.height = height;
             if let Some(numbers) = unpack(&frame) {
@@ -98,7 +98,7 @@ mod tests {
 
         #[test]
         fn numbers_go_and_come(numbers in prop::collection::vec(0_u32..256, 0..40), which in 0..4_usize) {
-            let format = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16][which];
+            let format = PixelFormat::ALL[which];
             let numbers: Vec<u32> = numbers.iter().map(|n| n << (format.bits() - 8)).collect();
             let found = unpack(&frame(pack(&numbers, format), format, numbers.len() as u32));
             prop_assert_eq!(found, Some(numbers));

@@ -19,6 +19,18 @@ pub struct StageLimits {
 }
 
 impl StageLimits {
+    /// Checks an angle, in degrees.
+    ///
+    /// # Errors
+    /// A message with angle and range.
+    pub fn check(&self, angle_deg: f64) -> Result<(), String> {
+        let [least, most] = self.range_deg;
+        if angle_deg.is_finite() && angle_deg >= least && angle_deg <= most {
+            return Ok(());
+        }
+        Err(format!("{angle_deg}° is outside {least}° to {most}°"))
+    }
+
     /// Returns the duration of a move by `degrees` with a trapezoidal velocity profile.
     #[must_use]
     pub fn move_time(&self, degrees: f64) -> Duration {

@@ -140,12 +140,6 @@ impl Histograms {
     }
 }
 
-/// Indices of [`State::left`], in the order in which the reasons are tested.
-const CHANNELS: usize = 0;
-const PIXELS: usize = 1;
-const SYNCS: usize = 2;
-const LATER: usize = 3;
-
 /// Look-up tables and the state of the pass over the records.
 struct State {
     /// Index of each channel's first bin within a pixel.
@@ -162,16 +156,14 @@ struct State {
     photons: u64,
     unknown: u64,
     syncs: u64,
-    left: [u64; 4],
-    latest: u64,
-    torn_frame: u64,
+    left_out: LeftOut,
 }
 
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
-    let State { first, bin_of, counts, left, latest, .. } = state;
+    let State { first, bin_of, counts, left_out, .. } = state;
     // A fixed length that matches the index mask removes the bounds check.
     let Some(bin_of) = bin_of.first_chunk::<{ 1 << 15 }>() else {
-        return;
+        unreachable!("the table has an entry for every dtime");
     };
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
@@ -208,14 +200,14 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                     let count = &mut counts[base + slot as usize];
                     *count = count.saturating_add(1);
                 } else if begin == NOWHERE {
-                    left[CHANNELS] += 1;
+                    left_out.channels += 1;
                 } else if room == 0 {
-                    left[PIXELS] += 1;
+                    left_out.pixels += 1;
                 } else if let Some(since) = since {
-                    left[LATER] += 1;
-                    *latest = since.max(*latest);
+                    left_out.later += 1;
+                    left_out.latest = since.max(left_out.latest);
                 } else {
-                    left[SYNCS] += 1;
+                    left_out.before_sync += 1;
                 }
             }
             Parts::Overflow(more) => {
@@ -226,7 +218,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                 beam.marker(overflow.saturating_add(u64::from(time)), bits);
                 if beam.torn {
                     beam.torn = false;
-                    state.torn_frame += counts.iter().map(|n| u64::from(*n)).sum::<u64>();
+                    left_out.torn_frame += counts.iter().map(|n| u64::from(*n)).sum::<u64>();
                     counts.fill(0);
                 }
                 (base, room) = place(&beam);
@@ -306,9 +298,7 @@ pub fn possibly_empty_histogram<R: Read>(
         photons: 0,
         unknown: 0,
         syncs: 0,
-        left: [0; 4],
-        latest: 0,
-        torn_frame: 0,
+        left_out: LeftOut::default(),
     };
     let timed = state.beam.is_timed();
     loop {
@@ -327,17 +317,9 @@ pub fn possibly_empty_histogram<R: Read>(
         let what = format!("a bin has {} or more counts", u32::MAX);
         return Err(PtuError::of_request(&file, what, "use narrower bins"));
     }
-    let left_out = LeftOut {
-        channels: state.left[CHANNELS],
-        pixels: state.left[PIXELS],
-        before_sync: state.left[SYNCS],
-        later: state.left[LATER],
-        latest: state.latest,
-        torn_frame: state.torn_frame,
-    };
-    let empty = (state.photons == left_out.photons()).then(|| {
+    let empty = (state.photons == state.left_out.photons()).then(|| {
         let resolution = reader.header().resolution_s(record.mode());
-        let (what, fix) = nothing(plan, &state, &left_out, record, resolution);
+        let (what, fix) = nothing(plan, &state, record, resolution);
         PtuError::of_request(&file, what, fix)
     });
     let (height, width) = plan.scan.map_or((1, 1), |s| (s.height, s.width));
@@ -345,7 +327,7 @@ pub fn possibly_empty_histogram<R: Read>(
         shape: [height, width, plan.channels.len(), plan.bins],
         counts: state.counts,
         photons: state.photons,
-        left_out,
+        left_out: state.left_out,
         beyond: state.beam.beyond,
         missing: if state.beam.begins > 0 { state.beam.missing } else { 0 },
         unknown: state.unknown,
@@ -354,13 +336,7 @@ pub fn possibly_empty_histogram<R: Read>(
 }
 
 /// Returns why no photon is in a bin, and how to fix it.
-fn nothing(
-    plan: &Plan,
-    state: &State,
-    left_out: &LeftOut,
-    record: RecordType,
-    resolution_s: Option<f64>,
-) -> (String, String) {
+fn nothing(plan: &Plan, state: &State, record: RecordType, resolution_s: Option<f64>) -> (String, String) {
     if state.photons == 0 {
         let what = format!("the file contains no photons ({} records of unknown type)", state.unknown);
         return (what, "check that the measurement ran and the file is complete".into());
@@ -368,7 +344,7 @@ fn nothing(
     if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
         let what = format!(
             "marker {}, which begins each {}, never occurs",
-            scan.begin().trailing_zeros() + 1,
+            scan.clock.begin.trailing_zeros() + 1,
             if state.beam.is_timed() { "line" } else { "pixel" },
         );
         return (what, "list the markers with `sunstone ptu info`".into());
@@ -381,7 +357,11 @@ fn nothing(
         );
     }
     (
-        format!("none of the {} photons is in a bin: {}", state.photons, left_out.describe(resolution_s)),
+        format!(
+            "none of the {} photons is in a bin: {}",
+            state.photons,
+            state.left_out.describe(resolution_s)
+        ),
         "use other channels, bins or pixels".into(),
     )
 }

@@ -11,15 +11,7 @@ use super::tests::{bytes_of, counted, even, open};
 /// Photons of a scan belong to the pixel of its markers, and between pixels to none.
 #[test]
 fn markers_make_pixels() {
-    let photon = |time, dtime| Event::Photon { time, dtime, channel: 0 };
-    let marker = |time, bits| Event::Marker { time, bits };
-    let record = RecordType::TimeHarp260PT3;
-    let plan = |clock, width, height| Plan {
-        bin: 1,
-        bins: 8,
-        channels: vec![0],
-        scan: Some(Scan { width, height, bidirectional: false, clock }),
-    };
+    let plan = |clock| plan(8, Some(Scan { width: 2, height: 2, bidirectional: false, clock }));
     // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
     // excess one.
     let events = [
@@ -40,8 +32,8 @@ fn markers_make_pixels() {
         marker(6005, 1),
         photon(6006, 6),
     ];
-    let clock = Clock::Pixels { begin: 1, end: 2, frame: 4 };
-    let got = counted(&bytes_of(record, &events), &plan(clock, 2, 2));
+    let clock = Clock { begin: 1, end: 2, frame: 4, sweep: None };
+    let got = counted(&bytes_of(RECORD, &events), &plan(clock));
     let mut want = vec![0; 32];
     [1, 8 + 3, 4, 24 + 5].iter().for_each(|i| want[*i] = 1);
     assert_eq!((got.counts.clone(), got.photons, got.counted()), (want, 7, 4));
@@ -68,8 +60,8 @@ fn markers_make_pixels() {
         marker(7000, 1),
         photon(7001, 6),
     ];
-    let clock = Clock::Lines { begin: 1, end: 2, frame: 4, sweep: even(100) };
-    let got = counted(&bytes_of(record, &events), &plan(clock, 2, 2));
+    let clock = Clock { sweep: even(100), ..clock };
+    let got = counted(&bytes_of(RECORD, &events), &plan(clock));
     let mut want = vec![0; 32];
     [(1, 2), (8 + 2, 2), (24 + 4, 1), (5, 1)].iter().for_each(|(i, n)| want[*i] = *n);
     assert_eq!(got.counts, want);
@@ -138,7 +130,7 @@ fn rows_that_run_backwards_are_turned_around() {
         let want =
             if back { [0, 0, 1, 2, 0, 0, 0, 0, 3, 4, 0, 0] } else { [0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4] };
         assert_eq!(counted(&bytes_of(RECORD, &lines), &plan(1, Some(scan))).counts, want);
-        let clock = Clock::Pixels { begin: 1, end: 0, frame: 0 };
+        let clock = Clock { begin: 1, end: 0, frame: 0, sweep: None };
         let scan = Scan { clock, ..scan };
         assert_eq!(counted(&bytes_of(RECORD, &pixels), &plan(1, Some(scan))).counts, want);
     }
@@ -204,7 +196,7 @@ fn photons_in_no_bin_are_counted_by_reason() {
 #[test]
 fn histograms_of_nothing_are_refused() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
-    let pixels = Clock::Pixels { begin: 8, end: 0, frame: 0 };
+    let pixels = Clock { begin: 8, end: 0, frame: 0, sweep: None };
     let by_pixels = Scan { clock: pixels, ..scan };
     let (t3, t2) = (RECORD, RecordType::GenericT2);
     for (record, events, plan, why) in [

@@ -2,7 +2,7 @@
 
 use super::header::Header;
 use super::record::Mode;
-use super::scan::{Clock, Scan, is_bidirectional};
+use super::scan::{Scan, is_bidirectional};
 
 /// Name prefixes of tags that describe the file, the program, the hardware or results. They are not known to
 /// affect a photon's channel, time or pixel.
@@ -72,11 +72,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
                 .into(),
         );
     }
-    let sweep = scan.and_then(|s| match s.clock {
-        Clock::Lines { sweep, .. } => sweep.sine,
-        Clock::Pixels { .. } => None,
-    });
-    if let Some(sine) = sweep {
+    if let Some(sine) = scan.and_then(|s| s.clock.sweep?.sine) {
         notes.push(format!(
             "ImgHdr_SinCorrection is applied: lines cover {:.3} % of a sine's amplitude (PicoQuant's definition)",
             100.0 * sine

@@ -46,39 +46,38 @@ pub enum RecordType {
     GenericT3,
 }
 
+/// Code in headers, name and bit layout of every type, in the order of the variants.
+const TYPES: [(RecordType, u32, &str, Family); 12] = [
+    (RecordType::PicoHarpT2, 0x0001_0203, "PicoHarp 300 T2", Family::PicoT2),
+    (RecordType::PicoHarpT3, 0x0001_0303, "PicoHarp 300 T3", Family::PicoT3),
+    (RecordType::HydraHarpT2, 0x0001_0204, "HydraHarp 1 T2", Family::OldHydraT2),
+    (RecordType::HydraHarpT3, 0x0001_0304, "HydraHarp 1 T3", Family::OldHydraT3),
+    (RecordType::HydraHarp2T2, 0x0101_0204, "HydraHarp 2 T2", Family::HydraT2),
+    (RecordType::HydraHarp2T3, 0x0101_0304, "HydraHarp 2 T3", Family::HydraT3),
+    (RecordType::TimeHarp260NT2, 0x0001_0205, "TimeHarp 260 N T2", Family::HydraT2),
+    (RecordType::TimeHarp260NT3, 0x0001_0305, "TimeHarp 260 N T3", Family::HydraT3),
+    (RecordType::TimeHarp260PT2, 0x0001_0206, "TimeHarp 260 P T2", Family::HydraT2),
+    (RecordType::TimeHarp260PT3, 0x0001_0306, "TimeHarp 260 P T3", Family::HydraT3),
+    (RecordType::GenericT2, 0x0001_0207, "MultiHarp T2", Family::HydraT2),
+    (RecordType::GenericT3, 0x0001_0307, "MultiHarp T3", Family::HydraT3),
+];
+
 impl RecordType {
-    pub const ALL: [Self; 12] = [
-        Self::PicoHarpT2,
-        Self::PicoHarpT3,
-        Self::HydraHarpT2,
-        Self::HydraHarpT3,
-        Self::HydraHarp2T2,
-        Self::HydraHarp2T3,
-        Self::TimeHarp260NT2,
-        Self::TimeHarp260NT3,
-        Self::TimeHarp260PT2,
-        Self::TimeHarp260PT3,
-        Self::GenericT2,
-        Self::GenericT3,
-    ];
+    pub const ALL: [Self; 12] = {
+        let mut all = [Self::PicoHarpT2; 12];
+        let mut i = 0;
+        while i < all.len() {
+            all[i] = TYPES[i].0;
+            assert!(all[i] as usize == i, "the table has the order of the variants");
+            i += 1;
+        }
+        all
+    };
 
     /// Returns the type's code in headers.
     #[must_use]
     pub fn code(self) -> u32 {
-        match self {
-            Self::PicoHarpT2 => 0x0001_0203,
-            Self::PicoHarpT3 => 0x0001_0303,
-            Self::HydraHarpT2 => 0x0001_0204,
-            Self::HydraHarpT3 => 0x0001_0304,
-            Self::HydraHarp2T2 => 0x0101_0204,
-            Self::HydraHarp2T3 => 0x0101_0304,
-            Self::TimeHarp260NT2 => 0x0001_0205,
-            Self::TimeHarp260NT3 => 0x0001_0305,
-            Self::TimeHarp260PT2 => 0x0001_0206,
-            Self::TimeHarp260PT3 => 0x0001_0306,
-            Self::GenericT2 => 0x0001_0207,
-            Self::GenericT3 => 0x0001_0307,
-        }
+        TYPES[self as usize].1
     }
 
     /// Returns the type of a code.
@@ -89,20 +88,7 @@ impl RecordType {
 
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::PicoHarpT2 => "PicoHarp 300 T2",
-            Self::PicoHarpT3 => "PicoHarp 300 T3",
-            Self::HydraHarpT2 => "HydraHarp 1 T2",
-            Self::HydraHarpT3 => "HydraHarp 1 T3",
-            Self::HydraHarp2T2 => "HydraHarp 2 T2",
-            Self::HydraHarp2T3 => "HydraHarp 2 T3",
-            Self::TimeHarp260NT2 => "TimeHarp 260 N T2",
-            Self::TimeHarp260NT3 => "TimeHarp 260 N T3",
-            Self::TimeHarp260PT2 => "TimeHarp 260 P T2",
-            Self::TimeHarp260PT3 => "TimeHarp 260 P T3",
-            Self::GenericT2 => "MultiHarp T2",
-            Self::GenericT3 => "MultiHarp T3",
-        }
+        TYPES[self as usize].2
     }
 
     #[must_use]
@@ -131,18 +117,7 @@ impl RecordType {
     }
 
     pub(super) fn family(self) -> Family {
-        match self {
-            Self::PicoHarpT2 => Family::PicoT2,
-            Self::PicoHarpT3 => Family::PicoT3,
-            Self::HydraHarpT2 => Family::OldHydraT2,
-            Self::HydraHarpT3 => Family::OldHydraT3,
-            Self::HydraHarp2T2 | Self::TimeHarp260NT2 | Self::TimeHarp260PT2 | Self::GenericT2 => {
-                Family::HydraT2
-            }
-            Self::HydraHarp2T3 | Self::TimeHarp260NT3 | Self::TimeHarp260PT3 | Self::GenericT3 => {
-                Family::HydraT3
-            }
-        }
+        TYPES[self as usize].3
     }
 }
 

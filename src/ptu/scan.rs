@@ -53,26 +53,15 @@ impl Sweep {
 
 /// Meaning of the markers. Markers are bits: 1 is the first input, 8 the fourth, 0 none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Clock {
-    /// One marker begins each pixel. The beam rests at a point, then moves to the next.
-    Pixels {
-        /// Begins the next pixel.
-        begin: u8,
-        /// Ends the pixel. If 0, the next begin ends it.
-        end: u8,
-        /// Restarts at the first pixel.
-        frame: u8,
-    },
-    /// One marker begins each line, along which the beam sweeps.
-    Lines {
-        /// Begins the next line.
-        begin: u8,
-        /// Ends the line. If 0, its last pixel ends it.
-        end: u8,
-        /// Restarts at the first line.
-        frame: u8,
-        sweep: Sweep,
-    },
+pub struct Clock {
+    /// Begins the next line or, without a sweep, the next pixel.
+    pub begin: u8,
+    /// Ends the line or the pixel. If 0, the line's last pixel or the next begin ends it.
+    pub end: u8,
+    /// Restarts at the first line or pixel.
+    pub frame: u8,
+    /// Motion of the beam along a line. Without it, the beam rests at a point, then moves to the next.
+    pub sweep: Option<Sweep>,
 }
 
 /// Returns whether every second row runs backwards by the header (`ImgHdr_BiDirect`).
@@ -152,12 +141,12 @@ impl Scan {
             width: size("ImgHdr_PixX")?,
             height: if image { size("ImgHdr_PixY")? } else { 1 },
             bidirectional: is_bidirectional(header),
-            clock: Clock::Lines {
+            clock: Clock {
                 begin: markers[0],
                 end: markers[1],
                 // Every line of a line scan restarts at the first row.
                 frame: if image { markers[2] } else { markers[0] },
-                sweep: Sweep { pixel_time: ticks as u64, sine },
+                sweep: Some(Sweep { pixel_time: ticks as u64, sine }),
             },
         })
     }
@@ -173,18 +162,9 @@ impl Scan {
         y * self.width + if self.is_backwards(y) { self.width - 1 - x } else { x }
     }
 
-    /// Returns the marker that begins a pixel or a line.
-    pub(super) fn begin(&self) -> u8 {
-        let (Clock::Pixels { begin, .. } | Clock::Lines { begin, .. }) = self.clock;
-        begin
-    }
-
     /// Returns the number of pixels or lines in a frame.
     pub(super) fn steps(&self) -> usize {
-        match self.clock {
-            Clock::Pixels { .. } => self.width * self.height,
-            Clock::Lines { .. } => self.height,
-        }
+        if self.clock.sweep.is_some() { self.height } else { self.width * self.height }
     }
 }
 
@@ -233,13 +213,13 @@ impl Beam {
 
     /// Returns whether the pixel depends on the time of photons.
     pub fn is_timed(&self) -> bool {
-        self.scan.is_some_and(|s| matches!(s.clock, Clock::Lines { .. }))
+        self.scan.is_some_and(|s| s.clock.sweep.is_some())
     }
 
     /// Handles a marker. For simultaneous markers the order is end, frame, begin.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
-        let (Clock::Pixels { begin, end, frame } | Clock::Lines { begin, end, frame, .. }) = scan.clock;
+        let Clock { begin, end, frame, .. } = scan.clock;
         if bits & (end | frame) != 0 {
             (self.pixel, self.line, self.during) = (None, None, NEVER);
         }
@@ -273,9 +253,7 @@ impl Beam {
         let (Some(scan), Some((begin, line))) = (self.scan, self.line) else {
             return;
         };
-        let Clock::Lines { sweep, .. } = scan.clock else {
-            return;
-        };
+        let Some(sweep) = scan.clock.sweep else { return };
         let width = scan.width as u64;
         let duration = sweep.pixel_time.saturating_mul(width);
         let Some(since) = time.checked_sub(begin).filter(|since| *since < duration) else {

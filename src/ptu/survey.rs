@@ -2,7 +2,7 @@
 
 use super::error::PtuError;
 use super::reader::Reader;
-use super::record::{Layout, Parts, with_layout};
+use super::record::Event;
 use std::io::Read;
 
 /// Counts of a file's records by kind.
@@ -22,12 +22,6 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Returns the number of photons in all channels.
-    #[must_use]
-    pub fn all_photons(&self) -> u64 {
-        self.photons.iter().sum()
-    }
-
     /// Returns the channels that have photons.
     #[must_use]
     pub fn channels(&self) -> Vec<u8> {
@@ -35,44 +29,11 @@ impl Survey {
     }
 }
 
-fn count<L: Layout>(survey: &mut Survey, overflow: &mut u64, block: &[[u8; 4]]) {
-    let mut base = *overflow;
-    for record in block {
-        match L::split(u32::from_le_bytes(*record)) {
-            Parts::Photon { time, dtime, channel } => {
-                let c = channel as usize & 63;
-                survey.photons[c] += 1;
-                survey.last_dtime[c] = survey.last_dtime[c].max(dtime);
-                survey.duration = base.saturating_add(u64::from(time));
-            }
-            Parts::Overflow(more) => {
-                base = base.saturating_add(more);
-                survey.overflows += 1;
-                survey.duration = base;
-            }
-            Parts::Marker { time, bits } => {
-                for (i, count) in survey.markers.iter_mut().enumerate() {
-                    *count += u64::from(bits >> i & 1);
-                }
-                survey.duration = base.saturating_add(u64::from(time));
-            }
-            Parts::Sync { time } => {
-                survey.syncs += 1;
-                survey.duration = base.saturating_add(u64::from(time));
-            }
-            Parts::Unknown => survey.unknown += 1,
-        }
-    }
-    *overflow = base;
-}
-
 /// Counts a file's records from the reader's position to the end.
 ///
 /// # Errors
 /// [`PtuError`] if the system cannot read the file.
 pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
-    let record = reader.record_type();
-    let mut overflow = 0;
     let mut survey = Survey {
         photons: [0; 64],
         markers: [0; 4],
@@ -82,12 +43,33 @@ pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
         last_dtime: [0; 64],
         duration: 0,
     };
-    loop {
-        let block = reader.block()?;
-        if block.is_empty() {
-            return Ok(survey);
-        }
-        let (survey, overflow) = (&mut survey, &mut overflow);
-        with_layout!(record, count[](survey, overflow, block));
-    }
+    reader.events(|event| {
+        survey.duration = match event {
+            Event::Photon { time, dtime, channel } => {
+                let c = usize::from(channel & 63);
+                survey.photons[c] += 1;
+                survey.last_dtime[c] = survey.last_dtime[c].max(u32::from(dtime));
+                time
+            }
+            Event::Overflow { time } => {
+                survey.overflows += 1;
+                time
+            }
+            Event::Marker { time, bits } => {
+                for (i, count) in survey.markers.iter_mut().enumerate() {
+                    *count += u64::from(bits >> i & 1);
+                }
+                time
+            }
+            Event::Sync { time } => {
+                survey.syncs += 1;
+                time
+            }
+            Event::Unknown { .. } => {
+                survey.unknown += 1;
+                survey.duration
+            }
+        };
+    })?;
+    Ok(survey)
 }

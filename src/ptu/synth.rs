@@ -2,16 +2,13 @@
 //!
 //! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are equivalent.
 //! Given the counts of all bins, every assignment to distinct pulses is equally likely. A random assignment
-//! of the counts of [`Spad::count`] therefore has exactly the distribution of a loop over pulses. Its cost is
+//! of the counts of a simulated diode therefore has exactly the distribution of a loop over pulses. Its cost is
 //! proportional to the detections.
 //!
 //! The dead time of a free-running diode correlates neighboring detections. Its counts are assigned to pulses
 //! independently, which preserves histograms but not this correlation.
 
-use optics::sampling::mix::mix;
 use optics::sampling::stream::Stream;
-use polarimetry::capture::detector::error::DetectorError;
-use polarimetry::capture::detector::spad::{Mode, Spad};
 
 /// A detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,14 +76,4 @@ fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
         numbers.dedup();
     }
     numbers
-}
-
-/// Returns the time stamps of one dwell with the rates of [`Spad::rates`]. Bins are those of the period.
-///
-/// # Errors
-/// Those of [`Spad::count`].
-pub fn dwell(spad: &Spad, rates: &[f64], seed: u64, pixel: u32) -> Result<Vec<Stamp>, DetectorError> {
-    let mut stream = Stream::new(mix(seed), pixel, 0);
-    let counts = spad.count(rates, &mut stream)?;
-    Ok(deal(&counts, spad.pulses, spad.mode == Mode::Synchronous, &mut stream))
 }

@@ -1,4 +1,4 @@
-//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps, speed.
+//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps.
 
 use super::error::PtuError;
 use super::header::{Header, MAGIC};
@@ -12,7 +12,7 @@ use super::tag::{Tag, Value};
 use super::writer::{self, Description, Writer};
 use optics::sampling::mix::mix;
 use optics::sampling::stream::Stream;
-use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::detector::spad::{Mode as SpadMode, Spad};
 use proptest::prelude::*;
 use std::io::Cursor;
 use std::path::Path;
@@ -44,8 +44,14 @@ pub(super) fn bytes_of(record: RecordType, events: &[Event]) -> Vec<u8> {
 }
 
 /// Returns a sweep with pixels of equal duration.
-pub(super) fn even(pixel_time: u64) -> Sweep {
-    Sweep { pixel_time, sine: None }
+pub(super) fn even(pixel_time: u64) -> Option<Sweep> {
+    Some(Sweep { pixel_time, sine: None })
+}
+
+/// Returns a scan whose pixels begin at the first marker.
+fn by_pixels(width: usize, height: usize) -> Scan {
+    let clock = Clock { begin: 1, end: 0, frame: 0, sweep: None };
+    Scan { width, height, bidirectional: false, clock }
 }
 
 pub(super) fn open(bytes: &[u8]) -> Result<Reader<&[u8]>, PtuError> {
@@ -226,7 +232,7 @@ fn histograms_are_those_of_a_plain_loop() {
         }
         let found = survey(&mut open(&bytes).expect("opens")).expect("surveys");
         assert_eq!(
-            found.all_photons(),
+            found.photons.iter().sum::<u64>(),
             events.iter().filter(|e| matches!(e, Event::Photon { .. })).count() as u64
         );
         assert_eq!(found.unknown, 0);
@@ -268,12 +274,7 @@ fn damage_is_told_in_words() {
         "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete one"
     );
     let plan = Plan { bin: 1, bins: 1 << 15, channels: vec![0], scan: None };
-    let large = Scan {
-        width: 1 << 40,
-        height: 1 << 40,
-        bidirectional: false,
-        clock: Clock::Pixels { begin: 1, end: 0, frame: 0 },
-    };
+    let large = by_pixels(1 << 40, 1 << 40);
     let refused =
         |plan: Plan| histogram(&mut open(&whole).expect("opens"), &plan).expect_err("refused").to_string();
     assert!(refused(Plan { scan: Some(large), ..plan.clone() }).contains("more than 536870912"));
@@ -300,60 +301,6 @@ fn writers_refuse_what_records_cannot_hold() {
     let n = writer::write(&path, &description(RecordType::PicoHarpT3), |w| w.photon(70_000, 50, 0))
         .expect("writes");
     assert_eq!((n, Reader::open(&path).expect("opens").records()), (2, 2));
-}
-
-/// Measures the speed of one core: `cargo test --release -p sunstone-rig speed -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn speed() {
-    let dir = tempfile::tempdir().expect("a folder");
-    for (record, gap) in
-        [(RecordType::TimeHarp260PT3, 3), (RecordType::TimeHarp260PT3, 3000), (RecordType::PicoHarpT3, 3)]
-    {
-        let path = dir.path().join("speed.ptu");
-        let mut state = 1;
-        let n = writer::write(&path, &description(record), |w| {
-            let mut time = 0;
-            for i in 0..40_000_000_u64 {
-                state = mix(state + 1);
-                time += state % gap;
-                if i % 2_500 == 0 {
-                    w.marker(time, 1)?;
-                }
-                w.photon(time, (state >> 32) as u16 % 4000, (state >> 60) as u8 % 2)?;
-            }
-            Ok(())
-        })
-        .expect("writes");
-        let pixels = Clock::Pixels { begin: 1, end: 0, frame: 0 };
-        let lines = Clock::Lines { begin: 1, end: 0, frame: 0, sweep: even(300) };
-        let scan = |clock| Some(Scan { width: 128, height: 128, bidirectional: false, clock });
-        for (name, bin, bins, scan) in [
-            ("one histogram", 1, 4000, None),
-            ("128 x 128 pixels by markers", 16, 250, scan(pixels)),
-            ("128 x 128 pixels by lines", 16, 250, scan(lines)),
-        ] {
-            let plan = Plan { bin, bins, channels: vec![0, 1], scan };
-            let mut rates: Vec<f64> = (0..7)
-                .map(|_| {
-                    let start = std::time::Instant::now();
-                    let mut reader = Reader::open(&path).expect("opens");
-                    let found = histogram(&mut reader, &plan).expect("counts");
-                    assert_eq!(found.photons, 40_000_000);
-                    n as f64 / start.elapsed().as_secs_f64() / 1e6
-                })
-                .collect();
-            rates.sort_by(f64::total_cmp);
-            println!(
-                "{} ({n} records, mean gap {:.1} pulses), {name}: {:.0} million records a second (median of 7; {:.0} to {:.0})",
-                record.name(),
-                (gap - 1) as f64 / 2.0,
-                rates[3],
-                rates[0],
-                rates[6],
-            );
-        }
-    }
 }
 
 /// 10,000 damaged, truncated or random files are read to the end or rejected with a message, quickly.
@@ -392,8 +339,8 @@ fn damaged_files_end_in_words_or_numbers() {
             }
         }
         let result = open(&bytes).and_then(|mut reader| {
-            let pixels = Clock::Pixels { begin: 1, end: draw(3) as u8, frame: 4 };
-            let lines = Clock::Lines { begin: 1, end: 2, frame: 4, sweep: even(draw(3000) as u64) };
+            let pixels = Clock { begin: 1, end: draw(3) as u8, frame: 4, sweep: None };
+            let lines = Clock { begin: 1, end: 2, frame: 4, sweep: even(draw(3000) as u64) };
             let clock = if i % 2 == 0 { pixels } else { lines };
             let scan = Scan { width: 1 + draw(5), height: 1 + draw(5), bidirectional: false, clock };
             let scan = Scan::of_header(reader.header()).unwrap_or(scan);
@@ -408,7 +355,7 @@ fn damaged_files_end_in_words_or_numbers() {
             // An empty histogram is also an error.
             let result = histogram(&mut reader, &plan)?;
             assert_eq!(result.counted() + result.left_out.photons(), result.photons);
-            assert_eq!(result.photons, surveyed.all_photons());
+            assert_eq!(result.photons, surveyed.photons.iter().sum::<u64>());
             Ok(())
         });
         match result {
@@ -450,7 +397,9 @@ fn stamps_are_those_of_a_diode() {
     for pixel in 0..20 {
         let begin = u64::from(pixel) * spad.pulses;
         writer.marker(begin, 1).expect("writes");
-        let dwell = synth::dwell(&spad, &rates, 3, pixel).expect("counts");
+        let mut stream = Stream::new(mix(3), pixel, 0);
+        let counts = spad.count(&rates, &mut stream).expect("counts");
+        let dwell = synth::deal(&counts, spad.pulses, spad.mode == SpadMode::Synchronous, &mut stream);
         assert!(
             dwell.windows(2).all(|w| w[0].sync < w[1].sync) && dwell.iter().all(|s| s.sync < spad.pulses)
         );
@@ -462,13 +411,8 @@ fn stamps_are_those_of_a_diode() {
         }
     }
     writer.end().expect("ends");
-    let scan = Scan {
-        width: 5,
-        height: 4,
-        bidirectional: false,
-        clock: Clock::Pixels { begin: 1, end: 0, frame: 0 },
-    };
-    let got = counted(&out.into_inner(), &Plan { bin: 1, bins: 100, channels: vec![0], scan: Some(scan) });
+    let scan = Some(by_pixels(5, 4));
+    let got = counted(&out.into_inner(), &Plan { bin: 1, bins: 100, channels: vec![0], scan });
     assert_eq!(got.counted(), stamps as u64);
     let total: Vec<f64> =
         (0..100).map(|b| got.counts.iter().skip(b).step_by(100).map(|n| f64::from(*n)).sum()).collect();

@@ -1,7 +1,7 @@
 //! Writes a file: header, records in order of time, and finally the number of records.
 
 use super::header::Header;
-use super::record::{Family, HydraT2, HydraT3, Layout, Mode, PicoT2, PicoT3, RecordType};
+use super::record::{Family, Layout, Mode, RecordType, with_layout};
 use super::tag::{Tag, Value};
 use std::fs::File;
 use std::io::{self, BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
@@ -29,13 +29,9 @@ impl Description {
     /// Returns the header of a file without records.
     #[must_use]
     pub fn header(&self) -> Header {
-        let mode = match self.record.mode() {
-            Mode::T2 => 2,
-            Mode::T3 => 3,
-        };
-        let resolution = match self.record.mode() {
-            Mode::T2 => self.global_resolution_s,
-            Mode::T3 => self.resolution_s,
+        let (mode, resolution) = match self.record.mode() {
+            Mode::T2 => (2, self.global_resolution_s),
+            Mode::T3 => (3, self.resolution_s),
         };
         let (int, float) = (Value::Int, Value::Float);
         let own = [
@@ -61,6 +57,11 @@ impl Description {
         let more: Vec<Tag> = more.cloned().collect();
         Header { version: "1.0.00".into(), tags: own.into_iter().chain(more).collect() }
     }
+}
+
+/// Returns the clock counts per overflow.
+fn period<L: Layout>() -> u64 {
+    L::PERIOD
 }
 
 fn refused(what: impl Into<String>) -> Error {
@@ -101,13 +102,7 @@ impl<W: Write + Seek> Writer<W> {
             record,
             number_at,
             records: 0,
-            period: match record.family() {
-                Family::PicoT2 => PicoT2::PERIOD,
-                Family::PicoT3 => PicoT3::PERIOD,
-                Family::OldHydraT2 => HydraT2::<true>::PERIOD,
-                Family::HydraT2 => HydraT2::<false>::PERIOD,
-                Family::OldHydraT3 | Family::HydraT3 => HydraT3::<false>::PERIOD,
-            },
+            period: with_layout!(record, period[]()),
             overflow: 0,
             last: 0,
         }

@@ -82,11 +82,6 @@ impl Clock {
             locked(state).wall_offset_s += seconds;
         }
     }
-
-    #[must_use]
-    pub fn is_simulated(&self) -> bool {
-        matches!(self, Self::Simulated(_))
-    }
 }
 
 /// Locks a mutex and ignores poisoning: no holder leaves its data inconsistent.

@@ -10,6 +10,7 @@ use crate::instrument::{
     AreaCamera, CameraSettings, Failure, Fault, GalvoScanner, Instrument, Pattern, PatternProjector,
     PulsedLaser, Region, RotationStage, Trigger, pixels,
 };
+use std::fmt::Debug;
 use std::time::Duration;
 
 /// The result of one check.
@@ -24,14 +25,57 @@ pub struct Check {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report(pub Vec<Check>);
 
+/// An observed deviation from the required behavior.
+struct Deviation(String);
+
+impl From<Failure> for Deviation {
+    fn from(failure: Failure) -> Self {
+        Self(failure.to_string())
+    }
+}
+
 impl Report {
-    fn check(&mut self, name: &'static str, found: Result<(), String>) {
-        self.0.push(Check { name, fault: found.err() });
+    /// Creates a report with the checks that every instrument must pass.
+    fn common(i: &mut dyn Instrument) -> Self {
+        let mut report = Self::default();
+        report.check("has a name", want(!i.name().trim().is_empty(), format_args!("the name is empty")));
+        report.steps("reports its identity", || {
+            let id = i.identify(SHORT)?;
+            want(![&id.maker, &id.model, &id.serial].iter().any(|t| t.trim().is_empty()), id)
+        });
+        report.steps("reports its identity after reconnecting", || {
+            i.reconnect(SHORT)?;
+            i.identify(SHORT)?;
+            Ok(())
+        });
+        let plausible = i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t));
+        report.check(
+            "reports a plausible temperature or none",
+            want(plausible, format_args!("the temperature is not plausible")),
+        );
+        report
+    }
+
+    fn check(&mut self, name: &'static str, found: Result<(), impl Into<Deviation>>) {
+        self.0.push(Check { name, fault: found.err().map(|d| d.into().0) });
+    }
+
+    /// Adds a check of several steps.
+    fn steps(&mut self, name: &'static str, steps: impl FnOnce() -> Result<(), Deviation>) {
+        self.check(name, steps());
     }
 
     /// Returns the failed checks.
     pub fn faults(&self) -> impl Iterator<Item = &Check> {
         self.0.iter().filter(|c| c.fault.is_some())
+    }
+
+    /// Prints the number of checks, at least `least`, and panics if one failed.
+    #[cfg(test)]
+    pub(crate) fn assert_passed(&self, instrument: &str, least: usize) {
+        println!("{instrument}: {} checks", self.0.len());
+        let faults: Vec<_> = self.faults().collect();
+        assert!(faults.is_empty() && self.0.len() >= least, "{instrument}: {faults:?}");
     }
 }
 
@@ -39,116 +83,84 @@ impl Report {
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 
-fn want(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), String> {
-    if holds { Ok(()) } else { Err(otherwise()) }
-}
-
-fn good<T>(result: Result<T, Failure>) -> Result<T, String> {
-    result.map_err(|e| e.to_string())
+/// Returns `found` as a deviation unless a condition holds.
+fn want(holds: bool, found: impl Debug) -> Result<(), Deviation> {
+    if holds { Ok(()) } else { Err(Deviation(format!("{found:?}"))) }
 }
 
 /// Checks that a call fails with the given fault.
-fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), String> {
+fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), Deviation> {
     match result {
         Err(e) if e.fault == fault && !e.what.trim().is_empty() => Ok(()),
-        Err(e) => Err(format!("expected {}, got `{e}`", fault.name())),
-        Ok(_) => Err(format!("expected {}, but the call succeeded", fault.name())),
+        Err(e) => Err(Deviation(format!("expected {}, got `{e}`", fault.name()))),
+        Ok(_) => Err(Deviation(format!("expected {}, but the call succeeded", fault.name()))),
     }
-}
-
-fn common(i: &mut dyn Instrument, report: &mut Report) {
-    report.check("has a name", want(!i.name().trim().is_empty(), || "the name is empty".into()));
-    report.check(
-        "reports its identity",
-        good(i.identify(SHORT)).and_then(|id| {
-            let empty = [&id.maker, &id.model, &id.serial].iter().any(|t| t.trim().is_empty());
-            want(!empty, || format!("{id:?}"))
-        }),
-    );
-    report.check(
-        "reports its identity after reconnecting",
-        good(i.reconnect(SHORT)).and_then(|()| good(i.identify(SHORT)).map(drop)),
-    );
-    report.check(
-        "reports a plausible temperature or none",
-        want(i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)), || {
-            "the temperature is not plausible".into()
-        }),
-    );
 }
 
 /// Checks a rotation stage.
 pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
-    let mut report = Report::default();
-    common(stage, &mut report);
+    let mut report = Report::common(stage);
     let limits = stage.limits();
     let [least, most] = limits.range_deg;
     let sane =
         least < most && limits.velocity > 0.0 && limits.acceleration > 0.0 && limits.resolution_deg > 0.0;
-    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
-    report.check("finds its zero position", good(stage.home(LONG)));
-    report.check(
-        "reports homed, stopped and near zero after homing",
-        good(stage.read(SHORT))
-            .and_then(|r| want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || format!("{r:?}"))),
-    );
+    report.check("reports plausible limits", want(sane, limits));
+    report.check("finds its zero position", stage.home(LONG));
+    report.steps("reports homed, stopped and near zero after homing", || {
+        let r = stage.read(SHORT)?;
+        want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, r)
+    });
     let near = |angle: f64, found: f64| (angle - found).abs() <= 2.0 * limits.resolution_deg;
     for angle in [10.0, 33.3, 7.5] {
-        report.check(
-            "moves to the requested angle and reports it",
-            good(stage.begin_move(angle)).and_then(|()| good(stage.finish_move(LONG))).and_then(|r| {
-                want(near(angle, r.angle_deg) && !r.moving, || format!("expected {angle}, got {r:?}"))
-            }),
-        );
+        report.steps("moves to the requested angle and reports it", || {
+            stage.begin_move(angle)?;
+            let r = stage.finish_move(LONG)?;
+            want(near(angle, r.angle_deg) && !r.moving, format_args!("expected {angle}, got {r:?}"))
+        });
     }
-    report.check(
-        "a second move replaces the first",
-        good(stage.begin_move(60.0))
-            .and_then(|()| good(stage.begin_move(12.0)))
-            .and_then(|()| good(stage.finish_move(LONG)))
-            .and_then(|r| want(near(12.0, r.angle_deg), || format!("{r:?}"))),
-    );
+    report.steps("a second move replaces the first", || {
+        stage.begin_move(60.0)?;
+        stage.begin_move(12.0)?;
+        let r = stage.finish_move(LONG)?;
+        want(near(12.0, r.angle_deg), r)
+    });
     for (name, angle) in [("refuses NaN", f64::NAN), ("refuses infinity", f64::INFINITY)] {
         report.check(name, fails(stage.begin_move(angle), Fault::Limit));
     }
     if most.is_finite() {
         report.check("refuses angles outside its range", fails(stage.begin_move(most + 10.0), Fault::Limit));
     }
-    report.check(
-        "does not move after a refused move",
-        good(stage.read(SHORT)).and_then(|r| want(near(12.0, r.angle_deg), || format!("{r:?}"))),
-    );
-    report.check(
-        "reports a timeout at a short deadline and continues the move",
-        good(stage.begin_move(170.0)).and_then(|()| {
-            fails(stage.finish_move(Duration::from_millis(1)), Fault::Timeout)?;
-            good(stage.finish_move(LONG)).and_then(|r| want(near(170.0, r.angle_deg), || format!("{r:?}")))
-        }),
-    );
-    report.check(
-        "stops during a move",
-        good(stage.begin_move(0.0))
-            .and_then(|()| good(stage.stop(SHORT)))
-            .and_then(|()| good(stage.read(SHORT)))
-            .and_then(|r| want(!r.moving && r.angle_deg > 1.0, || format!("{r:?}"))),
-    );
-    report.check(
-        "moves after a stop",
-        good(stage.begin_move(0.0))
-            .and_then(|()| good(stage.finish_move(LONG)))
-            .and_then(|r| want(near(0.0, r.angle_deg), || format!("{r:?}"))),
-    );
+    report.steps("does not move after a refused move", || {
+        let r = stage.read(SHORT)?;
+        want(near(12.0, r.angle_deg), r)
+    });
+    report.steps("reports a timeout at a short deadline and continues the move", || {
+        stage.begin_move(170.0)?;
+        fails(stage.finish_move(Duration::from_millis(1)), Fault::Timeout)?;
+        let r = stage.finish_move(LONG)?;
+        want(near(170.0, r.angle_deg), r)
+    });
+    report.steps("stops during a move", || {
+        stage.begin_move(0.0)?;
+        stage.stop(SHORT)?;
+        let r = stage.read(SHORT)?;
+        want(!r.moving && r.angle_deg > 1.0, r)
+    });
+    report.steps("moves after a stop", || {
+        stage.begin_move(0.0)?;
+        let r = stage.finish_move(LONG)?;
+        want(near(0.0, r.angle_deg), r)
+    });
     report
 }
 
 /// Checks a pattern projector.
 pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
-    let mut report = Report::default();
-    common(projector, &mut report);
+    let mut report = Report::common(projector);
     let limits = projector.limits();
     let [width, height] = limits.size;
     let sane = width > 0 && height > 0 && limits.patterns > 0 && (1..=8).contains(&limits.bits);
-    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, limits));
     let flat = |value: u8, width: u32| Pattern {
         width,
         height,
@@ -156,34 +168,35 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     };
     report
         .check("refuses to show a pattern that is not loaded", fails(projector.show(0, SHORT), Fault::Limit));
-    report.check("loads patterns", good(projector.load(&[flat(255, width), flat(0, width)], LONG)));
+    report.check("loads patterns", projector.load(&[flat(255, width), flat(0, width)], LONG));
     for n in [0, 1, 0] {
-        report.check("shows patterns in any order", good(projector.show(n, SHORT)));
+        report.check("shows patterns in any order", projector.show(n, SHORT));
     }
     report.check("refuses pattern 2 of two loaded patterns", fails(projector.show(2, SHORT), Fault::Limit));
-    report.check(
-        "refuses a pattern of a different size",
-        fails(projector.load(&[flat(255, width + 1)], LONG), Fault::Limit),
-    );
     let mut torn = flat(255, width);
     torn.pixels.pop();
-    report.check("refuses an incomplete pattern", fails(projector.load(&[torn], LONG), Fault::Limit));
+    let mut wrong = vec![
+        ("refuses a pattern of a different size", flat(255, width + 1)),
+        ("refuses an incomplete pattern", torn),
+    ];
     if limits.bits == 1 {
-        report.check("refuses grey pixels", fails(projector.load(&[flat(100, width)], LONG), Fault::Limit));
+        wrong.push(("refuses grey pixels", flat(100, width)));
     }
-    report.check("turns dark", good(projector.dark(SHORT)));
+    for (name, pattern) in wrong {
+        report.check(name, fails(projector.load(&[pattern], LONG), Fault::Limit));
+    }
+    report.check("turns dark", projector.dark(SHORT));
     report
 }
 
 /// Checks an area camera.
 pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
-    let mut report = Report::default();
-    common(camera, &mut report);
+    let mut report = Report::common(camera);
     let limits = camera.limits();
     let [width, height] = limits.size;
     let sane =
         width > 0 && height > 0 && !limits.formats.is_empty() && limits.exposure[0] <= limits.exposure[1];
-    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, &limits));
     report.check("refuses to expose before it is configured", fails(camera.expose(), Fault::Refused));
     let whole = Region { x: 0, y: 0, width, height };
     let [sx, sy] = limits.step.map(|s| s.max(1));
@@ -199,85 +212,65 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let mut last = None;
     for format in limits.formats.clone() {
         for region in [whole, part] {
-            let taken = good(camera.configure(&set(region, format), SHORT))
-                .and_then(|()| good(camera.expose()))
-                .and_then(|()| good(camera.frame(SHORT)));
-            report.check(
-                "delivers frames with the configured region and format",
-                taken.and_then(|f| {
-                    let newer = last.is_none_or(|n| f.number > n);
-                    last = Some(f.number);
-                    let whole = pixels::unpack(&f).is_some();
-                    want(f.region == region && f.format == format && whole && newer, || {
-                        format!(
-                            "{:?} {}, {} bytes, number {}",
-                            f.region,
-                            f.format.name(),
-                            f.bytes.len(),
-                            f.number
-                        )
-                    })
-                }),
-            );
+            report.steps("delivers frames with the configured region and format", || {
+                camera.configure(&set(region, format), SHORT)?;
+                camera.expose()?;
+                let f = camera.frame(SHORT)?;
+                let newer = last.is_none_or(|n| f.number > n);
+                last = Some(f.number);
+                let whole = pixels::unpack(&f).is_some();
+                let (name, bytes) = (f.format.name(), f.bytes.len());
+                want(
+                    f.region == region && f.format == format && whole && newer,
+                    format_args!("{:?} {name}, {bytes} bytes, number {}", f.region, f.number),
+                )
+            });
         }
     }
-    let format = limits.formats[0];
-    report.check(
-        "refuses a second exposure during the first",
-        good(camera.expose()).and_then(|()| {
-            fails(camera.expose(), Fault::Refused)?;
-            good(camera.frame(SHORT)).map(drop)
-        }),
-    );
+    report.steps("refuses a second exposure during the first", || {
+        camera.expose()?;
+        fails(camera.expose(), Fault::Refused)?;
+        camera.frame(SHORT)?;
+        Ok(())
+    });
     report.check(
         "refuses to return a frame without an exposure",
         fails(camera.frame(Duration::from_millis(10)), Fault::Refused),
     );
-    let mut beyond = whole;
-    beyond.width += sx;
-    report.check(
-        "refuses a region outside the sensor",
-        fails(camera.configure(&set(beyond, format), SHORT), Fault::Limit),
-    );
-    let empty = Region { height: 0, ..whole };
-    report
-        .check("refuses an empty region", fails(camera.configure(&set(empty, format), SHORT), Fault::Limit));
-    let mut long = set(whole, format);
-    long.exposure = limits.exposure[1] + Duration::from_secs(1);
-    report.check("refuses an exposure above the limit", fails(camera.configure(&long, SHORT), Fault::Limit));
-    let mut loud = set(whole, format);
-    loud.gain_db = f64::NAN;
-    report.check("refuses a gain of NaN", fails(camera.configure(&loud, SHORT), Fault::Limit));
-    let mut slow = set(whole, format);
-    slow.exposure = Duration::from_millis(300).min(limits.exposure[1]);
-    report.check(
-        "reports a timeout at a short deadline and delivers the frame later",
-        good(camera.configure(&slow, SHORT)).and_then(|()| good(camera.expose())).and_then(|()| {
-            fails(camera.frame(Duration::from_millis(1)), Fault::Timeout)?;
-            good(camera.frame(SHORT)).map(drop)
-        }),
-    );
+    let plain = set(whole, limits.formats[0]);
+    let beyond = Region { width: width + sx, ..whole };
+    let exposure = limits.exposure[1] + Duration::from_secs(1);
+    for (name, settings) in [
+        ("refuses a region outside the sensor", CameraSettings { region: beyond, ..plain }),
+        ("refuses an empty region", CameraSettings { region: Region { height: 0, ..whole }, ..plain }),
+        ("refuses an exposure above the limit", CameraSettings { exposure, ..plain }),
+        ("refuses a gain of NaN", CameraSettings { gain_db: f64::NAN, ..plain }),
+    ] {
+        report.check(name, fails(camera.configure(&settings, SHORT), Fault::Limit));
+    }
+    let exposure = Duration::from_millis(300).min(limits.exposure[1]);
+    report.steps("reports a timeout at a short deadline and delivers the frame later", || {
+        camera.configure(&CameraSettings { exposure, ..plain }, SHORT)?;
+        camera.expose()?;
+        fails(camera.frame(Duration::from_millis(1)), Fault::Timeout)?;
+        camera.frame(SHORT)?;
+        Ok(())
+    });
     report
 }
 
 /// Checks a galvo scanner.
 pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
-    let mut report = Report::default();
-    common(galvo, &mut report);
+    let mut report = Report::common(galvo);
     let limits = galvo.limits();
     let [x, y] = limits.range_deg;
-    report.check(
-        "reports plausible limits",
-        want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || format!("{limits:?}")),
-    );
+    report.check("reports plausible limits", want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, limits));
     for goal in [[0.0, 0.0], [x, -y], [-x / 3.0, y / 7.0]] {
-        report.check(
-            "points to the requested angles",
-            good(galvo.point(goal, SHORT)).and_then(|at| {
-                let off = at.iter().zip(goal).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                want(off <= 2.0 * limits.resolution_deg, || format!("expected {goal:?}, got {at:?}"))
-            }),
-        );
+        report.steps("points to the requested angles", || {
+            let at = galvo.point(goal, SHORT)?;
+            let off = at.iter().zip(goal).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            want(off <= 2.0 * limits.resolution_deg, format_args!("expected {goal:?}, got {at:?}"))
+        });
     }
     for goal in [[x * 1.01 + 0.1, 0.0], [0.0, -y * 1.01 - 0.1], [f64::NAN, 0.0]] {
         report.check("refuses angles outside its range", fails(galvo.point(goal, SHORT), Fault::Limit));
@@ -287,31 +280,25 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
 
 /// Checks a pulsed laser.
 pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
-    let mut report = Report::default();
-    common(laser, &mut report);
+    let mut report = Report::common(laser);
     let limits = laser.limits();
     let [least, most] = limits.rate_hz;
-    report.check(
-        "reports plausible limits",
-        want(limits.nm > 0.0 && least > 0.0 && most >= least, || format!("{limits:?}")),
-    );
+    report.check("reports plausible limits", want(limits.nm > 0.0 && least > 0.0 && most >= least, limits));
     for rate in [least, most] {
-        report.check(
-            "emits at its lowest and highest rates",
-            good(laser.emit(true, rate, SHORT)).and_then(|()| good(laser.state(SHORT))).and_then(|s| {
-                want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, || format!("{s:?}"))
-            }),
-        );
+        report.steps("emits at its lowest and highest rates", || {
+            laser.emit(true, rate, SHORT)?;
+            let s = laser.state(SHORT)?;
+            want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, s)
+        });
     }
     for rate in [most * 2.0, f64::NAN] {
         report.check("refuses rates outside its limits", fails(laser.emit(true, rate, SHORT), Fault::Limit));
     }
-    report.check(
-        "turns off",
-        good(laser.emit(false, least, SHORT))
-            .and_then(|()| good(laser.state(SHORT)))
-            .and_then(|s| want(!s.emitting, || format!("{s:?}"))),
-    );
+    report.steps("turns off", || {
+        laser.emit(false, least, SHORT)?;
+        let s = laser.state(SHORT)?;
+        want(!s.emitting, s)
+    });
     report
 }
 

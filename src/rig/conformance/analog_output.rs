@@ -1,13 +1,12 @@
 //! Checks of an analog output: it outputs exactly the written buffers.
 
-use super::{LONG, Report, SHORT, common, fails, good, want};
+use super::{LONG, Report, SHORT, fails, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};
 use std::time::Duration;
 
 /// Checks an analog output. The full voltage range appears at its first channel.
 pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
-    let mut report = Report::default();
-    common(card, &mut report);
+    let mut report = Report::common(card);
     let limits = card.limits();
     let [least, most] = limits.volts;
     let [slow, fast] = limits.rate_hz;
@@ -17,7 +16,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         && slow > 0.0
         && slow <= fast
         && limits.samples > 0;
-    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, limits));
     let half = (least + most) / 2.0;
     report.check("refuses data before it is configured", fails(card.write(&[vec![half]]), Fault::Refused));
     report.check("refuses to start without data", fails(card.start(), Fault::Refused));
@@ -37,7 +36,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
     ] {
         report.check(name, fails(card.configure(&settings, SHORT), Fault::Limit));
     }
-    report.check("accepts a valid configuration", good(card.configure(&set(vec![0], rate_hz), SHORT)));
+    report.check("accepts a valid configuration", card.configure(&set(vec![0], rate_hz), SHORT));
     for (name, buffer) in [
         ("refuses more lists than channels", vec![vec![half]; 2]),
         ("refuses an empty buffer", vec![vec![]]),
@@ -48,37 +47,36 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         report.check(name, fails(card.write(&buffer), Fault::Limit));
     }
     let long = vec![vec![half; ((0.3 * rate_hz) as usize).clamp(1, limits.samples)]];
-    report.check(
-        "outputs its full range",
-        good(card.write(&[vec![least, most, half]]))
-            .and_then(|()| good(card.start()))
-            .and_then(|()| good(card.wait(LONG))),
-    );
-    report.check("outputs the same buffer again", good(card.start()).and_then(|()| good(card.wait(LONG))));
-    report.check(
-        "refuses a second buffer during the first",
-        good(card.write(&long)).and_then(|()| {
-            good(card.start())?;
-            fails(card.start(), Fault::Refused)?;
-            fails(card.write(&long), Fault::Refused)?;
-            good(card.wait(LONG))
-        }),
-    );
-    report.check(
-        "reports a timeout at a short deadline and continues the buffer",
-        good(card.start()).and_then(|()| {
-            fails(card.wait(Duration::from_millis(1)), Fault::Timeout)?;
-            good(card.wait(LONG))
-        }),
-    );
-    report.check(
-        "stops during a buffer and when idle",
-        good(card.start()).and_then(|()| {
-            good(card.stop(SHORT))?;
-            good(card.stop(SHORT))?;
-            fails(card.wait(Duration::from_millis(10)), Fault::Refused)
-        }),
-    );
-    report.check("outputs after a stop", good(card.start()).and_then(|()| good(card.wait(LONG))));
+    report.steps("outputs its full range", || {
+        card.write(&[vec![least, most, half]])?;
+        card.start()?;
+        Ok(card.wait(LONG)?)
+    });
+    report.steps("outputs the same buffer again", || {
+        card.start()?;
+        Ok(card.wait(LONG)?)
+    });
+    report.steps("refuses a second buffer during the first", || {
+        card.write(&long)?;
+        card.start()?;
+        fails(card.start(), Fault::Refused)?;
+        fails(card.write(&long), Fault::Refused)?;
+        Ok(card.wait(LONG)?)
+    });
+    report.steps("reports a timeout at a short deadline and continues the buffer", || {
+        card.start()?;
+        fails(card.wait(Duration::from_millis(1)), Fault::Timeout)?;
+        Ok(card.wait(LONG)?)
+    });
+    report.steps("stops during a buffer and when idle", || {
+        card.start()?;
+        card.stop(SHORT)?;
+        card.stop(SHORT)?;
+        fails(card.wait(Duration::from_millis(10)), Fault::Refused)
+    });
+    report.steps("outputs after a stop", || {
+        card.start()?;
+        Ok(card.wait(LONG)?)
+    });
     report
 }

@@ -1,8 +1,19 @@
-//! Byte lines to instruments: a serial port, or a pair of ends in memory, one of which an emulator uses.
+//! Byte lines to instruments: a serial port, a TCP connection, or a pair of ends in memory, one of which an
+//! emulator uses.
 
-use std::io::{ErrorKind, Read, Write};
+use crate::instrument::Fault;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Timeout for connecting and for sending.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Returns the time until a deadline.
+pub(super) fn left(until: Instant) -> Duration {
+    until.saturating_duration_since(Instant::now())
+}
 
 /// Reason why sending or receiving failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -13,6 +24,17 @@ pub enum LineError {
     /// The line is closed or disconnected.
     #[error("connection lost: {0}")]
     Gone(String),
+}
+
+impl LineError {
+    /// Returns the kind of failure.
+    #[must_use]
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Timeout => Fault::Timeout,
+            Self::Gone(_) => Fault::Disconnected,
+        }
+    }
 }
 
 /// A bidirectional byte line.
@@ -36,77 +58,110 @@ pub trait Line: Send {
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
-/// A serial port: 8 data bits, no parity, one stop bit.
-pub struct SerialLine {
-    path: String,
-    baud: u32,
-    hardware: bool,
-    port: Option<Box<dyn serialport::SerialPort>>,
+/// A stream with a timeout for reading and writing.
+trait Stream: Read + Write + Send {
+    fn set_timeout(&mut self, timeout: Duration) -> io::Result<()>;
 }
 
-impl SerialLine {
-    /// Opens a port; `hardware` selects RTS/CTS flow control.
+impl Stream for Box<dyn serialport::SerialPort> {
+    fn set_timeout(&mut self, timeout: Duration) -> io::Result<()> {
+        Ok(self.as_mut().set_timeout(timeout)?)
+    }
+}
+
+impl Stream for TcpStream {
+    fn set_timeout(&mut self, timeout: Duration) -> io::Result<()> {
+        self.set_read_timeout(Some(timeout))?;
+        self.set_write_timeout(Some(timeout))
+    }
+}
+
+type Open = Box<dyn Fn(&str) -> io::Result<Box<dyn Stream>> + Send>;
+
+/// A serial port or a TCP connection.
+pub struct StreamLine {
+    /// Path of the port, or `host:port`.
+    name: String,
+    open: Open,
+    stream: Option<Box<dyn Stream>>,
+}
+
+impl StreamLine {
+    /// Opens a serial port with 8 data bits, no parity and one stop bit; `hardware` selects RTS/CTS flow
+    /// control.
     ///
     /// # Errors
     /// [`LineError::Gone`] with the system's error message.
-    pub fn open(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
-        let mut line = Self { path: path.to_owned(), baud, hardware, port: None };
+    pub fn serial(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
+        use serialport::FlowControl;
+        let flow = if hardware { FlowControl::Hardware } else { FlowControl::None };
+        Self::open(path, move |path| Ok(Box::new(serialport::new(path, baud).flow_control(flow).open()?)))
+    }
+
+    /// Connects to `host:port`.
+    ///
+    /// # Errors
+    /// [`LineError::Gone`] with the system's error message.
+    pub fn tcp(address: &str) -> Result<Self, LineError> {
+        Self::open(address, |address| {
+            let found = address.to_socket_addrs()?.next();
+            let found = found.ok_or_else(|| io::Error::other("host not found"))?;
+            let stream = TcpStream::connect_timeout(&found, PATIENCE)?;
+            stream.set_nodelay(true)?;
+            Ok(Box::new(stream))
+        })
+    }
+
+    fn open(
+        name: &str,
+        open: impl Fn(&str) -> io::Result<Box<dyn Stream>> + Send + 'static,
+    ) -> Result<Self, LineError> {
+        let mut line = Self { name: name.to_owned(), open: Box::new(open), stream: None };
         line.reopen()?;
         Ok(line)
     }
 
     fn gone(&mut self, cause: impl ToString) -> LineError {
-        self.port = None;
-        LineError::Gone(format!("{}: {}", self.path, cause.to_string()))
+        self.stream = None;
+        LineError::Gone(format!("{}: {}", self.name, cause.to_string()))
+    }
+
+    /// Uses the stream with a timeout.
+    fn with<T>(
+        &mut self,
+        timeout: Duration,
+        f: impl FnOnce(&mut dyn Stream) -> io::Result<T>,
+    ) -> Result<T, LineError> {
+        let Some(stream) = &mut self.stream else {
+            return Err(LineError::Gone(self.name.clone()));
+        };
+        // A timeout of zero would mean no timeout.
+        let done = stream.set_timeout(timeout.max(Duration::from_millis(1)));
+        done.and_then(|()| f(stream.as_mut())).map_err(|e| match e.kind() {
+            ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => LineError::Timeout,
+            _ => self.gone(e),
+        })
     }
 }
 
-impl Line for SerialLine {
+impl Line for StreamLine {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
-        let Some(port) = &mut self.port else {
-            return Err(LineError::Gone(self.path.clone()));
-        };
-        // A port that accepts no bytes for two seconds has failed.
-        let sent = port
-            .set_timeout(Duration::from_secs(2))
-            .map_err(std::io::Error::from)
-            .and_then(|()| port.write_all(bytes));
-        match sent {
-            Ok(()) => Ok(()),
-            Err(e) if e.kind() == ErrorKind::TimedOut => Err(LineError::Timeout),
-            Err(e) => Err(self.gone(e)),
-        }
+        self.with(PATIENCE, |stream| stream.write_all(bytes))
     }
 
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError> {
-        let Some(port) = &mut self.port else {
-            return Err(LineError::Gone(self.path.clone()));
-        };
-        let mut buffer = [0; 512];
-        let got = port
-            .set_timeout(within.max(Duration::from_millis(1)))
-            .map_err(std::io::Error::from)
-            .and_then(|()| port.read(&mut buffer));
-        match got {
-            Ok(0) => Err(self.gone("the port was closed")),
-            Ok(n) => Ok(buffer[..n].to_vec()),
-            Err(e) if e.kind() == ErrorKind::TimedOut => Err(LineError::Timeout),
-            Err(e) => Err(self.gone(e)),
+        let mut buffer = [0; 4096];
+        match self.with(within, |stream| stream.read(&mut buffer))? {
+            0 => Err(self.gone("the other side closed the connection")),
+            n => Ok(buffer[..n].to_vec()),
         }
     }
 
     fn reopen(&mut self) -> Result<(), LineError> {
-        use serialport::FlowControl;
-        self.port = None;
-        let flow = if self.hardware { FlowControl::Hardware } else { FlowControl::None };
-        let open = serialport::new(&self.path, self.baud).flow_control(flow).open();
-        match open {
-            Ok(port) => {
-                self.port = Some(port);
-                Ok(())
-            }
-            Err(e) => Err(self.gone(e)),
-        }
+        self.stream = None;
+        let opened = (self.open)(&self.name);
+        self.stream = Some(opened.map_err(|e| self.gone(e))?);
+        Ok(())
     }
 }
 

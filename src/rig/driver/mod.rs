@@ -7,5 +7,4 @@ pub mod galvo;
 pub mod genicam;
 pub mod line;
 pub mod scpi;
-pub mod tcp;
 pub mod th260;

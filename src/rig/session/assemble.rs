@@ -13,18 +13,18 @@ use crate::driver::dlpc350::projector::Flash;
 use crate::driver::dlpc350::trigger::Triggers;
 use crate::driver::galvo::scanner::AnalogGalvo;
 use crate::driver::galvo::wiring::Wiring;
-use crate::driver::line::SerialLine;
+use crate::driver::line::StreamLine;
 use crate::driver::scpi::laser::ScpiLaser;
 use crate::driver::th260::counter::Th260Counter;
-use crate::instrument::{AnalogLimits, AreaCamera, CameraLimits, PatternProjector};
+use crate::instrument::{AnalogLimits, AreaCamera, CameraLimits, Failure, PatternProjector};
+use crate::simulated::Simulated;
 use crate::simulated::analog_card::SimulatedCard;
-use crate::simulated::area_camera::SimulatedCamera;
-use crate::simulated::counter::SimulatedCounter;
-use crate::simulated::laser::SimulatedLaser;
+use crate::simulated::area_camera::Camera;
+use crate::simulated::counter::Counter;
+use crate::simulated::laser::Laser;
 use crate::simulated::light::Scenery;
-use crate::simulated::pattern_projector::SimulatedProjector;
-use crate::simulated::scanner::SimulatedScanner;
-use crate::simulated::stage::SimulatedStage;
+use crate::simulated::pattern_projector::Projector;
+use crate::simulated::scanner::Scanner;
 use crate::simulated::world::Shared;
 use polarimetry::capture::bench::Bench;
 use polarimetry::capture::directions::Directions;
@@ -33,6 +33,10 @@ use std::time::Duration;
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct AssembleError(pub String);
+
+fn failed(failure: Failure) -> AssembleError {
+    AssembleError(failure.to_string())
+}
 
 /// Returns the name of a simulated instrument of a rig file, if any.
 #[must_use]
@@ -61,22 +65,13 @@ pub fn bench(
 ) -> Result<Shared, AssembleError> {
     let clock = if bench.real_time { Clock::real() } else { Clock::simulated() };
     let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
-    let elements = |s: &polarimetry::capture::scheme::Scheme| -> Vec<String> {
-        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
-    };
-    if elements(&optics) != elements(&plan.scheme)
-        || optics.sensor.channels() != plan.scheme.sensor.channels()
-    {
+    if !super::image::same_elements(&optics, &plan.scheme) {
         return Err(AssembleError(format!(
             "the bench's optics have the elements {:?}, but the scheme has {:?}; use the same elements and sensor",
-            elements(&optics),
-            elements(&plan.scheme)
+            super::image::elements(&optics),
+            super::image::elements(&plan.scheme)
         )));
     }
-    let size = match &plan.work {
-        Work::Camera(_) => scenery.camera(),
-        Work::Scan(work) => work.points.map(|n| n as usize),
-    };
     let seen = scenery.camera();
     let wanted = match &plan.work {
         Work::Camera(_) => rig.camera.as_ref().map(|(_, c)| c.size.map(|n| n as usize)),
@@ -88,22 +83,19 @@ pub fn bench(
             seen[0], seen[1], wanted
         )));
     }
-    let view = |fov: Option<f64>| {
-        fov.map_or(Directions::Axial, |degrees| Directions::pinhole(degrees.to_radians(), size[0], size[1]))
+    let view = |fov: Option<f64>, [width, height]: [usize; 2]| {
+        fov.map_or(Directions::Axial, |degrees| Directions::pinhole(degrees.to_radians(), width, height))
     };
-    let camera = match &plan.work {
-        Work::Camera(_) => view(bench.fov_deg[0]),
-        // In a scan, the pointing direction selects the point.
-        Work::Scan(work) => view(Some(work.fov_x_deg)),
-    };
+    let projector = rig.projector.as_ref().map_or([1, 1], |(_, p)| p.size);
     let truth = Bench {
         optics,
         nm: bench.nm,
-        camera,
-        projector: bench.fov_deg[1].map_or(Directions::Axial, |degrees| {
-            let size = rig.projector.as_ref().map_or([1, 1], |(_, p)| p.size);
-            Directions::pinhole(degrees.to_radians(), size[0] as usize, size[1] as usize)
-        }),
+        camera: match &plan.work {
+            Work::Camera(_) => view(bench.fov_deg[0], seen),
+            // In a scan, the pointing direction selects the point.
+            Work::Scan(work) => view(Some(work.fov_x_deg), work.points.map(|n| n as usize)),
+        },
+        projector: view(bench.fov_deg[1], projector.map(|n| n as usize)),
     };
     let world = Shared::new(clock, truth, scenery, bench.cmos.clone(), bench.spad.clone(), bench.seed);
     world.plan_faults(bench.faults.clone());
@@ -142,7 +134,7 @@ fn dlpc350(
     let line = HidRaw::open(DLPC350).map_err(|e| message(e.to_string()))?;
     let projector = Dlpc350::new("projector", Box::new(line), flash, leds, period);
     let projector = projector.and_then(|p| p.with_triggers(triggers));
-    Ok(Box::new(projector.map_err(|e| AssembleError(e.to_string()))?))
+    Ok(Box::new(projector.map_err(failed)?))
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -176,8 +168,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     for (name, file) in &plan.stages {
         let device: Box<dyn crate::instrument::RotationStage> = match &file.driver {
             Driver::Simulated => {
-                let stage = SimulatedStage::new(name, bench(name)?, file.limits(), file.backlash_deg);
-                Box::new(stage)
+                Box::new(Simulated::stage(name, bench(name)?, file.limits(), file.backlash_deg))
             }
             Driver::Apt => {
                 let known = file.model.as_deref().unwrap_or("PRM1-Z8");
@@ -187,7 +178,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 let port = file.port.as_deref().unwrap_or_default();
                 let message =
                     |e: String| AssembleError(format!("`{name}`: {e}; check the cable, or correct `port`"));
-                let line = SerialLine::open(port, 115_200, true).map_err(|e| message(e.to_string()))?;
+                let line = StreamLine::serial(port, 115_200, true).map_err(|e| message(e.to_string()))?;
                 Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| message(e.to_string()))?)
             }
             other => return missing(name, other),
@@ -197,8 +188,8 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.projector {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.projector =
-                Some(Box::new(SimulatedProjector::new("projector", bench("projector")?, *limits)));
+            let projector = Simulated::new("projector", bench("projector")?, *limits, Projector::default());
+            rig.projector = Some(Box::new(projector));
         }
         Some((Driver::Dlpc350, limits)) => {
             let settings = plan.flash.clone().unwrap_or_default();
@@ -209,53 +200,46 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.camera {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.camera = Some(Box::new(SimulatedCamera::new("camera", bench("camera")?, limits.clone())));
+            let camera = Simulated::new("camera", bench("camera")?, limits.clone(), Camera::default());
+            rig.camera = Some(Box::new(camera));
         }
         Some((Driver::GenICam, limits)) => {
             rig.camera = Some(genicam_camera(plan.camera_serial.as_deref(), limits)?);
         }
         Some((other, _)) => return missing("camera", other),
     }
-    match &plan.galvo {
-        None => {}
-        Some((Driver::Simulated, limits)) => {
-            rig.galvo = Some(Box::new(SimulatedScanner::new("galvo", bench("galvo")?, *limits)));
+    match (&plan.galvo, plan.galvo_wiring) {
+        (None, _) => {}
+        (Some((Driver::Simulated, limits)), _) => {
+            rig.galvo = Some(Box::new(Simulated::new("galvo", bench("galvo")?, *limits, Scanner)));
         }
-        Some((Driver::Analog, _)) => {
-            let Some((wiring, card)) = plan.galvo_wiring else {
-                return missing("galvo", &Driver::Analog);
-            };
+        (Some((Driver::Analog, _)), Some((wiring, card))) => {
             rig.galvo = Some(Box::new(analog_galvo(wiring, card, world)?));
         }
-        Some((other, _)) => return missing("galvo", other),
+        (Some((other, _)), _) => return missing("galvo", other),
     }
-    match &plan.laser {
-        None => {}
-        Some((Driver::Simulated, limits)) => {
-            rig.laser = Some(Box::new(SimulatedLaser::new("laser", bench("laser")?, *limits)));
+    match (&plan.laser, &plan.laser_table) {
+        (None, _) => {}
+        (Some((Driver::Simulated, limits)), _) => {
+            let laser = Laser { rate_hz: limits.rate_hz[0] };
+            rig.laser = Some(Box::new(Simulated::new("laser", bench("laser")?, *limits, laser)));
         }
-        Some((Driver::Scpi, _)) => {
-            let Some(table) = plan.laser_table.clone() else {
-                return missing("laser", &Driver::Scpi);
-            };
-            let laser = ScpiLaser::connect("laser", table).map_err(|e| AssembleError(e.to_string()))?;
-            rig.laser = Some(Box::new(laser));
+        (Some((Driver::Scpi, _)), Some(table)) => {
+            rig.laser = Some(Box::new(ScpiLaser::connect("laser", table.clone()).map_err(failed)?));
         }
-        Some((other, _)) => return missing("laser", other),
+        (Some((other, _)), _) => return missing("laser", other),
     }
-    match &plan.counter {
-        None => {}
-        Some((Driver::Simulated, limits)) => {
-            rig.counter = Some(Box::new(SimulatedCounter::new("counter", bench("counter")?, *limits)));
+    match (&plan.counter, &plan.th260) {
+        (None, _) => {}
+        (Some((Driver::Simulated, limits)), _) => {
+            let counter = Simulated::new("counter", bench("counter")?, *limits, Counter::default());
+            rig.counter = Some(Box::new(counter));
         }
-        Some((Driver::Vendor, _)) => {
-            let Some((library, settings)) = plan.th260.clone() else {
-                return missing("counter", &Driver::Vendor);
-            };
-            let counter = Th260Counter::load("counter", library.as_deref(), settings);
-            rig.counter = Some(Box::new(counter.map_err(|e| AssembleError(e.to_string()))?));
+        (Some((Driver::Vendor, _)), Some((library, settings))) => {
+            let counter = Th260Counter::load("counter", library.as_deref(), settings.clone());
+            rig.counter = Some(Box::new(counter.map_err(failed)?));
         }
-        Some((other, _)) => return missing("counter", other),
+        (Some((other, _)), _) => return missing("counter", other),
     }
     if let Some(world) = world {
         let (frames, disk) = (world.clone(), world.clone());
@@ -285,14 +269,14 @@ fn analog_galvo(
         beam.with(|w| w.pointing_deg = angles);
     };
     let card = SimulatedCard::new("galvo", world.clone(), card, Box::new(terminals));
-    AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
+    AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(failed)
 }
 
 /// Opens a USB camera. Its size must equal that of the rig file, as frames cover the whole sensor.
 #[cfg(feature = "usb3_vision")]
 fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);
-    let camera = camera.map_err(|e| AssembleError(e.to_string()))?;
+    let camera = camera.map_err(failed)?;
     let found = camera.limits().size;
     if found != limits.size {
         return Err(AssembleError(format!(

@@ -5,6 +5,7 @@ use crate::calibrate::geometric::calibration::DeviceTable;
 use base::locate::{InputError, Located};
 use base::{calibration_file, document};
 use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::error::DetectorError;
 use polarimetry::capture::detector::spad::Spad;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -71,13 +72,11 @@ impl Believed {
                 return Err(wrong(None, message.into(), FIX));
             }
             if let Some(cmos) = &found.detector.cmos {
-                let new = overlaid(&out.cmos, cmos).map_err(|e| e.to_string());
-                let new = new.and_then(|c: Cmos| c.check().map(|()| c).map_err(|e| e.to_string()));
+                let new = overlaid(&out.cmos, cmos, Cmos::check);
                 out.cmos = new.map_err(|e| wrong(None, format!("[detector.cmos]: {e}"), FIX))?;
             }
             if let Some(spad) = &found.detector.spad {
-                let new = overlaid(&out.spad, spad).map_err(|e| e.to_string());
-                let new = new.and_then(|s: Spad| s.check().map(|()| s).map_err(|e| e.to_string()));
+                let new = overlaid(&out.spad, spad, Spad::check);
                 out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), FIX))?;
             }
             if let Some((camera, projector)) = pair {
@@ -103,12 +102,19 @@ impl Believed {
     }
 }
 
-fn overlaid<T: Serialize + DeserializeOwned>(given: &T, found: &Value) -> Result<T, serde_json::Error> {
-    let mut all = serde_json::to_value(given)?;
+/// Returns parameters with the found ones in place of the given ones, and checks them.
+fn overlaid<T: Serialize + DeserializeOwned>(
+    given: &T,
+    found: &Value,
+    check: impl Fn(&T) -> Result<(), DetectorError>,
+) -> Result<T, String> {
+    let mut all = serde_json::to_value(given).map_err(|e| e.to_string())?;
     for (key, value) in found.as_object().into_iter().flatten() {
         all[key] = value.clone();
     }
-    serde_json::from_value(all)
+    let new = serde_json::from_value(all).map_err(|e| e.to_string())?;
+    check(&new).map_err(|e| e.to_string())?;
+    Ok(new)
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@
 //! card = { channels = 2, volts = [-10, 10], bits = 16, rate_hz = [1, 1_000_000], samples = 65_536 }
 //! ```
 
+use super::Fault;
 use super::rig_syntax::{CardFile, Driver, GalvoFile, PerAxis};
 use crate::driver::galvo::wiring::{Travel, Wiring};
 use crate::instrument::{AnalogLimits, GalvoLimits};
@@ -24,13 +25,13 @@ const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 /// Wiring of mirrors behind a card, and the card's limits.
 type Behind = (Wiring, AnalogLimits);
 
-/// Returns the limits of a galvo, and its wiring if a card drives it. An error has a message and a fix.
-pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (String, &'static str)> {
+/// Returns the limits of a galvo, and its wiring if a card drives it.
+pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), Fault> {
     let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
     let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);
     let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
     let help = "set range_deg = [x, y], each above 0 and at most 60, and settle_us from 0 to less than 1e9";
-    let settle = settle.ok_or_else(|| ("invalid setting in [galvo]".to_owned(), help))?;
+    let settle = settle.ok_or(("invalid setting in [galvo]".to_owned(), help))?;
     if file.driver != Driver::Analog {
         let others = [
             ("volts_per_degree", file.volts_per_degree.is_some()),
@@ -64,7 +65,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (
     Ok((wiring.limits(&card), Some((wiring, card))))
 }
 
-fn card(file: CardFile) -> Result<AnalogLimits, (String, &'static str)> {
+fn card(file: CardFile) -> Result<AnalogLimits, Fault> {
     let [least, most] = file.volts;
     let [slow, fast] = file.rate_hz;
     let good = (1..=64).contains(&file.channels)

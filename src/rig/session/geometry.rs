@@ -89,7 +89,6 @@ impl Lens {
 
     /// Maps a pixel coordinate to that of a distortion-free lens, with pixel centers at + 0.5. Without a
     /// solution the result is infinite.
-    #[must_use]
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
         let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
@@ -126,9 +125,6 @@ impl Geometry {
     }
 
     /// Creates a geometry from calibration tables. Their common frame is arbitrary.
-    ///
-    /// # Errors
-    /// Like [`Self::new`].
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
         let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
         let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {

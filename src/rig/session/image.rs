@@ -17,6 +17,10 @@ use store::zarr::frames::FrameStore;
 #[error("{0}")]
 pub struct ImageError(pub String);
 
+pub(super) fn failed(e: impl ToString) -> ImageError {
+    ImageError(e.to_string())
+}
+
 /// A finished run, opened for reading.
 pub struct Run {
     pub(super) store: FrameStore,
@@ -52,22 +56,19 @@ impl Run {
     /// # Errors
     /// [`ImageError`] if the run is missing, unfinished or damaged, or if the scheme has other elements.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
-        let store = FrameStore::open(path).map_err(|e| ImageError(e.to_string()))?;
+        let store = FrameStore::open(path).map_err(failed)?;
         let damaged =
             |what: &str| ImageError(format!("{}: its attribute `{what}` is damaged", path.display()));
         let attribute = |name: &str| store.attributes().get(name).cloned().ok_or_else(|| damaged(name));
         let text = attribute("scheme")?;
-        let planned = scheme_file::from_toml(path, text.as_str().ok_or_else(|| damaged("scheme"))?)
-            .map_err(|e| ImageError(e.to_string()))?;
+        let planned =
+            scheme_file::from_toml(path, text.as_str().ok_or_else(|| damaged("scheme"))?).map_err(failed)?;
         let given = scheme.unwrap_or(&planned);
-        let names = |s: &Scheme| -> Vec<String> {
-            s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
-        };
-        if names(given) != names(&planned) || given.sensor.channels() != planned.sensor.channels() {
+        if !same_elements(given, &planned) {
             return Err(ImageError(format!(
                 "the scheme has the elements {:?}, but the run has {:?}; pass a calibration of the scheme of this run",
-                names(given),
-                names(&planned)
+                elements(given),
+                elements(&planned)
             )));
         }
         let scheme =
@@ -118,6 +119,12 @@ impl Run {
         ImageError(format!("{}: {what} is damaged", self.store.path().display()))
     }
 
+    /// Returns the lengths of the frames' axes.
+    pub(super) fn shape<const N: usize>(&self) -> Result<[usize; N], ImageError> {
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
+        shape.try_into().map_err(|_| self.damaged("the frames' shape"))
+    }
+
     /// Returns the bits per pixel of the camera's format.
     #[must_use]
     pub fn bits(&self) -> u32 {
@@ -137,10 +144,7 @@ impl Run {
 
     fn camera(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
         let layout = self.store.layout();
-        let shape: Vec<usize> = layout.shape().into_iter().map(|n| n as usize).collect();
-        let [captures, shots, exposures, height, width] = shape[..] else {
-            return Err(self.damaged("the frames' shape"));
-        };
+        let [captures, shots, exposures, height, width] = self.shape()?;
         let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
             ImageError(format!("unknown mask `{mask}`; the run has {}", self.masks.join(", ")))
@@ -150,7 +154,7 @@ impl Run {
         let map = self
             .store
             .read_map(&format!("shot_of_{mask}"))
-            .map_err(|e| ImageError(e.to_string()))?
+            .map_err(failed)?
             .ok_or_else(|| self.damaged("the mask's map"))?;
         let shot_of: Vec<Option<usize>> =
             map.iter().map(|s| (*s >= 0.0 && (*s as usize) < count).then_some(*s as usize)).collect();
@@ -170,7 +174,7 @@ impl Run {
         cmos.exposure_s = times[0];
         cmos.bracket = times.iter().map(|t| t / times[0]).collect();
         cmos.binning = 1;
-        cmos.check().map_err(|e| ImageError(e.to_string()))?;
+        cmos.check().map_err(failed)?;
         let pixels = height * width;
         let channels = self.scheme.sensor.channels();
         let one = |k: usize| -> Result<Vec<[Vec<f64>; 2]>, ImageError> {
@@ -178,7 +182,7 @@ impl Run {
             for shot in first..first + count {
                 for e in 0..exposures {
                     let n = (k * shots + shot) * exposures + e;
-                    frames.push(self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?);
+                    frames.push(self.store.read_chunk(n).map_err(failed)?);
                 }
             }
             let estimate = |p: usize| {
@@ -199,7 +203,6 @@ impl Run {
             if channels == 1 {
                 return Ok(vec![[values, variances]]);
             }
-            let failed = |e: polarimetry::capture::detector::error::DetectorError| ImageError(e.to_string());
             let images = demosaic(&values, width, height, method).map_err(failed)?;
             let spread = demosaic_variance(&variances, width, height, method).map_err(failed)?;
             let pairs = images.images.into_iter().zip(spread.images);
@@ -224,7 +227,7 @@ impl Run {
     }
 
     pub(super) fn pulses(&self) -> Result<Vec<f64>, ImageError> {
-        let read = self.store.read_column("pulses").map_err(|e| ImageError(e.to_string()))?;
+        let read = self.store.read_column("pulses").map_err(failed)?;
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
@@ -246,21 +249,18 @@ impl Run {
         spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
         let pulses = self.pulses()?;
         spad.pulses = (pulses.iter().sum::<f64>() / pulses.len().max(1) as f64).max(1.0) as u64;
-        spad.check().map_err(|e| ImageError(e.to_string()))?;
+        spad.check().map_err(failed)?;
         Ok(Some(spad))
     }
 
     fn scan(&self) -> Result<Intensities, ImageError> {
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let [captures, height, width, bins] = shape[..] else {
-            return Err(self.damaged("the frames' shape"));
-        };
+        let [captures, height, width, bins] = self.shape()?;
         let spad = self.diode()?.ok_or_else(|| self.damaged("`detector`"))?;
         let offset_ps = self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?;
         let bin_ps = spad.bin_ps;
         let pulses = self.pulses()?;
         let row = |n: usize| -> Result<Vec<[f32; 2]>, ImageError> {
-            let counts = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
+            let counts = self.store.read_chunk(n).map_err(failed)?;
             let mut out = Vec::with_capacity(width * bins);
             for (x, counts) in counts.chunks_exact(bins).enumerate() {
                 let mut diode = spad.clone();
@@ -268,7 +268,7 @@ impl Run {
                 // Bins beyond the counter's window were not read, and do not affect earlier bins.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
-                let found = diode.estimate(&period, self.nm).map_err(|e| ImageError(e.to_string()))?;
+                let found = diode.estimate(&period, self.nm).map_err(failed)?;
                 out.extend(found.iter().map(|e| {
                     let v = if e.saturated { f64::NAN } else { e.radiance };
                     [v as f32, e.variance as f32]
@@ -288,6 +288,16 @@ impl Run {
     }
 }
 
+/// Returns the names of a scheme's elements along the light.
+pub(super) fn elements(scheme: &Scheme) -> Vec<String> {
+    scheme.generator().iter().chain(scheme.analyzer()).map(|e| e.name.clone()).collect()
+}
+
+/// Returns whether two schemes have the same elements and sensor.
+pub(super) fn same_elements(a: &Scheme, b: &Scheme) -> bool {
+    elements(a) == elements(b) && a.sensor.channels() == b.sensor.channels()
+}
+
 /// Returns the scheme `given` with the encoders' angles, averaged over the frames of each capture.
 fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme, String> {
     let captures = planned.captures();
@@ -297,9 +307,7 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
         return Err("its number of frames does not match its scheme".into());
     }
     let mut out = given.clone();
-    let names: Vec<String> =
-        given.generator().iter().chain(given.analyzer()).map(|e| e.name.clone()).collect();
-    for name in names {
+    for name in elements(given) {
         let read = store.read_column(&format!("angle_{name}")).map_err(|e| e.to_string())?;
         let element = planned.generator().iter().chain(planned.analyzer()).find(|e| e.name == name);
         let angles: Vec<f64> = match (read, element) {

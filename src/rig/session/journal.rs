@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// File name in the store.
 pub const FILE: &str = ".session.jsonl";
@@ -78,17 +78,13 @@ pub struct Journal {
     file: File,
 }
 
-fn file_of(store: &Path) -> PathBuf {
-    store.join(FILE)
-}
-
 impl Journal {
     /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
     /// Errors of the file system.
     pub fn open(store: &Path) -> io::Result<Self> {
-        let path = file_of(store);
+        let path = store.join(FILE);
         let torn = match std::fs::read(&path) {
             Ok(bytes) => !bytes.is_empty() && !bytes.ends_with(b"\n"),
             Err(e) if e.kind() == io::ErrorKind::NotFound => false,
@@ -121,7 +117,7 @@ impl Journal {
 /// # Errors
 /// An error if the journal cannot be read.
 pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
-    let file = match base::input::open(&file_of(store)) {
+    let file = match base::input::open(&store.join(FILE)) {
         Ok(file) => file,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(e) => return Err(e),

@@ -50,25 +50,13 @@ impl Rig {
     }
 
     pub fn instruments(&mut self) -> Vec<&mut dyn Instrument> {
-        let mut all: Vec<&mut dyn Instrument> = vec![];
-        for stage in self.stages.values_mut() {
-            all.push(stage.device.as_mut());
-        }
-        if let Some(i) = &mut self.projector {
-            all.push(i.as_mut());
-        }
-        if let Some(i) = &mut self.camera {
-            all.push(i.as_mut());
-        }
-        if let Some(i) = &mut self.galvo {
-            all.push(i.as_mut());
-        }
-        if let Some(i) = &mut self.laser {
-            all.push(i.as_mut());
-        }
-        if let Some(i) = &mut self.counter {
-            all.push(i.as_mut());
-        }
+        let stages = self.stages.values_mut().map(|s| s.device.as_mut() as &mut dyn Instrument);
+        let mut all: Vec<&mut dyn Instrument> = stages.collect();
+        all.extend(self.projector.as_deref_mut().map(|i| i as &mut dyn Instrument));
+        all.extend(self.camera.as_deref_mut().map(|i| i as &mut dyn Instrument));
+        all.extend(self.galvo.as_deref_mut().map(|i| i as &mut dyn Instrument));
+        all.extend(self.laser.as_deref_mut().map(|i| i as &mut dyn Instrument));
+        all.extend(self.counter.as_deref_mut().map(|i| i as &mut dyn Instrument));
         all
     }
 

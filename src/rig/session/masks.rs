@@ -45,7 +45,6 @@ fn whole(size: [u32; 2]) -> Region {
 }
 
 /// Returns a mask of one frame with all projector pixels at `value` (255 or 0).
-#[must_use]
 pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mask {
     let pattern = Pattern {
         width: projector[0],

@@ -5,25 +5,29 @@
 //! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► frame store ─► image
 //! ```
 
+/// A message about a fault in a file, and how to fix it.
+type Fault = (String, &'static str);
+
 pub mod assemble;
 mod calibrated;
 mod galvo_file;
-pub mod geometry;
+mod geometry;
 pub mod image;
 pub mod journal;
 mod known_sample;
 pub mod lab;
-pub mod masks;
+mod masks;
 pub mod mueller;
-pub mod own_detector;
+mod own_detector;
 pub mod plan;
-pub mod progress;
+mod progress;
 mod projector_file;
-pub mod recover;
+mod recover;
 pub mod rig_file;
 mod rig_syntax;
 pub mod run;
 pub mod run_store;
+mod sealed_log;
 pub mod steps;
-pub mod time_tags;
+mod time_tags;
 pub mod writer;

@@ -1,9 +1,8 @@
 //! Reconstructs Mueller matrices with standard errors from a run, and stores them.
 
-use super::image::{ImageError, Intensities, Run};
+use super::image::{ImageError, Intensities, Run, failed};
 use polarimetry::capture::detector::polarizer_array::Method;
 use polarimetry::capture::directions::Directions;
-
 use polarimetry::capture::simulate::Layout;
 use polarimetry::reconstruct::along_rays::{Places, reconstruct};
 use polarimetry::reconstruct::pixels::{Options, Tally};
@@ -65,7 +64,6 @@ impl Run {
             tally: Tally::default(),
         };
         let places = Places { rays: &rays, times: layout.times, lanes: layout.lanes };
-        let failed = |e: polarimetry::capture::design_matrix::RankError| ImageError(e.to_string());
         if let Some(spad) = self.diode()? {
             let (plain, first) = (Options::default(), &mut image.mean);
             let of = |radiance: f64, nm: f64| spad.variance(radiance, nm);

@@ -1,6 +1,6 @@
 //! Calibration data of a run's own detector: histograms of a plane (counter), dark and lit frames (camera).
 
-use super::image::{ImageError, Run};
+use super::image::{ImageError, Run, failed};
 use crate::calibrate::radiometric::stack::Stack;
 use crate::calibrate::temporal::captures::{Capture, Counter};
 use polarimetry::capture::detector::spad::Mode;
@@ -26,7 +26,6 @@ pub struct Histograms {
 
 impl Histograms {
     /// Returns the histograms of a plane perpendicular to the scan's axis, `metres` from the mirrors' pivot.
-    #[must_use]
     pub fn of_plane(&self, metres: f64) -> Vec<Capture<'_>> {
         let all = self.counts.iter().zip(&self.pulses).enumerate();
         all.map(|(i, (counts, pulses))| {
@@ -52,13 +51,10 @@ impl Run {
         let Some(spad) = self.diode()? else {
             return Err(ImageError(format!("{path}: this is a camera run; use a run of a plan with [scan]")));
         };
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let (&[captures, height, width, bins], Some(fov)) = (&shape[..], self.fov_x) else {
+        let [captures, height, width, bins] = self.shape()?;
+        let Some(fov) = self.fov_x.filter(|_| width > 0 && height > 0 && bins > 0) else {
             return Err(self.damaged("the frames' shape"));
         };
-        if width == 0 || height == 0 || bins == 0 {
-            return Err(self.damaged("the frames' shape"));
-        }
         let view = Directions::pinhole(fov, width, height);
         let slant = (0..width * height).map(|p| {
             let [ax, ay] = view.ray(p % width, p / width, [width, height], self.nm).direction();
@@ -66,7 +62,7 @@ impl Run {
         });
         let mut counts = vec![];
         for row in 0..captures * height {
-            let all = self.store.read_chunk(row).map_err(|e| ImageError(e.to_string()))?;
+            let all = self.store.read_chunk(row).map_err(failed)?;
             counts.extend(all.chunks_exact(bins).map(<[u32]>::to_vec));
         }
         let pulses: Vec<u64> = self.pulses()?.into_iter().map(|n| n.max(0.0) as u64).collect();
@@ -98,8 +94,7 @@ impl Run {
     /// element angles, or is damaged.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
-        let (&[captures, shots, exposures, height, width], true) = (&shape[..], self.fov_x.is_none()) else {
+        let (Ok([captures, shots, exposures, height, width]), None) = (self.shape(), self.fov_x) else {
             return Err(ImageError(format!("{path}: this is a scan; use a run of a plan with [camera]")));
         };
         let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());
@@ -130,7 +125,7 @@ impl Run {
                 Stack::new(height * width, times[e], light, ((1_u64 << bits) - 1) as u32).map_err(message)?;
             for k in 0..captures {
                 let n = (k * shots + shot) * exposures + e;
-                let frame = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
+                let frame = self.store.read_chunk(n).map_err(failed)?;
                 stack.add(&frame).map_err(message)?;
             }
             Ok(stack)

@@ -29,6 +29,7 @@
 //! laser_power = 0.9                         # wait while the laser is weaker
 //! ```
 
+use super::Fault;
 use super::time_tags::{RECORD, Scale};
 use crate::instrument::PixelFormat;
 mod syntax;
@@ -41,7 +42,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 pub use syntax::Limits;
-use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom};
+use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom, SchemeKind};
 
 /// Maximum number of frames of a run.
 pub const MOST_FRAMES: u64 = 100_000_000;
@@ -147,7 +148,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
          `bin_ps`"
             .to_owned()
     })?;
-    let fault = |span: Range<usize>, message: String, help: &str| InputError {
+    let fault = |span: Range<usize>, (message, help): Fault| InputError {
         file: path.to_owned(),
         text: text.into(),
         span: Some(span),
@@ -157,63 +158,23 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
     let scheme = match &*file.scheme {
         SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
-        SchemeFrom::Kind(k) => {
-            let known = "set `kind` to drr, qrpr or quad, or use the name of a scheme file";
-            if !(1..=100_000).contains(&k.captures) {
-                return Err(fault(
-                    file.scheme.span(),
-                    format!("{} captures", k.captures),
-                    "set 1 to 100000 captures",
-                ));
-            }
-            let made = match k.kind.as_str() {
-                "drr" => Scheme::drr(k.captures, k.array),
-                "qrpr" => Scheme::qrpr(k.captures, k.array),
-                "quad" => Scheme::quad(k.captures, k.array),
-                other => {
-                    return Err(fault(file.scheme.span(), format!("unknown scheme `{other}`"), known));
-                }
-            };
-            made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
-        }
+        SchemeFrom::Kind(kind) => scheme_of(kind).map_err(|e| fault(file.scheme.span(), e))?,
     };
     let work = match (&file.camera, &file.scan) {
-        (Some(camera), None) => {
-            Work::Camera(camera_work(camera).map_err(|(what, help)| fault(camera.span(), what, help))?)
-        }
-        (None, Some(scan)) => {
-            Work::Scan(scan_work(scan).map_err(|(what, help)| fault(scan.span(), what, help))?)
-        }
+        (Some(camera), None) => Work::Camera(camera_work(camera).map_err(|e| fault(camera.span(), e))?),
+        (None, Some(scan)) => Work::Scan(scan_work(scan).map_err(|e| fault(scan.span(), e))?),
         (Some(_), Some(second)) => {
             let help = "keep one of them; write two plans to use both";
-            return Err(fault(second.span(), "[camera] and [scan] are both present".into(), help));
+            return Err(fault(second.span(), ("[camera] and [scan] are both present".into(), help)));
         }
         (None, None) => {
             let help = "add [camera] with `exposures_ms` and `masks`, or [scan]";
-            return Err(fault(0..0, "[camera] and [scan] are both missing".into(), help));
+            return Err(fault(0..0, ("[camera] and [scan] are both missing".into(), help)));
         }
     };
     let limits = file.limits.as_deref().copied().unwrap_or_default();
-    let named =
-        [("backoff_s", limits.backoff_s), ("deadline_s", limits.deadline_s), ("suspend_s", limits.suspend_s)];
     let place = || file.limits.as_ref().map_or(0..0, Located::span);
-    for (name, value) in named {
-        if !(value > 0.0 && value <= 1e6) {
-            return Err(fault(
-                place(),
-                format!("`{name}` is {value}"),
-                "set seconds, above 0 and at most 1e6",
-            ));
-        }
-    }
-    for (name, value) in [("laser_power", limits.laser_power), ("saturated_share", limits.saturated_share)] {
-        if !(0.0..=1.0).contains(&value) {
-            return Err(fault(place(), format!("`{name}` is {value}"), "set a fraction from 0 to 1"));
-        }
-    }
-    if limits.retries > 1000 {
-        return Err(fault(place(), format!("`retries` is {}", limits.retries), "set 0 to 1000"));
-    }
+    check_limits(&limits).map_err(|e| fault(place(), e))?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let plan = Plan {
         name: file.name.unwrap_or_else(|| stem.into_owned()),
@@ -224,17 +185,43 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         limits,
     };
     if plan.frames() > MOST_FRAMES {
-        let help = "split it into several plans";
-        return Err(fault(
-            0..0,
-            format!("the plan has {} frames, but the limit is {MOST_FRAMES}", plan.frames()),
-            help,
-        ));
+        let what = format!("the plan has {} frames, but the limit is {MOST_FRAMES}", plan.frames());
+        return Err(fault(0..0, (what, "split it into several plans")));
     }
     Ok(plan)
 }
 
-type Fault = (String, &'static str);
+fn scheme_of(kind: &SchemeKind) -> Result<Scheme, Fault> {
+    let known = "set `kind` to drr, qrpr or quad, or use the name of a scheme file";
+    if !(1..=100_000).contains(&kind.captures) {
+        return Err((format!("{} captures", kind.captures), "set 1 to 100000 captures"));
+    }
+    let made = match kind.kind.as_str() {
+        "drr" => Scheme::drr(kind.captures, kind.array),
+        "qrpr" => Scheme::qrpr(kind.captures, kind.array),
+        "quad" => Scheme::quad(kind.captures, kind.array),
+        other => return Err((format!("unknown scheme `{other}`"), known)),
+    };
+    made.map_err(|e| (e.to_string(), known))
+}
+
+fn check_limits(limits: &Limits) -> Result<(), Fault> {
+    let Limits { retries, backoff_s, deadline_s, suspend_s, laser_power, saturated_share } = *limits;
+    for (name, value) in [("backoff_s", backoff_s), ("deadline_s", deadline_s), ("suspend_s", suspend_s)] {
+        if !(value > 0.0 && value <= 1e6) {
+            return Err((format!("`{name}` is {value}"), "set seconds, above 0 and at most 1e6"));
+        }
+    }
+    for (name, value) in [("laser_power", laser_power), ("saturated_share", saturated_share)] {
+        if !(0.0..=1.0).contains(&value) {
+            return Err((format!("`{name}` is {value}"), "set a fraction from 0 to 1"));
+        }
+    }
+    if retries > 1000 {
+        return Err((format!("`retries` is {retries}"), "set 0 to 1000"));
+    }
+    Ok(())
+}
 
 fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     if ms > 0.0 && ms <= 3.6e6 {
@@ -254,8 +241,7 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
         return Err((format!("`gain_db` is {}", file.gain_db), "set a finite number of decibels, such as 0"));
     }
     let name = file.format.as_deref().unwrap_or("Mono12p");
-    let all = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
-    let format = all.into_iter().find(|f| f.name() == name);
+    let format = PixelFormat::ALL.into_iter().find(|f| f.name() == name);
     let format =
         format.ok_or((format!("unknown pixel format `{name}`"), "use Mono8, Mono10p, Mono12p or Mono16"))?;
     let mut masks: Vec<MaskPlan> = vec![];

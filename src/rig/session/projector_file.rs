@@ -1,5 +1,6 @@
 //! The `[projector]` table of a rig file: limits, and for a DLPC350 its flash, LEDs and triggers.
 
+use super::Fault;
 use super::rig_syntax::{Driver, ProjectorFile};
 use crate::driver::dlpc350::flash;
 use crate::driver::dlpc350::projector::Flash;
@@ -10,9 +11,6 @@ use std::time::Duration;
 
 /// Flash content, active LEDs and triggers of a DLPC350.
 pub type FlashPlan = (Flash, u8, Triggers);
-
-/// A message and a fix.
-type Fault = (String, &'static str);
 
 /// Checks the table of a rig file at `path`. Images of the flash are relative to that file.
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {

@@ -20,7 +20,6 @@ pub struct Tries {
 
 impl Tries {
     /// Creates the attempts of a new step.
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { left: limits.retries, wait: Duration::from_secs_f64(limits.backoff_s) }
     }
@@ -39,9 +38,6 @@ impl Tries {
 
 /// Restores a rig to a state in which a step can start: reconnects lost instruments and homes stages that
 /// stalled or lost their zero.
-///
-/// # Errors
-/// The next [`Failure`].
 pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
         // One lost connection often means that all are lost, so check every instrument.

@@ -21,13 +21,14 @@
 //! optics = "optics.toml"             # a scheme file with the true elements
 //! ```
 
+use super::Fault;
 use super::calibrated::Believed;
 use super::galvo_file;
 use super::geometry::Geometry;
 use super::projector_file;
 pub use super::projector_file::FlashPlan;
 pub use super::rig_syntax::{APPROACH_DEG, Driver, StageFile};
-use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
+use super::rig_syntax::{BenchFile, CameraFile, CounterFile, RigFile, SampleFile};
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
 use crate::driver::th260::settings::Th260Settings;
@@ -39,6 +40,7 @@ use crate::simulated::faults::FaultAt;
 use base::document;
 use base::locate::{InputError, Located};
 use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::error::DetectorError;
 use polarimetry::capture::detector::spad::Spad;
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
@@ -135,7 +137,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
          [bench]"
             .to_owned()
     })?;
-    let fault = |span: Range<usize>, message: String, help: &str| InputError {
+    let fault = |span: Range<usize>, (message, help): Fault| InputError {
         file: path.to_owned(),
         text: text.into(),
         span: Some(span),
@@ -143,133 +145,63 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         help: Some(help.to_owned()),
     };
     for (name, stage) in &file.stages {
-        let speeds = [stage.velocity, stage.acceleration, stage.resolution_deg];
-        let rest = [stage.approach_deg, stage.backlash_deg];
-        let good =
-            speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
-        if !good {
-            return Err(fault(
-                stage.span(),
-                format!("invalid setting of stage `{name}`"),
-                "set velocity, acceleration and resolution_deg in (0, 1e6), and approach_deg and backlash_deg from 0 to 90",
-            ));
-        }
-        if stage.driver == Driver::Apt && stage.port.is_none() {
-            return Err(fault(
-                stage.span(),
-                format!("stage `{name}` has no port"),
-                "add port = \"/dev/ttyUSB0\", or \"COM3\" on Windows",
-            ));
-        }
+        check_stage(name, stage).map_err(|e| fault(stage.span(), e))?;
     }
-    let pixels = |size: [u32; 2]| size.iter().all(|n| (1..=65_536).contains(n));
-    let milliseconds = |ms: f64| Duration::try_from_secs_f64(ms / 1e3).ok().filter(|_| ms < 1e6);
-    let (projector, flash) = match &file.projector {
-        None => (None, None),
-        Some(p) => {
-            let (limits, flash) =
-                projector_file::check(path, p).map_err(|(e, help)| fault(p.span(), e, help))?;
-            (Some((p.driver.clone(), limits)), flash)
+    let (projector, flash) = checked(&file.projector, &fault, |p| {
+        let (limits, flash) = projector_file::check(path, p)?;
+        Ok(((p.driver.clone(), limits), flash))
+    })?
+    .unzip();
+    let camera = checked(&file.camera, &fault, |c| Ok((c.driver.clone(), camera_limits(c)?)))?;
+    let (galvo, galvo_wiring) = checked(&file.galvo, &fault, |g| {
+        let (limits, wiring) = galvo_file::check(g)?;
+        Ok(((g.driver.clone(), limits), wiring))
+    })?
+    .unzip();
+    let laser = checked(&file.laser, &fault, |l| {
+        let good = is_wavelength(l.nm) && l.rate_hz[0] > 0.0 && l.rate_hz[1] >= l.rate_hz[0];
+        if !good {
+            let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
+            return Err(("invalid setting in [laser]".into(), help));
         }
-    };
-    let camera = match &file.camera {
-        None => None,
-        Some(c) => {
-            let help = "set size and step = [columns, rows], each from 1 to 65536, and row_time_us from 0 to less than 1e9";
-            let row_time = milliseconds(c.row_time_us / 1e3).filter(|_| pixels(c.size) && pixels(c.step));
-            let row_time =
-                row_time.ok_or_else(|| fault(c.span(), "invalid setting in [camera]".into(), help))?;
-            Some((
-                c.driver.clone(),
-                CameraLimits {
-                    size: c.size,
-                    step: c.step,
-                    exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
-                    gain_db: [0.0, 48.0],
-                    formats: vec![
-                        PixelFormat::Mono8,
-                        PixelFormat::Mono10p,
-                        PixelFormat::Mono12p,
-                        PixelFormat::Mono16,
-                    ],
-                    row_time,
-                },
-            ))
-        }
-    };
-    let (galvo, galvo_wiring) = match &file.galvo {
-        None => (None, None),
-        Some(g) => {
-            let (limits, wiring) = galvo_file::check(g).map_err(|(e, help)| fault(g.span(), e, help))?;
-            (Some((g.driver.clone(), limits)), wiring)
-        }
-    };
-    let laser = match &file.laser {
+        Ok((l.driver.clone(), LaserLimits { nm: l.nm, rate_hz: l.rate_hz }))
+    })?;
+    let laser_table = match file.laser.as_ref().filter(|l| l.driver == Driver::Scpi) {
         None => None,
         Some(l) => {
-            let good = l.nm > 100.0 && l.nm < 1e5 && l.rate_hz[0] > 0.0 && l.rate_hz[1] >= l.rate_hz[0];
-            if !good {
-                let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
-                return Err(fault(l.span(), "invalid setting in [laser]".into(), help));
-            }
-            let limits = LaserLimits { nm: l.nm, rate_hz: l.rate_hz };
-            Some((l.driver.clone(), limits))
-        }
-    };
-    let laser_table = match &file.laser {
-        Some(l) if l.driver == Driver::Scpi => {
-            let beside = |p: &PathBuf| path.parent().unwrap_or(Path::new("")).join(p);
             let help = "add table = \"laser.toml\", with its address and commands; see docs/instruments.md";
-            let table = l.table.as_ref().map(beside);
-            let table = table.ok_or_else(|| {
-                fault(l.span(), "a laser with driver = \"scpi\" needs a table".into(), help)
-            })?;
+            let missing = || fault(l.span(), ("a laser with driver = \"scpi\" needs a table".into(), help));
+            let table = beside(path, l.table.as_ref().ok_or_else(missing)?);
             let text = document::read(&table, "laser's table", help)?;
-            let parsed = LaserTable::parse(&text);
-            Some(parsed.map_err(|e| fault(l.span(), format!("{}: {e}", table.display()), help))?)
-        }
-        _ => None,
-    };
-    let counter = match &file.counter {
-        None => None,
-        Some(c) => {
-            let good = (1..=1 << 20).contains(&c.bins) && c.finest_ps > 0.0 && c.finest_ps < 1e9;
-            if !good {
-                let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
-                return Err(fault(c.span(), "invalid setting in [counter]".into(), help));
-            }
-            let limits = CounterLimits {
-                bins: c.bins,
-                finest_ps: c.finest_ps,
-                longest: Duration::from_secs(3600),
-                full: u64::from(u32::MAX),
-                tags: (c.driver == Driver::Simulated).then_some(TAGS),
-            };
-            Some((c.driver.clone(), limits))
+            let wrong = |e: String| fault(l.span(), (format!("{}: {e}", table.display()), help));
+            Some(LaserTable::parse(&text).map_err(wrong)?)
         }
     };
-    let th260 = match &file.counter {
-        None => None,
-        Some(c) => th260(path, c).map_err(|(e, help)| fault(c.span(), e, help))?,
-    };
+    let counter = checked(&file.counter, &fault, |c| {
+        let good = (1..=1 << 20).contains(&c.bins) && c.finest_ps > 0.0 && c.finest_ps < 1e9;
+        if !good {
+            let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
+            return Err(("invalid setting in [counter]".into(), help));
+        }
+        let limits = CounterLimits {
+            bins: c.bins,
+            finest_ps: c.finest_ps,
+            longest: Duration::from_secs(3600),
+            full: u64::from(u32::MAX),
+            tags: (c.driver == Driver::Simulated).then_some(TAGS),
+        };
+        Ok((c.driver.clone(), limits))
+    })?;
+    let th260 = checked(&file.counter, &fault, |c| th260(path, c))?.flatten();
     let cmos = file.detector.cmos.clone().unwrap_or_default();
     let spad = file.detector.spad.clone().unwrap_or_default();
-    let detector = cmos.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "correct the value, or remove it"))?;
-    let detector = spad.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "correct the value, or remove it"))?;
-    let geometry = match &file.geometry {
-        None => None,
-        Some(g) => Some(
-            Geometry::new(g)
-                .map_err(|e| fault(g.span(), e, "see the comments at the top of a shipped rig file"))?,
-        ),
-    };
-    let bench = match &file.bench {
-        None => None,
-        Some(b) => Some(bench(path, b, &cmos, &spad, &fault)?),
-    };
-    if let Some(b) = &file.bench {
+    check_detectors("detector", &cmos, &spad).map_err(|e| fault(0..0, e))?;
+    let geometry = checked(&file.geometry, &fault, |g| {
+        Geometry::new(g).map_err(|e| (e, "see the comments at the top of a shipped rig file"))
+    })?;
+    let mut bench = checked(&file.bench, &fault, |b| bench(path, b, &cmos, &spad))?;
+    if let (Some(bench), Some(b)) = (&mut bench, &file.bench) {
+        bench.optics = b.optics.as_ref().map(|p| scheme_file::load(&beside(path, p))).transpose()?;
         let known = |name: &str| {
             let roles = [
                 ("projector", projector.is_some()),
@@ -279,14 +211,12 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
                 ("counter", counter.is_some()),
                 ("disk", true),
             ];
-            file.stages.contains_key(name) || roles.iter().any(|(role, has)| *has && *role == name)
+            file.stages.contains_key(name) || roles.contains(&(name, true))
         };
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
-            return Err(fault(
-                b.span(),
-                format!("a fault is planned for `{}` at use {}", odd.instrument, odd.at),
-                "set the name of an instrument of this file, or \"disk\", and a use from 1",
-            ));
+            let what = format!("a fault is planned for `{}` at use {}", odd.instrument, odd.at);
+            let help = "set the name of an instrument of this file, or \"disk\", and a use from 1";
+            return Err(fault(b.span(), (what, help)));
         }
     }
     // The bench keeps its true parameters. Calibration changes the assumed ones only.
@@ -296,23 +226,17 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let Believed { cmos, spad, geometry } = believed.calibrated(path, files, sizes)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
-    if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
-        return Err(fault(
-            0..0,
-            "`wavelength_nm` is out of range".into(),
-            "set a wavelength above 100 and below 1e5 nm",
-        ));
-    }
+    check_wavelength(wavelength_nm).map_err(|e| fault(0..0, e))?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(RigPlan {
         name: file.name.unwrap_or_else(|| stem.into_owned()),
         stages: file.stages.into_iter().map(|(n, s)| (n, (*s).clone())).collect(),
         projector,
-        flash,
+        flash: flash.flatten(),
         camera,
         camera_serial: file.camera.as_ref().and_then(|c| c.serial.clone()),
         galvo,
-        galvo_wiring,
+        galvo_wiring: galvo_wiring.flatten(),
         laser,
         laser_table,
         counter,
@@ -325,8 +249,72 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
-/// Returns library and settings of a TimeHarp 260, if the counter is one; or a message and a fix.
-fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
+/// Checks a table, if it is present.
+fn checked<T, U>(
+    table: &Option<Located<T>>,
+    fault: &dyn Fn(Range<usize>, Fault) -> InputError,
+    check: impl FnOnce(&T) -> Result<U, Fault>,
+) -> Result<Option<U>, InputError> {
+    table.as_ref().map(|t| check(t).map_err(|e| fault(t.span(), e))).transpose()
+}
+
+/// Returns the path of a file that is named relative to the rig file at `rig`.
+fn beside(rig: &Path, file: &Path) -> PathBuf {
+    rig.parent().unwrap_or(Path::new("")).join(file)
+}
+
+fn check_stage(name: &str, stage: &StageFile) -> Result<(), Fault> {
+    let speeds = [stage.velocity, stage.acceleration, stage.resolution_deg];
+    let rest = [stage.approach_deg, stage.backlash_deg];
+    let good = speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
+    if !good {
+        let help = "set velocity, acceleration and resolution_deg in (0, 1e6), and approach_deg and backlash_deg from 0 to 90";
+        return Err((format!("invalid setting of stage `{name}`"), help));
+    }
+    if stage.driver == Driver::Apt && stage.port.is_none() {
+        let help = "add port = \"/dev/ttyUSB0\", or \"COM3\" on Windows";
+        return Err((format!("stage `{name}` has no port"), help));
+    }
+    Ok(())
+}
+
+fn camera_limits(file: &CameraFile) -> Result<CameraLimits, Fault> {
+    let pixels = file.size.iter().chain(&file.step).all(|n| (1..=65_536).contains(n));
+    let row_time = Duration::try_from_secs_f64(file.row_time_us / 1e3 / 1e3).ok();
+    let row_time = row_time.filter(|_| file.row_time_us / 1e3 < 1e6 && pixels);
+    let help =
+        "set size and step = [columns, rows], each from 1 to 65536, and row_time_us from 0 to less than 1e9";
+    Ok(CameraLimits {
+        size: file.size,
+        step: file.step,
+        exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
+        gain_db: [0.0, 48.0],
+        formats: PixelFormat::ALL.to_vec(),
+        row_time: row_time.ok_or(("invalid setting in [camera]".to_owned(), help))?,
+    })
+}
+
+fn is_wavelength(nm: f64) -> bool {
+    nm > 100.0 && nm < 1e5
+}
+
+fn check_wavelength(nm: f64) -> Result<(), Fault> {
+    if is_wavelength(nm) {
+        return Ok(());
+    }
+    Err(("`wavelength_nm` is out of range".into(), "set a wavelength above 100 and below 1e5 nm"))
+}
+
+/// Checks the detectors of a table.
+fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
+    let wrong =
+        |kind: &str, e: DetectorError| (format!("[{table}.{kind}]: {e}"), "correct the value, or remove it");
+    cmos.check().map_err(|e| wrong("cmos", e))?;
+    spad.check().map_err(|e| wrong("spad", e))
+}
+
+/// Returns library and settings of a TimeHarp 260, if the counter is one.
+fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
             let help = "add driver = \"vendor\", or remove `library` and `th260`";
@@ -337,10 +325,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'st
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
     // A bare name is searched in the system's library paths.
-    let library = file
-        .library
-        .clone()
-        .map(|l| if l.components().count() > 1 { path.parent().unwrap_or(Path::new("")).join(l) } else { l });
+    let library = file.library.clone().map(|l| if l.components().count() > 1 { beside(path, &l) } else { l });
     Ok(Some((library, settings)))
 }
 
@@ -360,81 +345,55 @@ pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     }
 }
 
-fn bench(
-    path: &Path,
-    file: &Located<BenchFile>,
-    cmos: &Cmos,
-    spad: &Spad,
-    fault: &dyn Fn(Range<usize>, String, &str) -> InputError,
-) -> Result<BenchPlan, InputError> {
-    let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
+/// Returns a bench, without its optics.
+fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<BenchPlan, Fault> {
     let scene = match (&file.tensor, &file.scene, &file.sample) {
-        (Some(tensor), None, None) => Scene::Tensor(beside(tensor)),
-        (None, Some(scene), None) => Scene::Scene(beside(scene), file.spp),
+        (Some(tensor), None, None) => Scene::Tensor(beside(path, tensor)),
+        (None, Some(scene), None) => Scene::Scene(beside(path, scene), file.spp),
         (None, None, Some(sample)) => Scene::Sample(match sample {
             SampleFile::Matrix(rows) => {
                 let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
                 // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
                     let help = "set four rows of numbers; no absolute value may exceed the first number";
-                    return Err(fault(file.span(), "`sample` is not a Mueller matrix".into(), help));
+                    return Err(("`sample` is not a Mueller matrix".into(), help));
                 }
                 m
             }
             SampleFile::Named(name) => sample_of(name).ok_or_else(|| {
                 let help = "use \"air\", \"mirror\", \"polarizer\", or a matrix of four rows";
-                fault(file.span(), format!("unknown sample `{name}`"), help)
+                (format!("unknown sample `{name}`"), help)
             })?,
         }),
         _ => {
-            let help = "set exactly one of `tensor`, `scene` and `sample`";
-            return Err(fault(
-                file.span(),
-                "[bench] must have exactly one of `tensor`, `scene` and `sample`".into(),
-                help,
-            ));
+            let what = "[bench] must have exactly one of `tensor`, `scene` and `sample`";
+            return Err((what.into(), "set exactly one of `tensor`, `scene` and `sample`"));
         }
     };
     for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {
         if !(fov > 0.0 && fov < 170.0) {
-            return Err(fault(
-                file.span(),
-                format!("field of view {fov}° is out of range"),
-                "set degrees, above 0 and below 170",
-            ));
+            let what = format!("field of view {fov}° is out of range");
+            return Err((what, "set degrees, above 0 and below 170"));
         }
     }
     if !(file.brightness > 0.0 && file.brightness < 1e30) {
-        return Err(fault(
-            file.span(),
-            "`brightness` is out of range".into(),
-            "set a number above 0 and below 1e30",
-        ));
+        return Err(("`brightness` is out of range".into(), "set a number above 0 and below 1e30"));
     }
-    if !(file.wavelength_nm > 100.0 && file.wavelength_nm < 1e5) {
-        return Err(fault(
-            file.span(),
-            "`wavelength_nm` is out of range".into(),
-            "set a wavelength above 100 and below 1e5 nm",
-        ));
-    }
-    let truth = file.cmos.clone().unwrap_or_else(|| cmos.clone());
-    let check = truth.check().map_err(|e| e.to_string());
-    check.map_err(|e| fault(file.span(), format!("[bench.cmos]: {e}"), "correct the value, or remove it"))?;
-    let diode = file.spad.clone().unwrap_or_else(|| spad.clone());
-    let check = diode.check().map_err(|e| e.to_string());
-    check.map_err(|e| fault(file.span(), format!("[bench.spad]: {e}"), "correct the value, or remove it"))?;
+    check_wavelength(file.wavelength_nm)?;
+    let cmos = file.cmos.as_ref().unwrap_or(cmos).clone();
+    let spad = file.spad.as_ref().unwrap_or(spad).clone();
+    check_detectors("bench", &cmos, &spad)?;
     Ok(BenchPlan {
         scene,
         slice: file.slice.clone(),
         brightness: file.brightness,
         nm: file.wavelength_nm,
-        optics: file.optics.as_ref().map(|p| scheme_file::load(&beside(p))).transpose()?,
+        optics: None,
         fov_deg: [file.camera_fov_deg, file.projector_fov_deg],
         seed: file.seed,
         real_time: file.real_time,
-        cmos: truth,
-        spad: diode,
+        cmos,
+        spad,
         faults: file.faults.clone(),
     })
 }

@@ -142,11 +142,10 @@ impl Session<'_> {
     fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         let mut tries = Tries::new(&self.steps.plan.limits);
         loop {
-            let failure = match self.attempt(step, stop)? {
-                Ok(done) => return Ok(done),
-                Err(failure) => failure,
+            let mut failure = match self.attempt(step, stop) {
+                Err(RunError::Instrument(failure)) => failure,
+                done_or_ended => return done_or_ended,
             };
-            let mut failure = failure;
             loop {
                 let Some(wait) = tries.next(&failure) else {
                     return Err(failure.into());
@@ -176,18 +175,13 @@ impl Session<'_> {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
 
-    /// Attempts to take a frame. The outer error ends the run.
-    fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<Taken, Failure>, RunError> {
-        if let Err(failure) = self.prepare() {
-            return Ok(Err(failure));
-        }
+    /// Attempts to take a frame.
+    fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
+        self.prepare()?;
         if matches!(self.steps.plan.work, Work::Scan(_)) {
-            match self.wait_for_laser(step, stop)? {
-                Ok(()) => {}
-                Err(failure) => return Ok(Err(failure)),
-            }
+            self.wait_for_laser(step, stop)?;
         }
-        Ok(self.frame(step))
+        Ok(self.frame(step)?)
     }
 
     /// Prepares the run: homes the stages, loads the patterns, switches on the light.
@@ -218,24 +212,19 @@ impl Session<'_> {
     }
 
     /// Suspends the run while the laser is weak.
-    fn wait_for_laser(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<(), Failure>, RunError> {
+    fn wait_for_laser(&mut self, step: Step, stop: &AtomicBool) -> Result<(), RunError> {
         let limits = self.steps.plan.limits;
         let until = self.rig.clock.now() + Duration::from_secs_f64(limits.suspend_s);
         let mut noted = false;
         loop {
-            let Some(laser) = &mut self.rig.laser else {
-                return Ok(Err(absent("laser")));
-            };
-            let state = match laser.state(self.within) {
-                Ok(state) => state,
-                Err(failure) => return Ok(Err(failure)),
-            };
+            let laser = self.rig.laser.as_mut().ok_or_else(|| absent("laser"))?;
+            let state = laser.state(self.within)?;
             if state.power >= limits.laser_power {
-                return Ok(Ok(()));
+                return Ok(());
             }
             if !state.emitting {
                 // Its power was cut: start over.
-                return Ok(Err(Failure::new(Fault::Timeout, "laser", "the laser stopped emitting")));
+                return Err(Failure::new(Fault::Timeout, "laser", "the laser stopped emitting").into());
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
             if !noted {
@@ -245,7 +234,7 @@ impl Session<'_> {
             }
             if self.rig.clock.now() >= until {
                 let what = format!("{why} for {} s; correct this and resume", limits.suspend_s);
-                return Ok(Err(Failure::new(Fault::Refused, "laser", what)));
+                return Err(Failure::new(Fault::Refused, "laser", what).into());
             }
             if stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
@@ -274,38 +263,34 @@ impl Session<'_> {
                 over.push((name.clone(), goal - stage.approach_deg));
             }
         }
-        for (name, below) in &over {
-            if let Some(stage) = self.rig.stages.get_mut(name) {
-                stage.device.begin_move(*below)?;
+        self.move_all(&over)?;
+        let to_goal = |name: &String| Some((name.clone(), self.steps.goals.get(name)?[capture]));
+        let missing = self.rig.stages.keys().filter(|name| !found.contains_key(*name));
+        let moves: Vec<(String, f64)> = missing.filter_map(to_goal).collect();
+        for ((name, goal), [angle, resolution]) in moves.iter().zip(self.move_all(&moves)?) {
+            if (angle - goal).abs() > 2.0 * resolution {
+                let what = format!("the stage is at {angle:.4}°, expected {goal:.4}°");
+                return Err(Failure::new(Fault::Stalled, name, what));
             }
+            found.insert(name.clone(), angle);
         }
-        let longest = Duration::from_secs(600);
-        for (name, _) in &over {
-            if let Some(stage) = self.rig.stages.get_mut(name) {
-                stage.device.finish_move(self.within + longest)?;
-            }
+        Ok(found.into_values().collect())
+    }
+
+    /// Moves stages concurrently and returns the angle and the resolution of each, in degrees.
+    fn move_all(&mut self, moves: &[(String, f64)]) -> Result<Vec<[f64; 2]>, Failure> {
+        let stages = &mut self.rig.stages;
+        for (name, goal) in moves {
+            let stage = stages.get_mut(name).ok_or_else(|| absent(name))?;
+            stage.device.begin_move(*goal)?;
         }
-        let moving: Vec<String> =
-            (self.rig.stages.keys()).filter(|name| !found.contains_key(*name)).cloned().collect();
-        for name in &moving {
-            if let Some(stage) = self.rig.stages.get_mut(name) {
-                stage.device.begin_move(self.steps.goals[name][capture])?;
-            }
-        }
-        let mut angles = found;
-        for name in moving {
-            let Some(stage) = self.rig.stages.get_mut(&name) else {
-                continue;
-            };
-            let (limits, goal) = (stage.device.limits(), self.steps.goals[&name][capture]);
-            let reading = stage.device.finish_move(self.within + longest)?;
-            if (reading.angle_deg - goal).abs() > 2.0 * limits.resolution_deg {
-                let what = format!("the stage is at {:.4}°, expected {goal:.4}°", reading.angle_deg);
-                return Err(Failure::new(Fault::Stalled, &name, what));
-            }
-            angles.insert(name, reading.angle_deg);
-        }
-        Ok(angles.into_values().collect())
+        let within = self.within + Duration::from_secs(600);
+        let mut finish = |name: &String| {
+            let stage = stages.get_mut(name).ok_or_else(|| absent(name))?;
+            let angle = stage.device.finish_move(within)?.angle_deg;
+            Ok([angle, stage.device.limits().resolution_deg])
+        };
+        moves.iter().map(|(name, _)| finish(name)).collect()
     }
 
     /// Takes one frame, from moving the stages to its numbers.

@@ -103,10 +103,8 @@ impl Steps {
             }
             self.masks.push(made);
         }
-        if self.patterns.len() > show.patterns {
-            let what = format!("{} patterns exceed the limit of {}", self.patterns.len(), show.patterns);
-            return Err(Failure::new(Fault::Limit, projector.name(), what));
-        }
+        let fits = show.check(self.patterns.len());
+        fits.map_err(|what| Failure::new(Fault::Limit, projector.name(), what))?;
         for (_, region) in &self.shots {
             for exposure in 0..work.exposures.len() {
                 let settings = settings(work, *region, exposure);
@@ -122,11 +120,10 @@ impl Steps {
         let laser = rig.laser.as_ref().ok_or_else(|| absent("laser"))?;
         self.frame_size = [work.bins, 1];
         let corner = pointing(work, 0, 0);
-        let limits = galvo.limits();
-        if corner.iter().zip(limits.range_deg).any(|(a, most)| a.abs() > most) {
-            let what = format!("the scan's corner at {corner:?}° is outside ±{:?}°", limits.range_deg);
-            return Err(Failure::new(Fault::Limit, galvo.name(), what));
-        }
+        galvo
+            .limits()
+            .check(corner)
+            .map_err(|e| Failure::new(Fault::Limit, galvo.name(), format!("the scan's corner at {e}")))?;
         let limits = counter.limits();
         if work.bins as usize > limits.bins || work.bin_ps < limits.finest_ps || work.dwell > limits.longest {
             let what = format!(
@@ -135,12 +132,8 @@ impl Steps {
             );
             return Err(Failure::new(Fault::Limit, counter.name(), what));
         }
-        let [least, most] = laser.limits().rate_hz;
-        if work.rate_hz < least || work.rate_hz > most {
-            let what = format!("{} Hz is outside {least} to {most} Hz", work.rate_hz);
-            return Err(Failure::new(Fault::Limit, laser.name(), what));
-        }
-        Ok(())
+        let rate = laser.limits().check(work.rate_hz);
+        rate.map_err(|what| Failure::new(Fault::Limit, laser.name(), what))
     }
 
     #[must_use]

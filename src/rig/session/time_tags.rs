@@ -6,12 +6,13 @@
 //!
 //! Until its row is complete, a point's tags are in a log. They are therefore always in the log or in a file.
 
+use super::sealed_log::{self, SealedLog, word};
 use crate::ptu::histogram::{Plan, possibly_empty_histogram};
 use crate::ptu::reader::Reader;
 use crate::ptu::record::{Decoder, Event, RecordType};
 use crate::ptu::writer::{self, Description};
-use std::fs::{File, OpenOptions};
-use std::io::{self, Cursor, Read, Seek, Write};
+use std::fs::File;
+use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// File name of the log of an incomplete row.
@@ -83,7 +84,6 @@ impl Tags {
     }
 
     /// Returns the CRC-32C of pulses and photons.
-    #[must_use]
     pub fn checksum(&self) -> u32 {
         crc32c::crc32c(&self.bytes())
     }
@@ -137,7 +137,6 @@ fn file_of(store: &Path, row: usize) -> PathBuf {
 }
 
 /// Returns the points of a row's file, or `None` if the file is missing or was not written by `row`.
-#[must_use]
 pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let mut reader = Reader::open(&file_of(store, row)).ok()?;
     if reader.mismatch().is_some() || reader.record_type() != RECORD {
@@ -172,7 +171,7 @@ pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
 pub(super) struct TagLog {
     store: PathBuf,
     scale: Scale,
-    log: File,
+    pub(super) log: SealedLog,
     part: Vec<Tags>,
 }
 
@@ -184,33 +183,20 @@ impl TagLog {
         // Mark the folder as a group for Zarr readers.
         let group = "{\n  \"zarr_format\": 3,\n  \"node_type\": \"group\",\n  \"attributes\": {}\n}\n";
         base::whole_file::write(&folder.join("zarr.json"), group.as_bytes())?;
-        let log =
-            OpenOptions::new().create(true).truncate(true).read(true).write(true).open(store.join(LOG))?;
-        Ok(Self { store: store.to_owned(), scale, log, part: vec![] })
+        Ok(Self { store: store.to_owned(), scale, log: SealedLog::new(&store.join(LOG))?, part: vec![] })
     }
 
     pub(super) fn append(&mut self, frame: u32, tags: Tags) -> io::Result<()> {
-        let body = tags.bytes();
-        let mut bytes = Vec::with_capacity(body.len() + 12);
-        bytes.extend(frame.to_le_bytes());
-        bytes.extend((tags.photons.len() as u32).to_le_bytes());
-        bytes.extend(body);
-        let seal = crc32c::crc32c(&bytes);
-        bytes.extend(seal.to_le_bytes());
-        self.log.write_all(&bytes)?;
+        let photons = tags.photons.len() as u32;
+        self.log.append([&frame.to_le_bytes()[..], &photons.to_le_bytes(), &tags.bytes()].concat())?;
         self.part.push(tags);
         Ok(())
-    }
-
-    pub(super) fn sync(&self) -> io::Result<()> {
-        self.log.sync_data()
     }
 
     /// Empties the log for a new row.
     pub(super) fn empty(&mut self) -> io::Result<()> {
         self.part.clear();
-        self.log.set_len(0)?;
-        self.log.rewind()
+        self.log.empty()
     }
 
     /// Writes the row's file and waits until it is on disk.
@@ -225,37 +211,18 @@ impl TagLog {
 }
 
 /// Returns the points of the log, up to the first incomplete one.
-#[must_use]
 pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
-    let mut bytes = vec![];
-    let opened = base::input::open(&store.join(LOG));
-    if opened.and_then(|mut f| f.read_to_end(&mut bytes)).is_err() {
-        return vec![];
-    }
-    let word = |b: &[u8]| b.first_chunk().map(|b| u32::from_le_bytes(*b));
-    let (mut out, mut rest) = (vec![], &bytes[..]);
-    while let (Some(frame), Some(photons)) = (word(rest), rest.get(4..).and_then(word)) {
-        let length = 8 + 8 * (photons as usize + 1);
-        let (Some(body), Some(seal)) = (rest.get(..length), rest.get(length..).and_then(word)) else {
-            break;
-        };
-        if crc32c::crc32c(body) != seal {
-            break;
-        }
-        let words: Vec<u64> = body[8..].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect();
-        let tags = Tags { pulses: words[0], photons: words[1..].to_vec() };
-        out.push((frame, tags));
-        rest = &rest[length + 4..];
-    }
-    out
+    let length = |rest: &[u8]| Some(8 + 8 * (word(rest.get(4..)?)? as usize + 1));
+    let tags = |record: Vec<u8>| {
+        let words: Vec<u64> = record[8..].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect();
+        Some((word(&record)?, Tags { pulses: words[0], photons: words[1..].to_vec() }))
+    };
+    sealed_log::read(&store.join(LOG), length).into_iter().filter_map(tags).collect()
 }
 
 /// Removes the log of a finished run.
 pub(super) fn remove_log(store: &Path) -> io::Result<()> {
-    match std::fs::remove_file(store.join(LOG)) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
-        _ => Ok(()),
-    }
+    sealed_log::remove(&store.join(LOG))
 }
 
 #[cfg(test)]

@@ -6,9 +6,9 @@
 //! in the same way, before their histograms.
 
 use super::journal::{Event, FrameRecord, Journal};
+use super::sealed_log::{self, SealedLog};
 use super::time_tags::{self, Scale, TagLog, Tags};
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -44,7 +44,7 @@ pub struct Writer {
 struct Work {
     store: FrameStore,
     journal: Journal,
-    log: File,
+    log: SealedLog,
     tags: Option<TagLog>,
     /// Numbers of the incomplete chunk.
     part: Vec<u32>,
@@ -76,7 +76,7 @@ pub struct Recovered {
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
-    let logged = read_log(store.path(), len).unwrap_or_default();
+    let logged = read_log(store.path(), len);
     let tagged = crcs.iter().any(|(_, tags)| tags.is_some());
     let logged_tags = if tagged { time_tags::read_log(store.path()) } else { vec![] };
     let mut part = vec![];
@@ -132,22 +132,13 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
 }
 
 /// Returns the frames of the log, up to the first incomplete one.
-fn read_log(store: &Path, len: usize) -> io::Result<Vec<(u32, Vec<u32>)>> {
-    let mut file = base::input::open(&store.join(LOG))?;
-    let mut frames = vec![];
-    let mut record = vec![0; 4 + 4 * len + 4];
-    loop {
-        if file.read_exact(&mut record).is_err() {
-            return Ok(frames);
-        }
-        let words: Vec<u32> =
-            record.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        let (body, seal) = record.split_at(4 + 4 * len);
-        if crc32c::crc32c(body).to_le_bytes() != seal[..] {
-            return Ok(frames);
-        }
-        frames.push((words[0], words[1..=len].to_vec()));
-    }
+fn read_log(store: &Path, len: usize) -> Vec<(u32, Vec<u32>)> {
+    let frame = |record: Vec<u8>| {
+        let mut words = record.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b));
+        Some((words.next()?, words.collect()))
+    };
+    let records = sealed_log::read(&store.join(LOG), |_| Some(4 + 4 * len));
+    records.into_iter().filter_map(frame).collect()
 }
 
 impl Writer {
@@ -164,19 +155,12 @@ impl Writer {
         let path = store.path().to_owned();
         let failed = |e: io::Error| DiskError { path: path.clone(), cause: e.to_string() };
         let journal = Journal::open(&path).map_err(failed)?;
-        let log = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(path.join(LOG))
-            .map_err(failed)?;
+        let log = SealedLog::new(&path.join(LOG)).map_err(failed)?;
         let tags = tags.map(|scale| TagLog::new(&path, scale)).transpose().map_err(failed)?;
         let mut work = Work { store, journal, log, tags, part: vec![], unsynced: vec![], disk_full };
         // Rewrite the log with the intact frames only.
         let len = work.store.layout().frame_len().max(1);
         let first = recovered.frames as usize - recovered.part.len() / len;
-        work.empty_log().map_err(failed)?;
         for (i, frame) in recovered.part.chunks_exact(len).enumerate() {
             work.append_log((first + i) as u32, frame).map_err(failed)?;
         }
@@ -184,7 +168,7 @@ impl Writer {
             for (i, tags) in recovered.tags.into_iter().enumerate() {
                 log.append((first + i) as u32, tags).map_err(failed)?;
             }
-            log.sync().map_err(failed)?;
+            log.log.sync().map_err(failed)?;
         }
         work.part = recovered.part;
         let (sender, receiver) = sync_channel(WAITING);
@@ -290,9 +274,9 @@ impl Work {
         for chunk in std::mem::take(&mut self.unsynced) {
             self.store.sync_chunk(chunk).map_err(io)?;
         }
-        self.log.sync_data().map_err(io)?;
+        self.log.sync().map_err(io)?;
         if let Some(tags) = &self.tags {
-            tags.sync().map_err(io)?;
+            tags.log.sync().map_err(io)?;
         }
         self.journal.append(&events).map_err(io)?;
         drop(done.iter().map(|d| d.send(())).collect::<Vec<_>>());
@@ -314,7 +298,7 @@ impl Work {
         if (frame as usize).is_multiple_of(per) {
             // The previous chunk is complete.
             self.part.clear();
-            self.empty_log().map_err(|e| e.to_string())?;
+            self.log.empty().map_err(|e| e.to_string())?;
         }
         self.append_log(frame, &numbers).map_err(|e| e.to_string())?;
         self.part.extend(numbers);
@@ -326,18 +310,8 @@ impl Work {
         Ok(())
     }
 
-    fn empty_log(&mut self) -> io::Result<()> {
-        self.log.set_len(0)?;
-        self.log.rewind()
-    }
-
     fn append_log(&mut self, frame: u32, numbers: &[u32]) -> io::Result<()> {
-        let mut bytes = Vec::with_capacity(8 + 4 * numbers.len());
-        bytes.extend(frame.to_le_bytes());
-        bytes.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
-        let seal = crc32c::crc32c(&bytes);
-        bytes.extend(seal.to_le_bytes());
-        self.log.write_all(&bytes)
+        self.log.append([frame].iter().chain(numbers).flat_map(|n| n.to_le_bytes()).collect())
     }
 }
 
@@ -359,8 +333,5 @@ fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Resul
 /// Errors of the file system.
 pub fn remove_log(store: &Path) -> io::Result<()> {
     time_tags::remove_log(store)?;
-    match std::fs::remove_file(store.join(LOG)) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
-        _ => Ok(()),
-    }
+    sealed_log::remove(&store.join(LOG))
 }

@@ -31,7 +31,6 @@ pub struct SimulatedCard {
 
 impl SimulatedCard {
     /// Creates an unconfigured card with all channels at 0 V. Faults are counted by `name`, at each wait.
-    #[must_use]
     pub fn new(name: &str, world: Shared, limits: AnalogLimits, terminals: Terminals) -> Self {
         Self {
             name: name.to_owned(),
@@ -47,14 +46,11 @@ impl SimulatedCard {
     }
 
     /// Records every sample from now on and returns the recording.
+    #[cfg(test)]
     pub fn record(&mut self) -> Recording {
         let recording = Recording::default();
         self.recording = Some(recording.clone());
         recording
-    }
-
-    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
-        Failure::new(fault, &self.name, what)
     }
 
     /// Returns the time from the start to the begin of a sample, or to the end of the last sample.
@@ -94,7 +90,7 @@ impl SimulatedCard {
         self.world.alive(&self.name)?;
         self.catch_up();
         if self.running.is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now()) {
-            return Err(self.failure(Fault::Refused, "a buffer is being output; stop it first"));
+            return self.fail(Fault::Refused, "a buffer is being output; stop it first");
         }
         self.running = None;
         Ok(())
@@ -142,7 +138,7 @@ impl AnalogOutput for SimulatedCard {
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure> {
         self.free()?;
         let Some(settings) = &self.settings else {
-            return Err(self.failure(Fault::Refused, "the card is not configured"));
+            return self.fail(Fault::Refused, "the card is not configured");
         };
         self.limits
             .check_buffer(volts, settings.channels.len())
@@ -154,7 +150,7 @@ impl AnalogOutput for SimulatedCard {
     fn start(&mut self) -> Result<(), Failure> {
         self.free()?;
         if self.buffer.is_empty() {
-            return Err(self.failure(Fault::Refused, "no buffer was written"));
+            return self.fail(Fault::Refused, "no buffer was written");
         }
         self.running = Some((self.world.clock().now(), 0));
         self.catch_up();
@@ -164,13 +160,13 @@ impl AnalogOutput for SimulatedCard {
     fn wait(&mut self, within: Duration) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         let Some((begun, _)) = self.running else {
-            return Err(self.failure(Fault::Refused, "no output was started"));
+            return self.fail(Fault::Refused, "no output was started");
         };
         let mishap = self.world.use_of(&self.name, within);
         if mishap.as_ref().is_ok_and(|m| *m == Some(Mishap::Stall)) {
             self.catch_up();
             self.running = None;
-            return Err(self.failure(Fault::Stalled, "the sample clock stopped during output"));
+            return self.fail(Fault::Stalled, "the sample clock stopped during output");
         }
         if let Err(failure) = mishap {
             self.catch_up();
@@ -181,7 +177,7 @@ impl AnalogOutput for SimulatedCard {
         if end > clock.now() + within {
             clock.sleep(within);
             self.catch_up();
-            return Err(self.failure(Fault::Timeout, "the buffer is still being output"));
+            return self.fail(Fault::Timeout, "the buffer is still being output");
         }
         clock.sleep_until(end);
         self.catch_up();

@@ -4,33 +4,33 @@
 //! number of the run keys its noise.
 
 use super::faults::Mishap;
-use super::world::Shared;
+use super::world::Pending;
+use super::{Device, Simulated};
 use crate::instrument::{
-    AreaCamera, CameraLimits, CameraSettings, Failure, Fault, Identity, Instrument, RawFrame, pixels,
+    AreaCamera, CameraLimits, CameraSettings, Failure, Fault, Instrument, RawFrame, pixels,
 };
 use std::time::Duration;
 
-pub struct SimulatedCamera {
-    name: String,
-    world: Shared,
-    limits: CameraLimits,
+/// State of a camera.
+#[derive(Default)]
+pub struct Camera {
     settings: Option<CameraSettings>,
-    /// The exposure under way: its readout time and its frame. The frame is `None` if it was dropped.
-    pending: Option<(Duration, Option<RawFrame>)>,
+    pending: Option<Pending<RawFrame>>,
     last: Option<RawFrame>,
     taken: u64,
 }
 
-impl SimulatedCamera {
-    #[must_use]
-    pub fn new(name: &str, world: Shared, limits: CameraLimits) -> Self {
-        Self { name: name.to_owned(), world, limits, settings: None, pending: None, last: None, taken: 0 }
-    }
+impl Device for Camera {
+    const MODEL: &'static str = "area camera";
+    const TEMPERATURE_C: Option<f64> = Some(31.5);
+    type Limits = CameraLimits;
 
-    fn failure(&self, fault: Fault, what: String) -> Failure {
-        Failure::new(fault, &self.name, what)
+    fn reset(&mut self) {
+        (self.pending, self.settings) = (None, None);
     }
+}
 
+impl Simulated<Camera> {
     /// Returns the digital numbers of an exposure that begins now.
     fn numbers(&self, settings: &CameraSettings) -> Result<Vec<u32>, Failure> {
         let r = settings.region;
@@ -60,46 +60,27 @@ impl SimulatedCamera {
     }
 }
 
-impl Instrument for SimulatedCamera {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
-        self.world.identity(&self.name, "area camera")
-    }
-
-    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
-        (self.pending, self.settings) = (None, None);
-        self.world.reconnect(&self.name, within)
-    }
-
-    fn temperature_c(&mut self) -> Option<f64> {
-        Some(31.5)
-    }
-}
-
-impl AreaCamera for SimulatedCamera {
+impl AreaCamera for Simulated<Camera> {
     fn limits(&self) -> CameraLimits {
         self.limits.clone()
     }
 
     fn configure(&mut self, settings: &CameraSettings, _within: Duration) -> Result<(), Failure> {
-        self.world.alive(&self.name)?;
+        self.alive()?;
         self.limits.check(settings).map_err(|what| self.failure(Fault::Limit, what))?;
-        self.settings = Some(*settings);
-        self.pending = None;
+        self.device.settings = Some(*settings);
+        self.device.pending = None;
         Ok(())
     }
 
     fn expose(&mut self) -> Result<(), Failure> {
-        let Some(settings) = self.settings else {
-            return Err(self.failure(Fault::Refused, "the camera is not configured".into()));
+        let Some(settings) = self.device.settings else {
+            return self.fail(Fault::Refused, "the camera is not configured");
         };
-        if self.pending.is_some() {
-            return Err(self.failure(Fault::Refused, "an exposure is already in progress".into()));
+        if self.device.pending.is_some() {
+            return self.fail(Fault::Refused, "an exposure is already in progress");
         }
-        let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
+        let mishap = self.use_of(Duration::ZERO)?;
         let clock = self.world.clock();
         let begun = clock.now();
         let ready = begun + settings.exposure + self.limits.row_time * settings.region.height;
@@ -111,11 +92,11 @@ impl AreaCamera for SimulatedCamera {
             region: settings.region,
             format: settings.format,
             bytes: pixels::pack(&numbers, settings.format),
-            number: self.taken,
+            number: self.device.taken,
             timestamp_ns: begun.as_nanos() as u64,
         };
-        self.taken += 1;
-        let kept = match (mishap, &self.last) {
+        self.device.taken += 1;
+        let kept = match (mishap, &self.device.last) {
             (Some(Mishap::DroppedFrame), _) => None,
             (Some(Mishap::StaleFrame), Some(last)) => Some(last.clone()),
             (Some(Mishap::ShortFrame), _) => {
@@ -124,27 +105,15 @@ impl AreaCamera for SimulatedCamera {
             }
             _ => Some(frame),
         };
-        self.pending = Some((ready, kept));
+        self.device.pending = Some(Pending { ready, result: kept });
         Ok(())
     }
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
-        self.world.alive(&self.name)?;
-        let Some((ready, frame)) = self.pending.take() else {
-            return Err(self.failure(Fault::Refused, "no exposure was started".into()));
-        };
-        let clock = self.world.clock();
-        if ready > clock.now() + within {
-            self.pending = Some((ready, frame));
-            clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the exposure is longer than the deadline".into()));
-        }
-        let Some(frame) = frame else {
-            clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "no frame arrived".into()));
-        };
-        clock.sleep_until(ready);
-        self.last = Some(frame.clone());
+        let words =
+            ["no exposure was started", "the exposure is longer than the deadline", "no frame arrived"];
+        let frame = self.world.finish(&self.name, &mut self.device.pending, within, words)?;
+        self.device.last = Some(frame.clone());
         Ok(frame)
     }
 }

@@ -5,9 +5,10 @@
 
 use super::faults::Mishap;
 use super::light::Scenery;
-use super::world::{Shared, World};
+use super::world::{Pending, World};
+use super::{Device, Simulated};
 use crate::instrument::{
-    CounterLimits, CounterSettings, Failure, Fault, Histogram, Identity, Instrument, PhotonCounter,
+    CounterLimits, CounterSettings, Failure, Fault, Histogram, Instrument, PhotonCounter,
 };
 use crate::ptu::record::RecordType;
 use crate::ptu::synth::deal;
@@ -24,23 +25,20 @@ pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
 /// Maximum number of tags in one acquisition.
 const MOST_TAGS: u64 = 1 << 26;
 
-pub struct SimulatedCounter {
-    name: String,
-    world: Shared,
-    limits: CounterLimits,
+/// State of a counter.
+#[derive(Default)]
+pub struct Counter {
     settings: Option<CounterSettings>,
-    pending: Option<(Duration, Option<Histogram>)>,
+    pending: Option<Pending<Histogram>>,
     taken: u64,
 }
 
-impl SimulatedCounter {
-    #[must_use]
-    pub fn new(name: &str, world: Shared, limits: CounterLimits) -> Self {
-        Self { name: name.to_owned(), world, limits, settings: None, pending: None, taken: 0 }
-    }
+impl Device for Counter {
+    const MODEL: &'static str = "photon counter";
+    type Limits = CounterLimits;
 
-    fn failure(&self, fault: Fault, what: String) -> Failure {
-        Failure::new(fault, &self.name, what)
+    fn reset(&mut self) {
+        (self.pending, self.settings) = (None, None);
     }
 }
 
@@ -98,28 +96,13 @@ fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std:
     Ok(records.words())
 }
 
-impl Instrument for SimulatedCounter {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
-        self.world.identity(&self.name, "photon counter")
-    }
-
-    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
-        (self.pending, self.settings) = (None, None);
-        self.world.reconnect(&self.name, within)
-    }
-}
-
-impl PhotonCounter for SimulatedCounter {
+impl PhotonCounter for Simulated<Counter> {
     fn limits(&self) -> CounterLimits {
         self.limits
     }
 
     fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
-        self.world.alive(&self.name)?;
+        self.alive()?;
         let fits = settings.bins >= 1
             && settings.bins <= self.limits.bins
             && settings.bin_ps.is_finite()
@@ -128,28 +111,25 @@ impl PhotonCounter for SimulatedCounter {
             && settings.dwell <= self.limits.longest
             && settings.offset_ps.is_finite();
         if settings.tags && self.limits.tags.is_none() {
-            return Err(self.failure(
-                Fault::Limit,
-                "time tags are not supported; remove `time_tags` from the plan".into(),
-            ));
+            return self.fail(Fault::Limit, "time tags are not supported; remove `time_tags` from the plan");
         }
         if !fits {
-            return Err(self
-                .failure(Fault::Limit, format!("{settings:?} exceed {:?}; correct the plan", self.limits)));
+            let what = format!("{settings:?} exceed {:?}; correct the plan", self.limits);
+            return self.fail(Fault::Limit, what);
         }
-        self.settings = Some(*settings);
-        self.pending = None;
+        self.device.settings = Some(*settings);
+        self.device.pending = None;
         Ok(())
     }
 
     fn begin(&mut self) -> Result<(), Failure> {
-        let Some(settings) = self.settings else {
-            return Err(self.failure(Fault::Refused, "the counter is not configured".into()));
+        let Some(settings) = self.device.settings else {
+            return self.fail(Fault::Refused, "the counter is not configured");
         };
-        if self.pending.is_some() {
-            return Err(self.failure(Fault::Refused, "an acquisition is already in progress".into()));
+        if self.device.pending.is_some() {
+            return self.fail(Fault::Refused, "an acquisition is already in progress");
         }
-        let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
+        let mishap = self.use_of(Duration::ZERO)?;
         let clock = self.world.clock();
         let begun = clock.now();
         let full = mishap == Some(Mishap::Saturation);
@@ -180,33 +160,21 @@ impl PhotonCounter for SimulatedCounter {
             counts: counts.into_iter().take(settings.bins).map(count).collect(),
             records,
             pulses,
-            number: self.taken,
+            number: self.device.taken,
             timestamp_ns: begun.as_nanos() as u64,
         };
-        self.taken += 1;
-        let kept = (mishap != Some(Mishap::DroppedFrame)).then_some(histogram);
-        self.pending = Some((begun + settings.dwell, kept));
+        self.device.taken += 1;
+        let result = (mishap != Some(Mishap::DroppedFrame)).then_some(histogram);
+        self.device.pending = Some(Pending { ready: begun + settings.dwell, result });
         Ok(())
     }
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
-        self.world.alive(&self.name)?;
-        let Some((ready, histogram)) = self.pending.take() else {
-            return Err(self.failure(Fault::Refused, "no acquisition was started".into()));
-        };
-        let clock = self.world.clock();
-        if ready > clock.now() + within {
-            self.pending = Some((ready, histogram));
-            clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the acquisition is still in progress".into()));
-        }
-        let Some(histogram) = histogram else {
-            clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "no histogram arrived".into()));
-        };
-        clock.sleep_until(ready);
+        let words =
+            ["no acquisition was started", "the acquisition is still in progress", "no histogram arrived"];
+        let histogram = self.world.finish(&self.name, &mut self.device.pending, within, words)?;
         if histogram.counts.iter().any(|n| u64::from(*n) >= self.limits.full) {
-            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time".into()));
+            return self.fail(Fault::Saturated, "a bin is full; reduce the dwell time");
         }
         Ok(histogram)
     }

@@ -5,38 +5,42 @@
 
 use super::faults::Mishap;
 use super::world::{Shared, StageState};
-use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
+use super::{Device, Simulated};
+use crate::instrument::{Failure, Fault, Instrument, RotationStage, StageLimits, StageReading};
 use std::time::Duration;
 
 /// Homing speed in degrees per second.
 const HOMING: f64 = 10.0;
 
-pub struct SimulatedStage {
-    name: String,
-    world: Shared,
-    limits: StageLimits,
+/// State of a stage apart from its angles, which are part of the bench.
+pub struct Stage {
     backlash_deg: f64,
     /// Goal in degrees and arrival time of the move under way.
     goal: Option<(f64, Duration)>,
     stalled: bool,
 }
 
-impl SimulatedStage {
+impl Device for Stage {
+    const MODEL: &'static str = "rotation stage";
+    const TEMPERATURE_C: Option<f64> = Some(23.0);
+    type Limits = StageLimits;
+
+    fn reset(&mut self) {
+        self.goal = None;
+    }
+}
+
+impl Simulated<Stage> {
     /// Creates a stage, not homed, that carries the element of the same name.
-    #[must_use]
-    pub fn new(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
+    pub fn stage(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
         // An arbitrary initial position.
         let left = StageState { angle_deg: 13.0, encoder_deg: 0.0, homed: false };
         world.with(|w| w.stages.insert(name.to_owned(), left));
-        Self { name: name.to_owned(), world, limits, backlash_deg, goal: None, stalled: false }
+        Self::new(name, world, limits, Stage { backlash_deg, goal: None, stalled: false })
     }
 
     fn state(&self) -> StageState {
         self.world.with(|w| w.stages[&self.name])
-    }
-
-    fn failure(&self, fault: Fault, what: String) -> Failure {
-        Failure::new(fault, &self.name, what)
     }
 
     /// Sets encoder and axle to an angle. The direction of the move determines the sign of the backlash.
@@ -46,109 +50,90 @@ impl SimulatedStage {
         self.world.with(|w| {
             if let Some(state) = w.stages.get_mut(&self.name) {
                 let sign = if encoder >= state.encoder_deg { -0.5 } else { 0.5 };
-                state.angle_deg = encoder + sign * self.backlash_deg;
+                state.angle_deg = encoder + sign * self.device.backlash_deg;
                 state.encoder_deg = encoder;
             }
         });
     }
 }
 
-impl Instrument for SimulatedStage {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
-        self.world.identity(&self.name, "rotation stage")
-    }
-
-    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
-        self.goal = None;
-        self.world.reconnect(&self.name, within)
-    }
-
-    fn temperature_c(&mut self) -> Option<f64> {
-        Some(23.0)
-    }
-}
-
-impl RotationStage for SimulatedStage {
+impl RotationStage for Simulated<Stage> {
     fn limits(&self) -> StageLimits {
         self.limits
     }
 
     fn home(&mut self, within: Duration) -> Result<(), Failure> {
-        self.world.alive(&self.name)?;
+        self.alive()?;
         let far = self.state().angle_deg.rem_euclid(360.0);
         let time = Duration::from_secs_f64(1.0 + far / HOMING);
         if time > within {
             self.world.clock().sleep(within);
-            return Err(self.failure(
-                Fault::Timeout,
-                format!("homing takes {:.1} s, longer than the deadline", time.as_secs_f64()),
-            ));
+            let what = format!("homing takes {:.1} s, longer than the deadline", time.as_secs_f64());
+            return self.fail(Fault::Timeout, what);
         }
         self.world.clock().sleep(time);
-        self.goal = None;
+        self.device.goal = None;
         self.world.with(|w| {
             if let Some(state) = w.stages.get_mut(&self.name) {
                 // Homing always approaches from the same side.
-                *state = StageState { angle_deg: -0.5 * self.backlash_deg, encoder_deg: 0.0, homed: true };
+                *state =
+                    StageState { angle_deg: -0.5 * self.device.backlash_deg, encoder_deg: 0.0, homed: true };
             }
         });
         Ok(())
     }
 
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
-        let [least, most] = self.limits.range_deg;
-        if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
-            return Err(self.failure(
-                Fault::Limit,
-                format!("{angle_deg}° is outside {least}° to {most}°; correct the plan"),
-            ));
+        if let Err(what) = self.limits.check(angle_deg) {
+            return self.fail(Fault::Limit, what + "; correct the plan");
         }
-        let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
+        let mishap = self.use_of(Duration::ZERO)?;
         let state = self.state();
         if !state.homed {
-            return Err(self.failure(Fault::Refused, "zero position unknown; home the stage first".into()));
+            return self.fail(Fault::Refused, "zero position unknown; home the stage first");
         }
-        self.stalled = mishap == Some(Mishap::Stall);
+        let stalled = mishap == Some(Mishap::Stall);
+        self.device.stalled = stalled;
         let clock = self.world.clock();
         let goal =
-            if self.stalled { state.encoder_deg + (angle_deg - state.encoder_deg) / 3.0 } else { angle_deg };
+            if stalled { state.encoder_deg + (angle_deg - state.encoder_deg) / 3.0 } else { angle_deg };
         let time = self.limits.move_time(goal - state.encoder_deg);
-        self.goal = Some((goal, clock.now() + time));
+        self.device.goal = Some((goal, clock.now() + time));
         Ok(())
     }
 
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure> {
-        self.world.alive(&self.name)?;
-        let Some((goal, then)) = self.goal else {
+        self.alive()?;
+        let Some((goal, then)) = self.device.goal else {
             return self.read(within);
         };
         let clock = self.world.clock();
         if then > clock.now() + within {
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the move is still in progress; allow more time".into()));
+            return self.fail(Fault::Timeout, "the move is still in progress; allow more time");
         }
         clock.sleep_until(then);
         self.put(goal);
-        self.goal = None;
-        if self.stalled {
-            return Err(self.failure(Fault::Stalled, format!("stopped at {goal:.3}°")));
+        self.device.goal = None;
+        if self.device.stalled {
+            return self.fail(Fault::Stalled, format!("stopped at {goal:.3}°"));
         }
         self.read(within)
     }
 
     fn read(&mut self, _within: Duration) -> Result<StageReading, Failure> {
-        self.world.alive(&self.name)?;
+        self.alive()?;
         let state = self.state();
-        Ok(StageReading { angle_deg: state.encoder_deg, moving: self.goal.is_some(), homed: state.homed })
+        Ok(StageReading {
+            angle_deg: state.encoder_deg,
+            moving: self.device.goal.is_some(),
+            homed: state.homed,
+        })
     }
 
     fn stop(&mut self, _within: Duration) -> Result<(), Failure> {
-        self.world.alive(&self.name)?;
-        if let Some((goal, then)) = self.goal.take() {
+        self.alive()?;
+        if let Some((goal, then)) = self.device.goal.take() {
             // Stop at the position reached so far.
             let left = then.saturating_sub(self.world.clock().now()).as_secs_f64();
             let from = self.state().encoder_deg;

@@ -12,6 +12,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+/// An operation under way: the time of its end and its result, `None` if it was dropped.
+pub(super) struct Pending<T> {
+    pub(super) ready: Duration,
+    pub(super) result: Option<T>,
+}
+
+/// Returns the failure of a dead line.
+fn lost(instrument: &str) -> Failure {
+    Failure::new(Fault::Disconnected, instrument, "no reply: connection lost")
+}
+
 /// A handle to the shared bench.
 #[derive(Clone)]
 pub struct Shared(Arc<Mutex<World>>);
@@ -56,7 +67,6 @@ pub struct World {
 
 impl Shared {
     /// Creates a bench with the laser off, no pattern and no stages.
-    #[must_use]
     pub fn new(clock: Clock, bench: Bench, scenery: Scenery, cmos: Cmos, spad: Spad, seed: u64) -> Self {
         Self(Arc::new(Mutex::new(World {
             clock,
@@ -88,7 +98,6 @@ impl Shared {
         f(&mut locked(&self.0))
     }
 
-    #[must_use]
     pub fn clock(&self) -> Clock {
         self.with(|w| w.clock.clone())
     }
@@ -101,15 +110,14 @@ impl Shared {
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
-        let lost = || Err(Failure::new(Fault::Disconnected, instrument, "no reply: connection lost"));
         match mishap {
             Some(Mishap::CableOut) => {
                 self.with(|w| w.dead.insert(instrument.into()));
-                lost()
+                Err(lost(instrument))
             }
             Some(Mishap::CableGone) => {
                 self.with(|w| w.gone.insert(instrument.into()));
-                lost()
+                Err(lost(instrument))
             }
             Some(Mishap::PowerCut) => {
                 self.with(|w| {
@@ -126,7 +134,7 @@ impl Shared {
                     w.dead.extend(all);
                     w.dead.extend(["camera", "projector", "galvo", "laser", "counter"].map(String::from));
                 });
-                lost()
+                Err(lost(instrument))
             }
             Some(Mishap::Timeout) => {
                 self.clock().sleep(within);
@@ -153,15 +161,36 @@ impl Shared {
     }
 
     /// Checks that an instrument is connected.
-    ///
-    /// # Errors
-    /// [`Failure`] if the line is dead.
     pub fn alive(&self, instrument: &str) -> Result<(), Failure> {
         let dead = self.with(|w| w.dead.contains(instrument) || w.gone.contains(instrument));
-        if dead {
-            return Err(Failure::new(Fault::Disconnected, instrument, "no reply: connection lost"));
+        if dead { Err(lost(instrument)) } else { Ok(()) }
+    }
+
+    /// Waits for the end of an operation and returns its result. `words` are the messages if none was
+    /// started, if it takes longer than `within`, and if its result was dropped.
+    pub(super) fn finish<T>(
+        &self,
+        instrument: &str,
+        pending: &mut Option<Pending<T>>,
+        within: Duration,
+        words: [&str; 3],
+    ) -> Result<T, Failure> {
+        self.alive(instrument)?;
+        let Some(Pending { ready, result }) = pending.take() else {
+            return Err(Failure::new(Fault::Refused, instrument, words[0]));
+        };
+        let clock = self.clock();
+        if ready > clock.now() + within {
+            *pending = Some(Pending { ready, result });
+            clock.sleep(within);
+            return Err(Failure::new(Fault::Timeout, instrument, words[1]));
         }
-        Ok(())
+        let Some(result) = result else {
+            clock.sleep(within);
+            return Err(Failure::new(Fault::Timeout, instrument, words[2]));
+        };
+        clock.sleep_until(ready);
+        Ok(result)
     }
 
     /// Reconnects an instrument.
@@ -186,9 +215,6 @@ impl Shared {
     }
 
     /// Returns the identity of a simulated instrument.
-    ///
-    /// # Errors
-    /// [`Failure`] if the line is dead.
     pub fn identity(&self, instrument: &str, model: &str) -> Result<Identity, Failure> {
         self.alive(instrument)?;
         Ok(Identity {
@@ -200,7 +226,6 @@ impl Shared {
     }
 
     /// Counts a write to the disk and returns whether the disk is full.
-    #[must_use]
     pub fn disk_is_full(&self) -> bool {
         self.with(|w| w.faults.strike("disk")) == Some(Mishap::DiskFull)
     }
@@ -208,7 +233,6 @@ impl Shared {
 
 impl World {
     /// Returns the true setting of every element: its stage's axle angle, or the setting of the optics.
-    #[must_use]
     pub fn sets(&self) -> [Vec<Set>; 2] {
         let mut sets = self.bench.optics.sets(0);
         let sides = [self.bench.optics.generator(), self.bench.optics.analyzer()];
@@ -223,7 +247,6 @@ impl World {
     }
 
     /// Returns the laser's power relative to its nominal power.
-    #[must_use]
     pub fn power(&self) -> f64 {
         match (self.emitting, self.clock.now() < self.low_until) {
             (false, _) => 0.0,

@@ -92,6 +92,24 @@ pub enum Message {
     Other(u16, [u8; 2], Vec<u8>),
 }
 
+/// Messages without data, their ids and parameters.
+static PLAIN: [(Message, u16, [u8; 2]); 14] = [
+    (Message::RequestInfo, 0x0005, [0, 0]),
+    (Message::Identify, 0x0223, [0, 0]),
+    (Message::Enable(true), 0x0210, [CHANNEL, 1]),
+    (Message::Enable(false), 0x0210, [CHANNEL, 2]),
+    (Message::StopUpdates, 0x0012, [0, 0]),
+    (Message::Home, 0x0443, [CHANNEL, 0]),
+    (Message::Homed, 0x0444, [CHANNEL, 0]),
+    (Message::MoveCompleted(None), 0x0464, [CHANNEL, 0]),
+    (Message::Stop { abrupt: true }, 0x0465, [CHANNEL, 1]),
+    (Message::Stop { abrupt: false }, 0x0465, [CHANNEL, 2]),
+    (Message::MoveStopped(None), 0x0466, [CHANNEL, 0]),
+    (Message::RequestStatus, 0x0480, [CHANNEL, 0]),
+    (Message::RequestDcStatus, 0x0490, [CHANNEL, 0]),
+    (Message::AckDcStatus, 0x0492, [0, 0]),
+];
+
 impl Status {
     fn data(&self) -> Vec<u8> {
         let mut data = vec![CHANNEL, 0];
@@ -111,77 +129,54 @@ impl Message {
     /// Encodes the message, sent from `source` to `destination`.
     #[must_use]
     pub fn bytes(&self, destination: u8, source: u8) -> Vec<u8> {
-        let short = |id: u16, a: u8, b: u8| {
-            let [low, high] = id.to_le_bytes();
-            vec![low, high, a, b, destination, source]
+        let numbers = |numbers: &[i32]| {
+            let mut data = vec![CHANNEL, 0];
+            data.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+            data
         };
-        let long = |id: u16, data: Vec<u8>| {
-            let mut bytes = id.to_le_bytes().to_vec();
-            bytes.extend((data.len() as u16).to_le_bytes());
-            bytes.extend([destination | 0x80, source]);
-            bytes.extend(data);
-            bytes
-        };
-        let maybe = |id: u16, status: &Option<Status>| match status {
-            Some(status) => long(id, status.data()),
-            None => short(id, CHANNEL, 0),
-        };
-        match self {
-            Self::RequestInfo => short(0x0005, 0, 0),
+        let (id, parameters, data) = match self {
             Self::Info { serial, model, firmware } => {
                 let mut data = serial.to_le_bytes().to_vec();
-                let mut name = model.as_bytes().to_vec();
-                name.resize(8, 0);
-                data.extend(name);
+                data.extend(model.as_bytes());
+                data.resize(12, 0);
                 data.extend(16_u16.to_le_bytes());
                 data.extend(firmware);
-                data.push(0);
-                data.extend([0; 60]);
-                for word in [1_u16, 0, 1] {
-                    data.extend(word.to_le_bytes());
-                }
-                long(0x0006, data)
+                data.resize(78, 0);
+                data.extend([1_u16, 0, 1].iter().flat_map(|n| n.to_le_bytes()));
+                (0x0006, [0; 2], data)
             }
-            Self::Identify => short(0x0223, 0, 0),
-            Self::Enable(on) => short(0x0210, CHANNEL, if *on { 1 } else { 2 }),
-            Self::StopUpdates => short(0x0012, 0, 0),
             Self::SetVelocity { acceleration, velocity } => {
-                let mut data = vec![CHANNEL, 0];
-                for value in [0, *acceleration, *velocity] {
-                    data.extend(value.to_le_bytes());
-                }
-                long(0x0413, data)
+                (0x0413, [0; 2], numbers(&[0, *acceleration, *velocity]))
             }
-            Self::Home => short(0x0443, CHANNEL, 0),
-            Self::Homed => short(0x0444, CHANNEL, 0),
-            Self::MoveAbsolute(counts) => {
-                let mut data = vec![CHANNEL, 0];
-                data.extend(counts.to_le_bytes());
-                long(0x0453, data)
-            }
-            Self::MoveCompleted(status) => maybe(0x0464, status),
-            Self::Stop { abrupt } => short(0x0465, CHANNEL, if *abrupt { 1 } else { 2 }),
-            Self::MoveStopped(status) => maybe(0x0466, status),
-            Self::RequestStatus => short(0x0480, CHANNEL, 0),
-            Self::Status(status) => long(0x0481, status.data()),
-            Self::RequestDcStatus => short(0x0490, CHANNEL, 0),
-            Self::DcStatus(status) => long(0x0491, status.data()),
-            Self::AckDcStatus => short(0x0492, 0, 0),
-            Self::Other(id, [a, b], data) if data.is_empty() => short(*id, *a, *b),
-            Self::Other(id, _, data) => long(*id, data.clone()),
-        }
+            Self::MoveAbsolute(counts) => (0x0453, [0; 2], numbers(&[*counts])),
+            Self::MoveCompleted(Some(status)) => (0x0464, [0; 2], status.data()),
+            Self::MoveStopped(Some(status)) => (0x0466, [0; 2], status.data()),
+            Self::Status(status) => (0x0481, [0; 2], status.data()),
+            Self::DcStatus(status) => (0x0491, [0; 2], status.data()),
+            Self::Other(id, parameters, data) => (*id, *parameters, data.clone()),
+            plain => match PLAIN.iter().find(|(message, ..)| message == plain) {
+                Some((_, id, parameters)) => (*id, *parameters, vec![]),
+                None => unreachable!("the table has every message without data"),
+            },
+        };
+        let (field, destination) = match data.len() {
+            0 => (parameters, destination),
+            n => ((n as u16).to_le_bytes(), destination | 0x80),
+        };
+        [&id.to_le_bytes()[..], &field, &[destination, source], &data].concat()
     }
 
     /// Decodes a message from its header's id and parameters and its data.
     fn of(id: u16, parameters: [u8; 2], data: &[u8]) -> Self {
-        let other = || Self::Other(id, parameters, data.to_vec());
+        let word = |at: usize| Some(i32::from_le_bytes(data.get(at..at + 4)?.try_into().ok()?));
         let status = || Status::of(data);
-        let word = |at: usize| {
-            let four = data.get(at..at + 4)?.try_into().ok()?;
-            Some(i32::from_le_bytes(four))
-        };
         let found = match (id, data.len()) {
-            (0x0005, 0) => Some(Self::RequestInfo),
+            (_, 0) => {
+                // Unknown parameters of a known message mean its last form.
+                let forms = || PLAIN.iter().filter(move |(_, known, _)| *known == id);
+                let form = forms().find(|(.., p)| *p == parameters).or(forms().last());
+                form.map(|(message, ..)| message.clone())
+            }
             (0x0006, 84) => {
                 let name = data[4..12].split(|b| *b == 0).next().unwrap_or_default();
                 word(0).map(|serial| Self::Info {
@@ -190,28 +185,17 @@ impl Message {
                     firmware: [data[14], data[15], data[16]],
                 })
             }
-            (0x0223, 0) => Some(Self::Identify),
-            (0x0210, 0) => Some(Self::Enable(parameters[1] == 1)),
-            (0x0012, 0) => Some(Self::StopUpdates),
             (0x0413, 14) => word(6)
                 .zip(word(10))
                 .map(|(acceleration, velocity)| Self::SetVelocity { acceleration, velocity }),
-            (0x0443, 0) => Some(Self::Home),
-            (0x0444, 0) => Some(Self::Homed),
             (0x0453, 6) => word(2).map(Self::MoveAbsolute),
-            (0x0464, 0) => Some(Self::MoveCompleted(None)),
             (0x0464, 14) => status().map(|s| Self::MoveCompleted(Some(s))),
-            (0x0465, 0) => Some(Self::Stop { abrupt: parameters[1] == 1 }),
-            (0x0466, 0) => Some(Self::MoveStopped(None)),
             (0x0466, 14) => status().map(|s| Self::MoveStopped(Some(s))),
-            (0x0480, 0) => Some(Self::RequestStatus),
             (0x0481, 14) => status().map(Self::Status),
-            (0x0490, 0) => Some(Self::RequestDcStatus),
             (0x0491, 14) => status().map(Self::DcStatus),
-            (0x0492, 0) => Some(Self::AckDcStatus),
             _ => None,
         };
-        found.unwrap_or_else(other)
+        found.unwrap_or_else(|| Self::Other(id, parameters, data.to_vec()))
     }
 }
 
@@ -256,19 +240,14 @@ impl Parser {
                 at += 1;
                 continue;
             }
-            if !follows {
-                let message = Message::of(id, [header[2], header[3]], &[]);
-                at += 6;
-                break Some(message);
-            }
-            match self.held.get(at + 6..at + 6 + length) {
-                Some(data) => {
-                    let message = Message::of(id, [0, 0], data);
-                    at += 6 + length;
-                    break Some(message);
-                }
-                None => break None,
-            }
+            let (parameters, end) =
+                if follows { ([0, 0], at + 6 + length) } else { ([header[2], header[3]], at + 6) };
+            let Some(data) = self.held.get(at + 6..end) else {
+                break None;
+            };
+            let message = Message::of(id, parameters, data);
+            at = end;
+            break Some(message);
         };
         self.held.drain(..at.min(self.held.len()));
         found

@@ -5,7 +5,8 @@
 //! (`validation/instruments.py`). The behaviour is tested with the emulator, in memory and behind a serial
 //! device of the system.
 
-pub mod emulator;
+#[cfg(test)]
+mod emulator;
 pub mod message;
 pub mod stage;
 #[cfg(test)]

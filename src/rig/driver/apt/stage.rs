@@ -1,6 +1,6 @@
 //! A rotation stage with an APT controller (PRM1-Z8 on KDC101 or TDC001, and related models).
 
-use super::super::line::{Line, LineError};
+use super::super::line::{Line, LineError, left};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
 use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
 use std::time::{Duration, Instant};
@@ -80,15 +80,8 @@ impl AptStage {
         })
     }
 
-    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
-        Failure::new(fault, &self.name, what)
-    }
-
     fn lost(&self, e: LineError) -> Failure {
-        match e {
-            LineError::Timeout => self.failure(Fault::Timeout, e.to_string()),
-            LineError::Gone(_) => self.failure(Fault::Disconnected, e.to_string()),
-        }
+        self.failure(e.fault(), e.to_string())
     }
 
     fn send(&mut self, message: &Message) -> Result<(), Failure> {
@@ -102,11 +95,10 @@ impl AptStage {
             if let Some(message) = self.parser.next_message() {
                 return Ok(message);
             }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            if left(until).is_zero() {
                 return Err(self.lost(LineError::Timeout));
             }
-            let bytes = self.line.receive(left).map_err(|e| self.lost(e))?;
+            let bytes = self.line.receive(left(until)).map_err(|e| self.lost(e))?;
             self.parser.feed(&bytes);
         }
     }
@@ -182,10 +174,8 @@ impl RotationStage for AptStage {
                         return Ok(());
                     }
                     if status.bits & bits::MOTION_ERROR != 0 {
-                        return Err(self.failure(
-                            Fault::Stalled,
-                            "cannot find its zero position; check for an obstruction",
-                        ));
+                        let what = "cannot find its zero position; check for an obstruction";
+                        return self.fail(Fault::Stalled, what);
                     }
                 }
                 Err(e) if e.fault == Fault::Timeout && Instant::now() < until => {}
@@ -197,7 +187,7 @@ impl RotationStage for AptStage {
                 } else {
                     "homing did not start"
                 };
-                return Err(self.failure(Fault::Timeout, what));
+                return self.fail(Fault::Timeout, what);
             }
             if !homed {
                 std::thread::sleep(ASK / 10);
@@ -206,15 +196,11 @@ impl RotationStage for AptStage {
     }
 
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
-        let [least, most] = self.model.limits.range_deg;
-        if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
-            return Err(self.failure(
-                Fault::Limit,
-                format!("{angle_deg}° is outside {least}° to {most}°; correct the plan"),
-            ));
+        if let Err(what) = self.model.limits.check(angle_deg) {
+            return self.fail(Fault::Limit, what + "; correct the plan");
         }
         if !self.homed {
-            return Err(self.failure(Fault::Refused, "zero position unknown; home the stage first"));
+            return self.fail(Fault::Refused, "zero position unknown; home the stage first");
         }
         let counts = self.model.counts(angle_deg);
         self.send(&Message::MoveAbsolute(counts))?;
@@ -237,29 +223,23 @@ impl RotationStage for AptStage {
                 self.goal = None;
                 return Ok(reading);
             }
-            if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
-                self.goal = None;
-                let what = format!(
-                    "stopped at {:.3}°: motor stall or limit switch; check for an obstruction",
-                    reading.angle_deg
-                );
-                return Err(self.failure(Fault::Stalled, what));
-            }
             stands = if !reading.moving && last == Some(status.position) { stands + 1 } else { 0 };
             last = Some(status.position);
-            if stands >= STANDS {
+            let cause = if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
+                Some(": motor stall or limit switch")
+            } else {
+                (stands >= STANDS).then_some(", before its goal")
+            };
+            if let Some(cause) = cause {
                 self.goal = None;
-                let what = format!(
-                    "stopped at {:.3}°, before its goal; check for an obstruction",
-                    reading.angle_deg
-                );
-                return Err(self.failure(Fault::Stalled, what));
+                let at = reading.angle_deg;
+                let what = format!("stopped at {at:.3}°{cause}; check for an obstruction");
+                return self.fail(Fault::Stalled, what);
             }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(self.failure(Fault::Timeout, "the move is still in progress; allow more time"));
+            if left(until).is_zero() {
+                return self.fail(Fault::Timeout, "the move is still in progress; allow more time");
             }
-            std::thread::sleep(left.min(ASK / 5));
+            std::thread::sleep(left(until).min(ASK / 5));
         }
     }
 
@@ -278,7 +258,7 @@ impl RotationStage for AptStage {
                 return Ok(());
             }
             if Instant::now() >= until {
-                return Err(self.failure(Fault::Timeout, "did not stop before the deadline"));
+                return self.fail(Fault::Timeout, "did not stop before the deadline");
             }
             std::thread::sleep(ASK / 10);
         }

@@ -1,6 +1,6 @@
 //! Tests of bytes, of the driver with the emulator (in memory and by serial device) and of invalid streams.
 
-use super::super::line::{MemoryLine, SerialLine};
+use super::super::line::{MemoryLine, StreamLine};
 use super::emulator::{self, Trouble};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status};
 use super::stage::{AptStage, Model};
@@ -39,10 +39,7 @@ fn bytes_are_the_documents() {
 #[test]
 fn the_driver_conforms() {
     let (mut stage, _) = emulated();
-    let report = conformance::rotation_stage(&mut stage);
-    let faults: Vec<_> = report.faults().collect();
-    println!("APT stage (emulated): {} checks", report.0.len());
-    assert!(faults.is_empty(), "{faults:?}");
+    conformance::rotation_stage(&mut stage).assert_passed("APT stage (emulated)", 1);
 }
 
 #[test]
@@ -73,7 +70,7 @@ fn a_cable_that_is_out_is_known() {
     let mut stage = AptStage::new("p", Box::new(ours), quick()).expect("a stage");
     drop(theirs);
     assert_eq!(stage.identify(Duration::from_secs(1)).expect_err("gone").fault, Fault::Disconnected);
-    let missing = SerialLine::open("/dev/no-such-port", 115_200, true).err().expect("no port");
+    let missing = StreamLine::serial("/dev/no-such-port", 115_200, true).err().expect("no port");
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
@@ -115,7 +112,7 @@ fn the_driver_speaks_through_a_serial_device() {
     unlockpt(&master).expect("unlocked");
     let name = ptsname(&master, Vec::new()).expect("a name");
     rustix::io::ioctl_fionbio(&master, true).expect("does not block");
-    let mut port = SerialLine::open(&name.to_string_lossy(), 115_200, false).expect("a port");
+    let mut port = StreamLine::serial(&name.to_string_lossy(), 115_200, false).expect("a port");
     let trouble = Trouble::default();
     std::thread::spawn(move || emulator::run(Master(std::fs::File::from(master)), quick(), trouble));
     port.reopen().expect("again");

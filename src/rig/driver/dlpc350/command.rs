@@ -154,86 +154,52 @@ pub enum Command {
 }
 
 impl Command {
-    /// Returns the command's code.
+    /// Encodes the command: its code and its data.
     #[must_use]
-    pub fn code(&self) -> u16 {
+    pub fn encode(&self) -> (u16, Vec<u8>) {
         match self {
-            Self::PatternMode(_) => 0x1A1B,
-            Self::Source(_) => 0x1A22,
-            Self::TriggerMode(_) => 0x1A23,
-            Self::TriggerOut1 { .. } => 0x1A1D,
-            Self::TriggerOut2 { .. } => 0x1A1E,
-            Self::TriggerIn1(_) => 0x1A35,
-            Self::TriggerIn2(_) => 0x1A36,
-            Self::Run(_) => 0x1A24,
-            Self::Exposure { .. } => 0x1A29,
-            Self::Config { .. } => 0x1A31,
-            Self::Open(_) => 0x1A33,
-            Self::Address(_) => 0x1A32,
-            Self::ImageTable(_) | Self::PatternTable(_) => 0x1A34,
-            Self::Validate => 0x1A1A,
-            Self::Leds(_) => 0x1A07,
-        }
-    }
-
-    /// Encodes the command's data.
-    #[must_use]
-    pub fn data(&self) -> Vec<u8> {
-        match self {
-            Self::PatternMode(on) | Self::TriggerIn2(on) => vec![u8::from(*on)],
-            Self::TriggerOut1 { inverted, rise, fall } => vec![u8::from(*inverted), *rise, *fall],
-            Self::TriggerOut2 { inverted, rise } => vec![u8::from(*inverted), *rise],
-            Self::TriggerIn1(steps) => (steps & 0x7_FFFF).to_le_bytes().to_vec(),
-            Self::Source(Source::Video) | Self::Validate => vec![0],
-            Self::Source(Source::Flash) => vec![3],
-            Self::Run(run) => vec![*run as u8],
+            Self::PatternMode(on) => (0x1A1B, vec![u8::from(*on)]),
+            Self::Source(Source::Video) => (0x1A22, vec![0]),
+            Self::Source(Source::Flash) => (0x1A22, vec![3]),
+            Self::TriggerMode(mode) => (0x1A23, vec![*mode]),
+            Self::TriggerOut1 { inverted, rise, fall } => (0x1A1D, vec![u8::from(*inverted), *rise, *fall]),
+            Self::TriggerOut2 { inverted, rise } => (0x1A1E, vec![u8::from(*inverted), *rise]),
+            Self::TriggerIn1(steps) => (0x1A35, (steps & 0x7_FFFF).to_le_bytes().to_vec()),
+            Self::TriggerIn2(on) => (0x1A36, vec![u8::from(*on)]),
+            Self::Run(run) => (0x1A24, vec![*run as u8]),
             Self::Exposure { exposure_us, period_us } => {
-                [exposure_us.to_le_bytes(), period_us.to_le_bytes()].concat()
+                (0x1A29, [exposure_us.to_le_bytes(), period_us.to_le_bytes()].concat())
             }
-            Self::Config { entries, repeat, per_pulse, images } => vec![
-                entries.saturating_sub(1),
-                u8::from(*repeat),
-                per_pulse.saturating_sub(1),
-                images.saturating_sub(1),
-            ],
-            Self::Open(mailbox) => vec![*mailbox as u8],
-            Self::TriggerMode(n) | Self::Address(n) | Self::Leds(n) => vec![*n],
-            Self::ImageTable(images) => images.clone(),
-            Self::PatternTable(entries) => entries.iter().flat_map(Entry::bytes).collect(),
+            Self::Config { entries, repeat, per_pulse, images } => {
+                let less = |n: &u8| n.saturating_sub(1);
+                (0x1A31, vec![less(entries), u8::from(*repeat), less(per_pulse), less(images)])
+            }
+            Self::Open(mailbox) => (0x1A33, vec![*mailbox as u8]),
+            Self::Address(offset) => (0x1A32, vec![*offset]),
+            Self::ImageTable(images) => (0x1A34, images.clone()),
+            Self::PatternTable(entries) => (0x1A34, entries.iter().flat_map(Entry::bytes).collect()),
+            Self::Validate => (0x1A1A, vec![0]),
+            Self::Leds(leds) => (0x1A07, vec![*leds]),
         }
     }
 }
 
-/// A query from the host.
+/// A query from the host; its value is the code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
 pub enum Question {
     /// State of initialization and errors of the sequencer.
-    Hardware,
+    Hardware = 0x1A0A,
     /// Bit mask: 1 mirrors parked, 2 sequence running, 4 frames frozen.
-    Main,
+    Main = 0x1A0C,
     /// Result of [`Command::Validate`]: 0x80 while validation runs, then a bit mask of faults.
-    Validation,
+    Validation = 0x1A1A,
     /// Number of images in flash.
-    Images,
+    Images = 0x1A42,
     /// Four versions of four bytes, the application's first: patch (16 bits), minor, major.
-    Version,
+    Version = 0x0205,
     /// Tag that the firmware's author assigned.
-    Tag,
-}
-
-impl Question {
-    /// Returns the query's code.
-    #[must_use]
-    pub fn code(self) -> u16 {
-        match self {
-            Self::Hardware => 0x1A0A,
-            Self::Main => 0x1A0C,
-            Self::Validation => 0x1A1A,
-            Self::Images => 0x1A42,
-            Self::Version => 0x0205,
-            Self::Tag => 0x1AFF,
-        }
-    }
+    Tag = 0x1AFF,
 }
 
 /// Returns messages for the bits of a validation result; the first two are errors, the others warnings.

@@ -1,11 +1,12 @@
 //! An emulated controller that follows the guide and can be set to fail.
 
 use super::super::line::LineError;
-use super::command::{Command, Entry, Mailbox, Question};
+use super::command::{Entry, Mailbox, Question};
 use super::hid::{Assembler, HidLine, Message, REPORT};
 use super::projector::SHORTEST_US;
+use crate::clock::locked;
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 /// Fault of the emulator.
@@ -62,7 +63,6 @@ pub struct Emulator(Arc<Mutex<State>>);
 
 impl Emulator {
     /// Creates a controller with `images` images in flash.
-    #[must_use]
     pub fn new(images: u8) -> Self {
         let emulator = Self::default();
         emulator.state().images = images;
@@ -70,7 +70,16 @@ impl Emulator {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
+    }
+
+    /// Returns the state unless the cable is disconnected.
+    fn connected(&self) -> Result<MutexGuard<'_, State>, LineError> {
+        let state = self.state();
+        if state.trouble == Trouble::Out {
+            return Err(LineError::Gone("cable disconnected".into()));
+        }
+        Ok(state)
     }
 
     /// Sets the fault.
@@ -79,13 +88,11 @@ impl Emulator {
     }
 
     /// Returns the data last set for a trigger, by command code.
-    #[must_use]
     pub fn trigger(&self, code: u16) -> Option<Vec<u8>> {
         self.state().triggers.get(&code).cloned()
     }
 
     /// Returns the projected light, if any.
-    #[must_use]
     pub fn light(&self) -> Option<Light> {
         let state = self.state();
         let entry = state.table.first_chunk::<3>().map(|b| Entry::read(*b))?;
@@ -98,64 +105,49 @@ impl Emulator {
 impl State {
     /// Executes a command; returns `None` if it is unknown or not allowed in this state.
     fn describe(&mut self, code: u16, data: &[u8]) -> Option<()> {
-        let is = |c: &Command| c.code() == code;
         let first = *data.first()?;
         // While a sequence runs, only stopping it and switching LEDs is allowed.
-        let stands = !self.running || code == 0x1A24 || code == 0x1A07;
-        if !stands {
+        if self.running && code != 0x1A24 && code != 0x1A07 {
             return None;
         }
-        match code {
-            0x1A1B => self.pattern_mode = first == 1,
-            0x1A22 => self.flash = first == 3,
-            0x1A23 => self.trigger = first,
-            0x1A1D if data.len() == 3 && data[1].max(data[2]) <= 0xD5 => {
+        // A changed setting invalidates the last validation.
+        let valid = self.valid.filter(|_| matches!(code, 0x1A24 | 0x1A07));
+        match (code, data) {
+            (0x1A1B, _) => self.pattern_mode = first == 1,
+            (0x1A22, _) => self.flash = first == 3,
+            (0x1A23, _) => self.trigger = first,
+            (0x1A1D, [_, ..=0xD5, ..=0xD5])
+            | (0x1A1E, [_, ..=0xD5])
+            | (0x1A35, [_, _, ..8, 0])
+            | (0x1A36, [_]) => {
                 self.triggers.insert(code, data.to_vec());
             }
-            0x1A1E if data.len() == 2 && data[1] <= 0xD5 => {
-                self.triggers.insert(code, data.to_vec());
-            }
-            0x1A35 if data.len() == 4 && data[3] == 0 && data[2] < 8 => {
-                self.triggers.insert(code, data.to_vec());
-            }
-            0x1A36 if data.len() == 1 => {
-                self.triggers.insert(code, data.to_vec());
-            }
-            0x1A24 if first == 2 => {
+            (0x1A24, _) if first == 2 => {
                 // Only a validated sequence can start.
                 if self.valid.is_none_or(|v| v & 3 != 0) || self.busy > 0 {
                     return None;
                 }
                 self.running = self.trouble != Trouble::Aborts;
-                return Some(());
             }
-            0x1A24 => {
-                self.running = false;
-                return Some(());
-            }
-            0x1A29 => {
+            (0x1A24, _) => self.running = false,
+            (0x1A29, _) => {
                 let time = |at: usize| data.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
                 self.times = [time(0)?, time(4)?];
             }
-            0x1A31 => self.config = *data.first_chunk::<4>()?,
-            0x1A32 if first != 0 => return None,
-            0x1A32 => {}
-            0x1A33 => self.mailbox = first,
-            0x1A34 if self.mailbox == Mailbox::Images as u8 => self.list = data.to_vec(),
-            0x1A34 if self.mailbox == Mailbox::Patterns as u8 => self.table = data.to_vec(),
-            0x1A07 => {
-                self.leds = first;
-                return Some(());
-            }
-            _ if is(&Command::Validate) => {
+            (0x1A31, _) => self.config = *data.first_chunk::<4>()?,
+            (0x1A32, _) if first == 0 => {}
+            (0x1A33, _) => self.mailbox = first,
+            (0x1A34, _) if self.mailbox == Mailbox::Images as u8 => self.list = data.to_vec(),
+            (0x1A34, _) if self.mailbox == Mailbox::Patterns as u8 => self.table = data.to_vec(),
+            (0x1A07, _) => self.leds = first,
+            (0x1A1A, _) => {
                 self.valid = Some(self.check());
                 self.busy = 2;
                 return Some(());
             }
             _ => return None,
         }
-        // A changed setting invalidates the last validation.
-        self.valid = None;
+        self.valid = valid;
         Some(())
     }
 
@@ -184,7 +176,7 @@ impl State {
             Question::Version,
             Question::Tag,
         ];
-        Some(match all.into_iter().find(|q| q.code() == code)? {
+        Some(match all.into_iter().find(|q| *q as u16 == code)? {
             Question::Hardware => vec![if self.trouble == Trouble::Aborts { 0x41 } else { 1 }],
             Question::Main => vec![u8::from(self.running) << 1],
             Question::Validation if self.busy > 0 => {
@@ -205,10 +197,7 @@ impl State {
 
 impl HidLine for Emulator {
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError> {
-        let state = &mut *self.state();
-        if state.trouble == Trouble::Out {
-            return Err(LineError::Gone("cable disconnected".into()));
-        }
+        let state = &mut *self.connected()?;
         let Some(message) = state.parser.feed(report) else {
             return Ok(());
         };
@@ -232,13 +221,7 @@ impl HidLine for Emulator {
     }
 
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError> {
-        let answer = {
-            let mut state = self.state();
-            if state.trouble == Trouble::Out {
-                return Err(LineError::Gone("cable disconnected".into()));
-            }
-            state.answers.pop_front()
-        };
+        let answer = self.connected()?.answers.pop_front();
         answer.ok_or_else(|| {
             std::thread::sleep(within);
             LineError::Timeout
@@ -246,10 +229,7 @@ impl HidLine for Emulator {
     }
 
     fn reopen(&mut self) -> Result<(), LineError> {
-        let mut state = self.state();
-        if state.trouble == Trouble::Out {
-            return Err(LineError::Gone("cable disconnected".into()));
-        }
+        let mut state = self.connected()?;
         state.answers.clear();
         state.parser.clear();
         Ok(())

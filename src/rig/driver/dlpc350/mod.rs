@@ -11,7 +11,8 @@
 //! follows the guide. For the device file ([`hidraw`]), only finding and opening it is tested.
 
 pub mod command;
-pub mod emulator;
+#[cfg(test)]
+mod emulator;
 pub mod flash;
 pub mod hid;
 #[cfg(target_os = "linux")]

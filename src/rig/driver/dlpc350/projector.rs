@@ -1,10 +1,12 @@
 //! The projector driver: displays patterns from flash, one at a time.
 
-use super::super::line::LineError;
+use super::super::line::{LineError, left};
 use super::command::{Command, Entry, Mailbox, Question, Run, Source, complaints};
 use super::hid::{Assembler, HidLine, Message};
 use super::trigger::Triggers;
-use crate::instrument::{Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits};
+use crate::instrument::{
+    Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits, pattern,
+};
 use std::time::{Duration, Instant};
 
 /// Width and height of the mirror array, in pixels.
@@ -96,14 +98,10 @@ impl Dlpc350 {
                 "a period of {} µs is too short: externally triggered patterns need {BLACK_US} µs of black; increase the period",
                 self.period_us
             );
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         self.triggers = triggers;
         Ok(self)
-    }
-
-    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
-        Failure::new(fault, &self.name, what)
     }
 
     fn lost(&self, e: LineError) -> Failure {
@@ -122,17 +120,15 @@ impl Dlpc350 {
             self.line.write(&report).map_err(|e| self.lost(e))?;
         }
         loop {
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            if left(until).is_zero() {
                 return Err(self.lost(LineError::Timeout));
             }
-            let report = self.line.read(left).map_err(|e| self.lost(e))?;
+            let report = self.line.read(left(until)).map_err(|e| self.lost(e))?;
             match self.parser.feed(&report) {
                 Some(m) if m.number == self.number && m.read == read => {
                     if m.refused {
-                        return Err(
-                            self.failure(Fault::Refused, format!("the projector refused command {code:04X}"))
-                        );
+                        return self
+                            .fail(Fault::Refused, format!("the projector refused command {code:04X}"));
                     }
                     return Ok(m.payload);
                 }
@@ -142,15 +138,16 @@ impl Dlpc350 {
     }
 
     fn tell(&mut self, command: &Command, until: Instant) -> Result<(), Failure> {
-        self.exchange(false, command.code(), &command.data(), until).map(drop)
+        let (code, data) = command.encode();
+        self.exchange(false, code, &data, until).map(drop)
     }
 
     /// Sends a query and returns its reply of at least `least` bytes.
     fn ask(&mut self, question: Question, least: usize, until: Instant) -> Result<Vec<u8>, Failure> {
-        let answer = self.exchange(true, question.code(), &[], until)?;
+        let answer = self.exchange(true, question as u16, &[], until)?;
         if answer.len() < least {
             let what = format!("got {} bytes in reply to {question:?}, expected {least}", answer.len());
-            return Err(self.failure(Fault::Disconnected, what));
+            return self.fail(Fault::Disconnected, what);
         }
         Ok(answer)
     }
@@ -221,7 +218,7 @@ impl Dlpc350 {
         };
         if bits & 3 != 0 {
             let what = format!("the projector rejected the sequence: {}", complaints(bits).join(", "));
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         self.tell(&Command::Run(Run::Start), until)
     }
@@ -231,7 +228,7 @@ impl Dlpc350 {
         loop {
             let main = self.ask(Question::Main, 1, until)?[0];
             if main & 1 != 0 {
-                return Err(self.failure(Fault::Refused, "mirrors are parked; switch the projector on"));
+                return self.fail(Fault::Refused, "mirrors are parked; switch the projector on");
             }
             let period = Duration::from_micros(u64::from(self.period_us));
             if main & 2 != 0 {
@@ -241,10 +238,8 @@ impl Dlpc350 {
             }
             let hardware = self.ask(Question::Hardware, 1, until)?[0];
             if hardware & 0xC0 != 0 {
-                return Err(self.failure(
-                    Fault::Refused,
-                    format!("the sequence was aborted (hardware status {hardware:02X})"),
-                ));
+                let what = format!("the sequence was aborted (hardware status {hardware:02X})");
+                return self.fail(Fault::Refused, what);
             }
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -299,9 +294,9 @@ impl PatternProjector for Dlpc350 {
     /// Finds the patterns in flash; the only query sent is for the number of images.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
-        let limit = |what: String| Err(self.failure(Fault::Limit, what));
-        if patterns.len() > IMAGES * PLANES {
-            return limit(format!("{} patterns exceed the limit of {}", patterns.len(), IMAGES * PLANES));
+        let limit = |what: String| self.fail(Fault::Limit, what);
+        if let Err(what) = self.limits().check(patterns.len()) {
+            return limit(what);
         }
         let mut places = Vec::with_capacity(patterns.len());
         for (i, pattern) in patterns.iter().enumerate() {
@@ -325,7 +320,7 @@ impl PatternProjector for Dlpc350 {
             let what = format!(
                 "the flash has {images} images, but the patterns need {needed}; the `flash` list does not match the firmware"
             );
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         self.loaded = places;
         Ok(())
@@ -333,11 +328,8 @@ impl PatternProjector for Dlpc350 {
 
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
-        let Some(place) = self.loaded.get(pattern).copied() else {
-            let what = format!("pattern {pattern} does not exist; {} patterns are loaded", self.loaded.len());
-            return Err(self.failure(Fault::Limit, what));
-        };
-        self.run(place, until)?;
+        let place = pattern::loaded(&self.loaded, pattern);
+        self.run(place.map_err(|what| self.failure(Fault::Limit, what))?, until)?;
         self.stands(until)
     }
 

@@ -90,10 +90,8 @@ impl GalvoScanner for AnalogGalvo {
     }
 
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
-        let range = self.wiring.range_deg;
-        if !(0..2).all(|i| angles_deg[i].abs() <= range[i]) {
-            let what = format!("{angles_deg:?}° is outside ±{range:?}°; correct the plan");
-            return Err(Failure::new(Fault::Limit, self.name(), what));
+        if let Err(what) = self.limits().check(angles_deg) {
+            return self.fail(Fault::Limit, what + "; correct the plan");
         }
         let until = self.clock.now().saturating_add(within);
         let goal = self.wiring.volts(angles_deg).map(|v| self.limits.nearest(v));
@@ -101,11 +99,7 @@ impl GalvoScanner for AnalogGalvo {
         let left = self.left(until);
         if settle > left {
             self.clock.sleep(left);
-            return Err(Failure::new(
-                Fault::Timeout,
-                self.name(),
-                "the mirrors are still moving; allow more time",
-            ));
+            return self.fail(Fault::Timeout, "the mirrors are still moving; allow more time");
         }
         self.clock.sleep(settle);
         self.at = Some(goal);

@@ -105,16 +105,10 @@ proptest! {
 
 #[test]
 fn card_and_scanner_conform() {
-    let report = analog_output(&mut card(&world(&[])));
-    println!("simulated card: {} checks", report.0.len());
-    let faults: Vec<_> = report.faults().collect();
-    assert!(faults.is_empty() && report.0.len() > 20, "{faults:?}");
+    analog_output(&mut card(&world(&[]))).assert_passed("simulated card", 21);
     for travel in [Travel::Smooth(2000.0), Travel::Stepped] {
         let mut galvo = scanner(&world(&[]), Wiring { travel, ..WIRING });
-        let report = conformance::galvo_scanner(&mut galvo);
-        println!("galvo, {travel:?}: {} checks", report.0.len());
-        let faults: Vec<_> = report.faults().collect();
-        assert!(faults.is_empty() && report.0.len() >= 10, "{faults:?}");
+        conformance::galvo_scanner(&mut galvo).assert_passed(&format!("galvo, {travel:?}"), 10);
     }
 }
 

@@ -11,10 +11,6 @@ use crate::instrument::{
 use cameleon::StreamError;
 use std::time::Duration;
 
-/// Supported pixel formats.
-const FORMATS: [PixelFormat; 4] =
-    [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
-
 /// Relative tolerance of the exposure time: cameras round it to their clock.
 const EXPOSURE_OFF: f64 = 0.01;
 
@@ -89,7 +85,7 @@ impl GenICamCamera {
             micros.map(|us| Duration::try_from_secs_f64(us / 1e6).unwrap_or(Duration::ZERO));
         self.limits.gain_db = n.range("Gain")?;
         let entries = n.entries("PixelFormat")?;
-        let known = FORMATS.into_iter().filter(|f| entries.iter().any(|e| e == f.name()));
+        let known = PixelFormat::ALL.into_iter().filter(|f| entries.iter().any(|e| e == f.name()));
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
@@ -97,7 +93,15 @@ impl GenICamCamera {
                 self.limits.size,
                 entries.join(", ")
             );
-            return Err(self.nodes.failure(Fault::Refused, what));
+            return self.fail(Fault::Refused, what);
+        }
+        Ok(())
+    }
+
+    /// Locks or unlocks the features that define the stream's layout.
+    fn lock(&mut self, locked: bool) -> Result<(), Failure> {
+        if self.nodes.has("TLParamsLocked") {
+            self.nodes.set_integer("TLParamsLocked", i64::from(locked))?;
         }
         Ok(())
     }
@@ -115,9 +119,7 @@ impl GenICamCamera {
             Err(e) if !matches!(e.fault, Fault::Refused | Fault::Limit) => return Err(e),
             _ => {}
         }
-        if self.nodes.has("TLParamsLocked") {
-            self.nodes.set_integer("TLParamsLocked", 0)?;
-        }
+        self.lock(false)?;
         self.nodes.line("stream", |c| c.disable_streaming())?;
         self.acquiring = false;
         Ok(())
@@ -127,9 +129,7 @@ impl GenICamCamera {
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
         self.acquiring = true;
-        if self.nodes.has("TLParamsLocked") {
-            self.nodes.set_integer("TLParamsLocked", 1)?;
-        }
+        self.lock(true)?;
         self.nodes.command("AcquisitionStart")?;
         let started = self.frames.start(self.nodes.control());
         started.map_err(|e| self.of_stream(&e))
@@ -161,7 +161,7 @@ impl GenICamCamera {
         let off = (found / micros - 1.0).abs();
         if off.is_nan() || off > EXPOSURE_OFF {
             let what = format!("the exposure is {found} us, expected {micros} us; correct the plan");
-            return Err(n.failure(Fault::Limit, what));
+            return n.fail(Fault::Limit, what);
         }
         n.set_number("Gain", settings.gain_db)?;
         n.choose_if("TriggerSelector", "FrameStart")?;
@@ -184,7 +184,7 @@ impl GenICamCamera {
                 settings.region,
                 settings.format.name()
             );
-            return Err(self.nodes.failure(Fault::Disconnected, what));
+            return self.fail(Fault::Disconnected, what);
         }
         let pixels = block.region.width as usize * block.region.height as usize;
         let mut bytes = block.bytes;
@@ -259,10 +259,10 @@ impl AreaCamera for GenICamCamera {
 
     fn expose(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.settings else {
-            return Err(self.nodes.failure(Fault::Refused, "the camera is not configured"));
+            return self.fail(Fault::Refused, "the camera is not configured");
         };
         if self.pending {
-            return Err(self.nodes.failure(Fault::Refused, "an exposure is already in progress"));
+            return self.fail(Fault::Refused, "an exposure is already in progress");
         }
         if settings.trigger == Trigger::Software {
             self.nodes.command("TriggerSoftware")?;
@@ -273,14 +273,14 @@ impl AreaCamera for GenICamCamera {
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
         let (Some(settings), true) = (self.settings, self.pending) else {
-            return Err(self.nodes.failure(Fault::Refused, "no exposure was started"));
+            return self.fail(Fault::Refused, "no exposure was started");
         };
         match self.frames.next(within) {
             Ok(Some(block)) => {
                 self.pending = false;
                 self.raw(block, &settings)
             }
-            Ok(None) => Err(self.nodes.failure(Fault::Timeout, "no frame arrived before the deadline")),
+            Ok(None) => self.fail(Fault::Timeout, "no frame arrived before the deadline"),
             Err(e) => {
                 self.pending = false;
                 Err(self.of_stream(&e))

@@ -2,10 +2,11 @@
 //! registers that take effect. Pixel k of frame n has the value n + k.
 
 use super::stream::{Block, Frames};
+use crate::clock::locked;
 use crate::instrument::{PixelFormat, Region, pixels};
 use cameleon::{ControlError, ControlResult, DeviceControl, StreamError};
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 const XML: &str = include_str!("fake.xml");
@@ -92,7 +93,7 @@ impl Fake {
 
     /// Locks the state for reading or changing.
     pub fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 
     fn line(&self) -> ControlResult<MutexGuard<'_, State>> {

@@ -2,7 +2,7 @@
 //! Convention, over any line that reads and writes registers. The feature `usb3_vision` adds the USB line.
 
 pub mod camera;
-pub mod nodes;
+mod nodes;
 pub mod stream;
 #[cfg(feature = "usb3_vision")]
 pub mod usb;

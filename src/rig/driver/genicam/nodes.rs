@@ -56,21 +56,21 @@ impl Nodes {
     }
 
     /// Returns the camera's name in the rig file.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
+    /// Fails with a failure of this camera.
+    pub fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure> {
+        Err(self.failure(fault, what))
+    }
+
     /// Creates a failure of this camera.
-    #[must_use]
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
 
     /// Accesses the line directly.
-    ///
-    /// # Errors
-    /// [`Failure`] of the line.
     pub fn line<T>(
         &mut self,
         doing: &str,
@@ -85,7 +85,6 @@ impl Nodes {
     }
 
     /// Returns whether a feature exists.
-    #[must_use]
     pub fn has(&mut self, feature: &str) -> bool {
         self.params().node(feature).is_some()
     }
@@ -102,19 +101,16 @@ impl Nodes {
     ) -> Result<T, Failure> {
         let mut params = self.params();
         let Some(node) = params.node(feature) else {
-            return Err(self.failure(Fault::Refused, format!("no feature {feature}")));
+            return self.fail(Fault::Refused, format!("no feature {feature}"));
         };
         match f(node, &mut params) {
-            None => Err(self.failure(Fault::Refused, format!("feature {feature} has an unexpected type"))),
-            Some(Err(e)) => Err(self.failure(of_feature(&e), format!("{feature}: {e}"))),
+            None => self.fail(Fault::Refused, format!("feature {feature} has an unexpected type")),
+            Some(Err(e)) => self.fail(of_feature(&e), format!("{feature}: {e}")),
             Some(Ok(value)) => Ok(value),
         }
     }
 
     /// Returns an integer feature.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn integer(&mut self, feature: &str) -> Result<i64, Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
     }
@@ -128,18 +124,12 @@ impl Nodes {
     }
 
     /// Returns the increment of an integer feature; 1 if it has none.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn step(&mut self, feature: &str) -> Result<u32, Failure> {
         let step = self.with(feature, |n, p| n.as_integer(p).map(|n| n.inc(p)))?;
         Ok(u32::try_from(step.unwrap_or(1)).unwrap_or(1).max(1))
     }
 
     /// Returns the minimum and maximum of a numeric feature.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn range(&mut self, feature: &str) -> Result<[f64; 2], Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -151,9 +141,6 @@ impl Nodes {
     }
 
     /// Returns a numeric feature.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn number(&mut self, feature: &str) -> Result<f64, Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -177,18 +164,12 @@ impl Nodes {
     }
 
     /// Returns a string feature.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn text(&mut self, feature: &str) -> Result<String, Failure> {
         let text = self.with(feature, |n, p| n.as_string(p).map(|n| n.value(p)))?;
         Ok(text.trim_end_matches('\0').trim().to_owned())
     }
 
     /// Returns the names of the entries of an enumeration.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn entries(&mut self, feature: &str) -> Result<Vec<String>, Failure> {
         self.with(feature, |n, p| {
             let entries = n.as_enumeration(p)?.entries(p);
@@ -205,15 +186,12 @@ impl Nodes {
         if !entries.iter().any(|e| e == entry) {
             let what =
                 format!("feature {feature} does not support {entry}; available: {}", entries.join(", "));
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         self.with(feature, |n, p| n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry)))
     }
 
     /// Sets an enumeration if the camera has the feature and the entry.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn choose_if(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         if self.has(feature) && self.entries(feature)?.iter().any(|e| e == entry) {
             self.choose(feature, entry)?;
@@ -222,9 +200,6 @@ impl Nodes {
     }
 
     /// Executes a command feature.
-    ///
-    /// # Errors
-    /// [`Failure`].
     pub fn command(&mut self, feature: &str) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_command(p).map(|n| n.execute(p)))
     }

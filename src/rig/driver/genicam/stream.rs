@@ -1,5 +1,6 @@
 //! Frames of a camera's stream.
 
+use super::super::line::left;
 use crate::instrument::{Fault, PixelFormat, Region};
 use cameleon::payload::{self, Payload, PayloadReceiver};
 use cameleon::{DeviceControl, PayloadStream, StreamError};
@@ -144,11 +145,10 @@ impl<S: PayloadStream + Send> Frames for Streamed<S> {
                 Err(StreamError::ReceiveError(_)) => {}
                 Err(e) => return Err(e),
             }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            if left(until).is_zero() {
                 return Ok(None);
             }
-            std::thread::sleep(POLL.min(left));
+            std::thread::sleep(POLL.min(left(until)));
         }
     }
 

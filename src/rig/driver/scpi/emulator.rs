@@ -1,8 +1,9 @@
 //! An emulated laser that speaks SCPI over a socket and can be set to fail.
 
+use crate::clock::locked;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Fault of the emulator.
@@ -54,13 +55,13 @@ impl Emulator {
 
     /// Sets the fault.
     pub fn trouble(&self, trouble: Trouble) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).trouble = trouble;
+        locked(&self.0).trouble = trouble;
     }
 
     /// Returns whether the laser emits light.
     #[must_use]
     pub fn shines(&self) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).on
+        locked(&self.0).on
     }
 
     /// Serves every connection on a separate thread, until the socket fails.
@@ -96,7 +97,7 @@ impl Emulator {
                 continue;
             }
             answers.push(b'\n');
-            let trouble = self.0.lock().unwrap_or_else(PoisonError::into_inner).trouble;
+            let trouble = locked(&self.0).trouble;
             match trouble {
                 Trouble::Silent => continue,
                 Trouble::Late(time) => std::thread::sleep(time),
@@ -113,7 +114,7 @@ impl Emulator {
     /// Returns the reply to a command, if it has one.
     #[must_use]
     pub fn answer(&self, command: &str) -> Option<Vec<u8>> {
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = locked(&self.0);
         let (head, value) = command.split_once(' ').unwrap_or((command, ""));
         let text = match (head.to_ascii_uppercase().as_str(), value.trim()) {
             ("", _) => return None,

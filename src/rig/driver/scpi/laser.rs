@@ -1,7 +1,6 @@
 //! A pulsed laser, or a delay generator that triggers one, driven by a table of its commands.
 
-use super::super::line::Line;
-use super::super::tcp::TcpLine;
+use super::super::line::{Line, StreamLine, left};
 use super::table::LaserTable;
 use super::talk::Talk;
 use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
@@ -11,10 +10,6 @@ use std::time::{Duration, Instant};
 pub struct ScpiLaser {
     talk: Talk,
     table: LaserTable,
-}
-
-fn left(until: Instant) -> Duration {
-    until.saturating_duration_since(Instant::now())
 }
 
 impl ScpiLaser {
@@ -30,7 +25,7 @@ impl ScpiLaser {
     /// # Errors
     /// [`Failure`]: disconnected, timeout.
     pub fn connect(name: &str, table: LaserTable) -> Result<Self, Failure> {
-        let line = TcpLine::open(&table.address)
+        let line = StreamLine::tcp(&table.address)
             .map_err(|e| Failure::new(Fault::Disconnected, name, e.to_string()))?;
         Ok(Self::new(name, Box::new(line), table))
     }
@@ -75,42 +70,34 @@ impl PulsedLaser for ScpiLaser {
 
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
-        if !on {
-            let off = self.table.off.clone();
-            self.tell(&off, until)?;
-            if self.emitting(until)? {
-                return Err(self.talk.failure(
-                    Fault::Refused,
-                    "still emitting after the command to turn off; turn it off with the key switch",
-                ));
+        if on {
+            if let Err(what) = self.limits().check(rate_hz) {
+                return self.fail(Fault::Limit, what + "; correct the plan");
             }
+            if let Some(question) = self.table.ask_interlock.clone() {
+                let answer = self.talk.ask(&question, left(until))?;
+                if !["1", "+1", "ON"].contains(&answer.to_ascii_uppercase().as_str()) {
+                    let what =
+                        format!("interlock open (`{question}` returned `{answer}`); close the interlock");
+                    return self.fail(Fault::Refused, what);
+                }
+            }
+            // Set the rate first, so that the laser never emits at a wrong rate.
+            if let Some(command) = self.table.rate(rate_hz) {
+                self.tell(&command, until)?;
+            }
+        }
+        let command = if on { &self.table.on } else { &self.table.off }.clone();
+        self.tell(&command, until)?;
+        if self.emitting(until)? == on {
             return Ok(());
         }
-        let [least, most] = self.table.rate_hz;
-        if !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is outside {least} to {most} Hz; correct the plan");
-            return Err(self.talk.failure(Fault::Limit, what));
-        }
-        if let Some(question) = self.table.ask_interlock.clone() {
-            let answer = self.talk.ask(&question, left(until))?;
-            if !["1", "+1", "ON"].contains(&answer.to_ascii_uppercase().as_str()) {
-                let what = format!("interlock open (`{question}` returned `{answer}`); close the interlock");
-                return Err(self.talk.failure(Fault::Refused, what));
-            }
-        }
-        // Set the rate first, so that the laser never emits at a wrong rate.
-        if let Some(command) = self.table.rate(rate_hz) {
-            self.tell(&command, until)?;
-        }
-        let on = self.table.on.clone();
-        self.tell(&on, until)?;
-        if !self.emitting(until)? {
-            return Err(self.talk.failure(
-                Fault::Refused,
-                "not emitting after the command to turn on; check the key switch and the interlock",
-            ));
-        }
-        Ok(())
+        let what = if on {
+            "not emitting after the command to turn on; check the key switch and the interlock"
+        } else {
+            "still emitting after the command to turn off; turn it off with the key switch"
+        };
+        self.fail(Fault::Refused, what)
     }
 
     fn state(&mut self, within: Duration) -> Result<LaserState, Failure> {

@@ -7,6 +7,6 @@
 pub mod emulator;
 pub mod laser;
 pub mod table;
-pub mod talk;
+mod talk;
 #[cfg(test)]
 mod tests;

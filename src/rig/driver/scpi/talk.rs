@@ -1,14 +1,12 @@
 //! Exchange of SCPI messages. Commands and queries end with a newline. A reply is text that ends with a
-//! newline, or a block with a length prefix (IEEE 488.2, 8.7.9).
+//! newline.
 
-use super::super::line::{Line, LineError};
+use super::super::line::{Line, LineError, left};
 use crate::instrument::{Failure, Fault, Identity};
 use std::time::{Duration, Instant};
 
 /// Longest accepted text reply, in bytes.
 const LONGEST: usize = 1 << 16;
-/// Largest accepted block, in bytes.
-const LARGEST: usize = 1 << 26;
 /// Maximum number of errors read from an instrument's queue; a longer queue is assumed to be invalid.
 const ERRORS: usize = 64;
 
@@ -23,21 +21,23 @@ pub struct Talk {
 
 impl Talk {
     /// Creates an exchange over a line; `name` is the instrument's name in messages.
-    #[must_use]
     pub fn new(name: &str, line: Box<dyn Line>) -> Self {
         Self { name: name.to_owned(), line, held: vec![], out_of_step: false }
     }
 
     /// Returns the instrument's name in messages.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Creates a failure of this instrument.
-    #[must_use]
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
+    }
+
+    /// Fails with a failure of this instrument.
+    pub fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure> {
+        Err(self.failure(fault, what))
     }
 
     /// Reopens the line and discards pending replies.
@@ -57,8 +57,8 @@ impl Talk {
     /// [`Failure`]: refused (not a single line), disconnected, timeout.
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-            return Err(self
-                .failure(Fault::Refused, format!("{command:?} is not a command: it must be a single line")));
+            let what = format!("{command:?} is not a command: it must be a single line");
+            return self.fail(Fault::Refused, what);
         }
         if self.out_of_step {
             self.reopen()?;
@@ -98,57 +98,22 @@ impl Talk {
     }
 
     /// Sends a query and returns its reply as a number; refuses SCPI's NaN and infinity (9.91E37, 9.9E37).
-    ///
-    /// # Errors
-    /// [`Failure`], as [`Self::ask`].
     pub fn ask_number(&mut self, question: &str, within: Duration) -> Result<f64, Failure> {
         let answer = self.ask(question, within)?;
         match answer.parse::<f64>() {
             Ok(n) if n.abs() < 9.9e37 => Ok(n),
-            _ => Err(self.failure(
-                Fault::Disconnected,
-                format!("`{question}` returned `{answer}`, which is not a number"),
-            )),
+            _ => {
+                let what = format!("`{question}` returned `{answer}`, which is not a number");
+                self.fail(Fault::Disconnected, what)
+            }
         }
-    }
-
-    /// Sends a query and returns its reply, a definite-length block: `#`, one digit with the number of length
-    /// digits, the length digits, the bytes.
-    ///
-    /// # Errors
-    /// [`Failure`]: timeout, disconnected (also for a block of indefinite length, whose end is unknown).
-    pub fn ask_block(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, Failure> {
-        let until = Instant::now() + within;
-        self.tell(question)?;
-        let head = self.take(question, 2, until)?;
-        let digits = match (head[0], head[1]) {
-            (b'#', n @ b'1'..=b'9') => usize::from(n - b'0'),
-            _ => return Err(self.nonsense(question, "data without a block header")),
-        };
-        let length = self.take(question, digits, until)?;
-        let length = length
-            .iter()
-            .try_fold(0_usize, |n, d| d.is_ascii_digit().then(|| 10 * n + usize::from(d - b'0')));
-        let Some(length) = length.filter(|n| *n <= LARGEST) else {
-            return Err(self.nonsense(question, "a block with an invalid length"));
-        };
-        let bytes = self.take(question, length, until)?;
-        let end = self.take(question, 1, until)?;
-        let end = if end == b"\r" { self.take(question, 1, until)? } else { end };
-        if end != b"\n" {
-            return Err(self.nonsense(question, "a block longer than its header states"));
-        }
-        Ok(bytes)
     }
 
     /// Waits until all commands are complete (`*OPC?`).
-    ///
-    /// # Errors
-    /// [`Failure`], as [`Self::ask`].
     pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
         match self.ask("*OPC?", within)?.as_str() {
             "1" | "+1" => Ok(()),
-            other => Err(self.failure(Fault::Disconnected, format!("`*OPC?` returned `{other}`"))),
+            other => self.fail(Fault::Disconnected, format!("`*OPC?` returned `{other}`")),
         }
     }
 
@@ -162,10 +127,10 @@ impl Talk {
         let until = Instant::now() + within;
         let mut first = None;
         for _ in 0..ERRORS {
-            let answer = self.ask(question, until.saturating_duration_since(Instant::now()))?;
+            let answer = self.ask(question, left(until))?;
             let number = answer.split(',').next().unwrap_or_default().trim();
             let Ok(number) = number.parse::<i64>() else {
-                return Err(self.failure(Fault::Disconnected, format!("`{question}` returned `{answer}`")));
+                return self.fail(Fault::Disconnected, format!("`{question}` returned `{answer}`"));
             };
             if number == 0 {
                 return first.map_or(Ok(()), Err);
@@ -179,13 +144,10 @@ impl Talk {
                 self.failure(fault, format!("`{after}` failed with `{answer}`"))
             });
         }
-        Err(self.failure(Fault::Disconnected, format!("`{question}` reports too many errors")))
+        self.fail(Fault::Disconnected, format!("`{question}` reports too many errors"))
     }
 
     /// Queries maker, model, serial number and firmware (`*IDN?`).
-    ///
-    /// # Errors
-    /// [`Failure`], as [`Self::ask`].
     pub fn identity(&mut self, within: Duration) -> Result<Identity, Failure> {
         let answer = self.ask("*IDN?", within)?;
         let fields: Vec<&str> = answer.splitn(4, ',').map(str::trim).collect();
@@ -196,23 +158,15 @@ impl Talk {
                 serial: serial.into(),
                 firmware: firmware.into(),
             }),
-            _ => Err(self.failure(
-                Fault::Disconnected,
-                format!("`*IDN?` returned `{answer}`, which is not an identity"),
-            )),
+            _ => {
+                let what = format!("`*IDN?` returned `{answer}`, which is not an identity");
+                self.fail(Fault::Disconnected, what)
+            }
         }
-    }
-
-    /// Returns the next `n` bytes.
-    fn take(&mut self, question: &str, n: usize, until: Instant) -> Result<Vec<u8>, Failure> {
-        while self.held.len() < n {
-            self.more(question, until)?;
-        }
-        Ok(self.held.drain(..n).collect())
     }
 
     fn more(&mut self, question: &str, until: Instant) -> Result<(), Failure> {
-        let left = until.saturating_duration_since(Instant::now());
+        let left = left(until);
         let got = if left.is_zero() { Err(LineError::Timeout) } else { self.line.receive(left) };
         match got {
             Ok(bytes) => {

@@ -1,5 +1,6 @@
 //! A TimeHarp 260 as a photon counter: each acquisition yields one histogram.
 
+use super::super::line::left;
 use super::code::{self, DEVICES, FLAG_OVERFLOW, FLAG_SOFTWARE_ERROR, FLAG_SYSTEM_ERROR, LONGEST_HISTOGRAM};
 use super::library::{Hardware, Order, Question, Th260, load};
 use super::settings::{Measurement, Th260Settings};
@@ -49,7 +50,7 @@ impl Th260Counter {
     ///
     /// # Errors
     /// [`Failure`]: disconnected (no board), refused (board in use), limit (invalid settings).
-    pub fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
+    pub(super) fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()
             .map_err(|e| Failure::new(Fault::Limit, name, format!("{e}; correct the rig file")))?;
@@ -79,10 +80,6 @@ impl Th260Counter {
         Ok(counter)
     }
 
-    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
-        Failure::new(fault, &self.name, what)
-    }
-
     /// Converts an error code of the library to a failure.
     fn describe(&mut self, doing: &str, number: i32) -> Failure {
         let words = self.library.explain(number);
@@ -90,24 +87,24 @@ impl Th260Counter {
         self.failure(code::fault(number), what)
     }
 
-    /// Checks that a board is open.
-    fn opened(&self) -> Result<(), Failure> {
+    /// Calls the library for the open board.
+    fn call<T>(
+        &mut self,
+        doing: &str,
+        f: impl FnOnce(&mut dyn Th260, i32) -> Result<T, i32>,
+    ) -> Result<T, Failure> {
         if self.device < 0 {
-            return Err(self.failure(Fault::Disconnected, "no board is open"));
+            return self.fail(Fault::Disconnected, "no board is open");
         }
-        Ok(())
+        f(self.library.as_mut(), self.device).map_err(|e| self.describe(doing, e))
     }
 
     fn tell(&mut self, order: Order) -> Result<(), Failure> {
-        self.opened()?;
-        let message = self.library.tell(self.device, order);
-        message.map_err(|e| self.describe(&format!("{order:?}"), e))
+        self.call(&format!("{order:?}"), |l, device| l.tell(device, order))
     }
 
     fn ask(&mut self, question: Question) -> Result<i32, Failure> {
-        self.opened()?;
-        let answer = self.library.ask(self.device, question);
-        answer.map_err(|e| self.describe(&format!("{question:?}"), e))
+        self.call(&format!("{question:?}"), |l, device| l.ask(device, question))
     }
 
     /// Finds the board, initializes it and configures its inputs.
@@ -131,24 +128,20 @@ impl Th260Counter {
         }
         let Some((device, serial)) = opened else {
             if !found.is_empty() {
-                let what = format!(
-                    "no board with serial number {}; found {}",
-                    self.settings.serial.as_deref().unwrap_or_default(),
-                    found.join(", ")
-                );
-                return Err(self.failure(Fault::Disconnected, what));
+                let wanted = self.settings.serial.as_deref().unwrap_or_default();
+                let what = format!("no board with serial number {wanted}; found {}", found.join(", "));
+                return self.fail(Fault::Disconnected, what);
             }
             return Err(self.describe("cannot open a board", worst));
         };
         (self.device, self.serial) = (device, serial);
         self.tell(Order::Initialize(code::MODE_HISTOGRAM))?;
         self.rates_from = Instant::now() + FIRST_RATES;
-        self.hardware = self.library.hardware(device).map_err(|e| self.describe("hardware", e))?;
-        let base = self.library.base_resolution(device);
-        let (finest_ps, binnings) = base.map_err(|e| self.describe("base resolution", e))?;
+        self.hardware = self.call("hardware", |l, device| l.hardware(device))?;
+        let (finest_ps, binnings) = self.call("base resolution", |l, device| l.base_resolution(device))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
             let what = format!("invalid base resolution: {finest_ps} ps with {binnings} binnings");
-            return Err(self.failure(Fault::Disconnected, what));
+            return self.fail(Fault::Disconnected, what);
         }
         (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);
         self.inputs()
@@ -169,11 +162,10 @@ impl Th260Counter {
         let s = self.settings.clone();
         let inputs = self.ask(Question::Inputs)?;
         if s.channel >= inputs {
-            let what = format!(
-                "input {} does not exist; the board has {inputs} inputs; correct `channel`",
-                s.channel
-            );
-            return Err(self.failure(Fault::Limit, what));
+            let input = s.channel;
+            let what =
+                format!("input {input} does not exist; the board has {inputs} inputs; correct `channel`");
+            return self.fail(Fault::Limit, what);
         }
         self.tell(Order::SyncDivider(s.sync_divider))?;
         match self.hardware.model.as_str() {
@@ -182,12 +174,12 @@ impl Th260Counter {
                 self.tell(Order::InputCfd(s.channel, s.input_mv, s.zero_cross_mv))?;
             }
             "TimeHarp 260 N" => {
-                self.tell(Order::SyncEdge(s.sync_mv, s.sync_edge.number()))?;
-                self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge.number()))?;
+                self.tell(Order::SyncEdge(s.sync_mv, s.sync_edge as i32))?;
+                self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge as i32))?;
             }
             other => {
                 let what = format!("unknown model `{other}`; supported: TimeHarp 260 P and N");
-                return Err(self.failure(Fault::Refused, what));
+                return self.fail(Fault::Refused, what);
             }
         }
         self.tell(Order::StopAt(u32::MAX))
@@ -205,16 +197,15 @@ impl Th260Counter {
         let flags = self.ask(Question::Flags)?;
         if flags & (FLAG_SYSTEM_ERROR | FLAG_SOFTWARE_ERROR) != 0 {
             let what = format!("the board reports an error (flags {flags:#06x}); contact PicoQuant");
-            return Err(self.failure(Fault::Disconnected, what));
+            return self.fail(Fault::Disconnected, what);
         }
         if flags & FLAG_OVERFLOW != 0 {
-            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
+            return self.fail(Fault::Saturated, "a bin is full; reduce the dwell time");
         }
-        let elapsed = self.library.elapsed_ms(self.device);
-        let elapsed = elapsed.map_err(|e| self.describe("elapsed time", e))?;
+        let elapsed = self.call("elapsed time", |l, device| l.elapsed_ms(device))?;
         let pulses = f64::from(self.sync_rate()?) * elapsed / 1e3;
-        let counts = self.library.histogram(self.device, self.settings.channel);
-        let mut counts = counts.map_err(|e| self.describe("histogram", e))?;
+        let channel = self.settings.channel;
+        let mut counts = self.call("histogram", |l, device| l.histogram(device, channel))?;
         counts.truncate(measurement.bins);
         self.taken += 1;
         Ok(Histogram {
@@ -239,11 +230,8 @@ impl Instrument for Th260Counter {
     }
 
     fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
-        self.opened()?;
-        let hardware = self.library.hardware(self.device);
-        let hardware = hardware.map_err(|e| self.describe("hardware", e))?;
-        let version = self.library.version();
-        let version = version.map_err(|e| self.describe("version", e))?;
+        let hardware = self.call("hardware", |l, device| l.hardware(device))?;
+        let version = self.call("version", |l, _| l.version())?;
         Ok(Identity {
             maker: "PicoQuant".into(),
             model: format!("{} ({})", hardware.model, hardware.part),
@@ -267,7 +255,7 @@ impl PhotonCounter for Th260Counter {
     fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
         if settings.tags {
             let what = "the time-tagged mode is not supported; remove `time_tags` from the plan";
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         let measurement = Measurement::new(settings, self.limits.finest_ps, self.binnings)
             .map_err(|e| self.failure(Fault::Limit, format!("{e}; correct the plan")))?;
@@ -278,7 +266,7 @@ impl PhotonCounter for Th260Counter {
         let bins = self.ask(Question::Length(measurement.length_code))?;
         if usize::try_from(bins).is_ok_and(|b| b < measurement.bins) {
             let what = format!("the histogram has {bins} bins, expected {}", measurement.bins);
-            return Err(self.failure(Fault::Limit, what));
+            return self.fail(Fault::Limit, what);
         }
         self.tell(Order::Binning(measurement.binning))?;
         self.tell(Order::Offset(measurement.offset_ns))?;
@@ -289,14 +277,14 @@ impl PhotonCounter for Th260Counter {
 
     fn begin(&mut self) -> Result<(), Failure> {
         let Some(measurement) = self.measurement else {
-            return Err(self.failure(Fault::Refused, "the counter is not configured"));
+            return self.fail(Fault::Refused, "the counter is not configured");
         };
         if self.running.is_some() {
-            return Err(self.failure(Fault::Refused, "an acquisition is already in progress"));
+            return self.fail(Fault::Refused, "an acquisition is already in progress");
         }
         if self.sync_rate()? == 0 {
             let what = "no pulses at the sync input; check the laser, the cable and `sync_mv`";
-            return Err(self.failure(Fault::Refused, what));
+            return self.fail(Fault::Refused, what);
         }
         self.tell(Order::Clear)?;
         self.tell(Order::Start(measurement.dwell_ms))?;
@@ -306,15 +294,14 @@ impl PhotonCounter for Th260Counter {
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         let (Some(measurement), Some(begun)) = (self.measurement, self.running) else {
-            return Err(self.failure(Fault::Refused, "no acquisition was started"));
+            return self.fail(Fault::Refused, "no acquisition was started");
         };
         let until = Instant::now() + within;
         while self.ask(Question::Done)? == 0 {
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(self.failure(Fault::Timeout, "the acquisition is still in progress"));
+            if left(until).is_zero() {
+                return self.fail(Fault::Timeout, "the acquisition is still in progress");
             }
-            std::thread::sleep(POLL.min(left));
+            std::thread::sleep(POLL.min(left(until)));
         }
         self.running = None;
         self.read(&measurement, begun)

@@ -1,7 +1,8 @@
 //! A simulated board in memory that records the commands it receives and can be set to fail.
 
 use super::library::{Hardware, Order, Question, Th260};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use crate::clock::locked;
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// State of the simulated board.
@@ -45,7 +46,7 @@ impl Fake {
 
     /// Locks the state for reading or changing.
     pub fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 
     fn check(&self, what: &str) -> Result<MutexGuard<'_, State>, i32> {

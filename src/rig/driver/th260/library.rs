@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// A command to a board, with its arguments as in the library's manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub(super) enum Order {
     /// `CloseDevice`
     Close,
     /// `Initialize`: mode
@@ -44,7 +44,7 @@ pub enum Order {
 
 /// A query to a board that returns an integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Question {
+pub(super) enum Question {
     /// `GetNumOfInputChannels`
     Inputs,
     /// `CTCStatus`: 0 while the acquisition runs
@@ -59,7 +59,7 @@ pub enum Question {
 
 /// Hardware information of a board.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Hardware {
+pub(super) struct Hardware {
     /// `TimeHarp 260 P` or `TimeHarp 260 N`.
     pub model: String,
     pub part: String,
@@ -67,54 +67,29 @@ pub struct Hardware {
 }
 
 /// The functions of the library. Errors are the library's codes, all negative.
-pub trait Th260: Send {
+pub(super) trait Th260: Send {
     /// Returns the version of the library.
-    ///
-    /// # Errors
-    /// The library's code.
     fn version(&mut self) -> Result<String, i32>;
     /// Returns the library's text for an error code.
     fn explain(&mut self, code: i32) -> String;
     /// Opens the board at an index and returns its serial number.
-    ///
-    /// # Errors
-    /// The library's code.
     fn open(&mut self, device: i32) -> Result<String, i32>;
     /// Sends a command to a board.
-    ///
-    /// # Errors
-    /// The library's code.
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32>;
     /// Sends a query to a board and returns the reply.
-    ///
-    /// # Errors
-    /// The library's code.
     fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32>;
     /// Returns model, part number and version of a board.
-    ///
-    /// # Errors
-    /// The library's code.
     fn hardware(&mut self, device: i32) -> Result<Hardware, i32>;
     /// Returns the finest bin width, in picoseconds, and the number of binnings.
-    ///
-    /// # Errors
-    /// The library's code.
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
     /// Returns the duration of the last measurement, in milliseconds.
-    ///
-    /// # Errors
-    /// The library's code.
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
     /// Returns [`LONGEST_HISTOGRAM`] counts of an input, of which the configured length is valid.
-    ///
-    /// # Errors
-    /// The library's code.
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
 /// Returns the file names under which the library is searched for.
-#[must_use]
-pub fn names() -> Vec<PathBuf> {
+pub(super) fn names() -> Vec<PathBuf> {
     let names: &[&str] = if cfg!(windows) {
         &["th260lib64.dll", "th260lib.dll"]
     } else {
@@ -142,7 +117,7 @@ type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_i
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
         /// The loaded library. Its function pointers are valid while `_library` is loaded.
-        pub struct Loaded {
+        pub(super) struct Loaded {
             $($field: $kind,)*
             _library: Library,
         }
@@ -195,7 +170,7 @@ functions! {
 ///
 /// # Errors
 /// A message with the files tried, the reason why each failed, and where to get the library.
-pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
+pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];
     for name in &tried {
@@ -232,34 +207,29 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
-/// Buffer longer than any text that these functions write (at most 40 characters, by `th260defin.h`).
-type Buffer = [u8; 256];
-
-/// Returns the buffer as a C string pointer.
-fn chars(buffer: &mut Buffer) -> *mut c_char {
-    buffer.as_mut_ptr().cast()
+/// Calls a function that writes `N` texts and returns these. Each buffer has 256 characters, more than any of
+/// these functions writes (at most 40, by `th260defin.h`).
+fn texts<const N: usize>(call: impl FnOnce([*mut c_char; N]) -> c_int) -> Result<[String; N], i32> {
+    let mut buffers = [[0_u8; 256]; N];
+    good(call(buffers.each_mut().map(|b| b.as_mut_ptr().cast())))?;
+    Ok(buffers.map(|b| text(&b)))
 }
 
 impl Th260 for Loaded {
     fn version(&mut self) -> Result<String, i32> {
-        let mut buffer: Buffer = [0; 256];
-        // SAFETY: writes at most 8 characters into a buffer of 256.
-        good(unsafe { (self.get_version)(chars(&mut buffer)) })?;
-        Ok(text(&buffer))
+        // SAFETY: writes at most 8 characters.
+        texts(|[version]| unsafe { (self.get_version)(version) }).map(|[version]| version)
     }
 
     fn explain(&mut self, code: i32) -> String {
-        let mut buffer: Buffer = [0; 256];
-        // SAFETY: writes at most 40 characters into a buffer of 256.
-        let message = good(unsafe { (self.get_error)(chars(&mut buffer), code) });
-        message.map_or_else(|_| "no description".into(), |()| text(&buffer))
+        // SAFETY: writes at most 40 characters.
+        let found = texts(|[words]| unsafe { (self.get_error)(words, code) });
+        found.map_or_else(|_| "no description".into(), |[words]| words)
     }
 
     fn open(&mut self, device: i32) -> Result<String, i32> {
-        let mut buffer: Buffer = [0; 256];
-        // SAFETY: writes at most 8 characters into a buffer of 256.
-        good(unsafe { (self.open_device)(device, chars(&mut buffer)) })?;
-        Ok(text(&buffer))
+        // SAFETY: writes at most 8 characters.
+        texts(|[serial]| unsafe { (self.open_device)(device, serial) }).map(|[serial]| serial)
     }
 
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32> {
@@ -300,12 +270,11 @@ impl Th260 for Loaded {
     }
 
     fn hardware(&mut self, device: i32) -> Result<Hardware, i32> {
-        let (mut model, mut part, mut version): (Buffer, Buffer, Buffer) = ([0; 256], [0; 256], [0; 256]);
-        // SAFETY: writes at most 16 characters into each of three buffers of 256.
-        good(unsafe {
-            (self.get_hardware)(device, chars(&mut model), chars(&mut part), chars(&mut version))
-        })?;
-        Ok(Hardware { model: text(&model), part: text(&part), version: text(&version) })
+        // SAFETY: writes at most 16 characters into each buffer.
+        let found =
+            texts(|[model, part, version]| unsafe { (self.get_hardware)(device, model, part, version) })?;
+        let [model, part, version] = found;
+        Ok(Hardware { model, part, version })
     }
 
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32> {

@@ -4,24 +4,13 @@ use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOG
 use crate::instrument::CounterSettings;
 use serde::Deserialize;
 
-/// Slope of a pulse that triggers (TimeHarp 260 N).
+/// Slope of a pulse that triggers (TimeHarp 260 N), with the library's number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
     #[default]
-    Falling,
-    Rising,
-}
-
-impl Edge {
-    /// Returns the library's number for the edge.
-    #[must_use]
-    pub fn number(self) -> i32 {
-        match self {
-            Self::Falling => 0,
-            Self::Rising => 1,
-        }
-    }
+    Falling = 0,
+    Rising = 1,
 }
 
 /// Selection of a board and settings of its inputs. All levels are in millivolts.
