@@ -24,7 +24,7 @@ impl MatchingStores {
         }
         let inputs = merge::open_inputs(paths, false)?;
         for name in inputs[0].store.slice_names() {
-            merge::parts(&inputs, name)?;
+            merge::slice_inputs(&inputs, name)?;
         }
         Ok(Self { inputs })
     }

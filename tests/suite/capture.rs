@@ -12,7 +12,7 @@ use sunstone::tensor::field::Field;
 /// Saves numbers as `NAME.npy`.
 fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
     let file = File::create(folder.join(format!("{name}.npy"))).expect("a file");
-    numpy::write(file, shape, values.iter().copied()).expect("space");
+    numpy::write(file, shape, values).expect("space");
 }
 
 fn read(path: &Path) -> (Vec<usize>, Vec<f64>) {

@@ -48,12 +48,12 @@ use base::lock::Lock;
 use base::{staging, whole_file};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde_json::{Map, Value};
 
 use self::atomic::AtomicDirectory;
-use self::build::{New, ORIGIN, build, check_slices};
+use self::build::{ORIGIN, build, check_slices};
 use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
@@ -62,6 +62,7 @@ use crate::place::Place;
 use tensor::axes::SliceLayout;
 use tensor::part::Part;
 
+pub(crate) use self::build::New;
 pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
@@ -135,29 +136,14 @@ impl TensorStore {
         replace: bool,
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
-        Self::create_from(path, slices, attributes, samples, replace, None, fill)
+        let new = New { slices, attributes, samples, shardings: None };
+        Self::create_from(path, new, replace, None, fill)
     }
 
     /// Does the same as [`Self::create_filled`] with support for resuming. If a killed process left an
     /// unfinished store of the same `origin` (everything that the values depend on), `fill` gets that store,
     /// in which every existing chunk file is complete ([`StoredSlice::is_stored`]).
-    ///
-    /// # Errors
-    /// As [`Self::create_filled`].
-    pub fn create_from<E: From<CreateError>>(
-        path: &Path,
-        slices: &[(SliceLayout, Map<String, Value>)],
-        attributes: &Map<String, Value>,
-        samples: Option<SampleGrid>,
-        replace: bool,
-        origin: Option<&str>,
-        fill: impl FnOnce(&Self) -> Result<(), E>,
-    ) -> Result<Self, E> {
-        let new = New { slices, attributes, samples, shardings: &HashMap::new() };
-        Self::create_new(path, new, replace, origin, fill)
-    }
-
-    fn create_new<E: From<CreateError>>(
+    pub(crate) fn create_from<E: From<CreateError>>(
         path: &Path,
         new: New,
         replace: bool,
@@ -363,7 +349,7 @@ impl TensorStore {
 
     /// Releases the lock of the store.
     pub fn unlock(&self) {
-        self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
+        crate::lock(&self.lock).take();
     }
 
     #[must_use]
@@ -389,7 +375,7 @@ impl TensorStore {
                 available: self.names.join(", "),
             });
         }
-        let mut slices = self.slices.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slices = crate::lock(&self.slices);
         if let Some(slice) = slices.get(name) {
             return Ok(slice.clone());
         }
@@ -407,7 +393,7 @@ impl TensorStore {
     /// Returns a copy of the root group's attributes, without the store's list of slices.
     #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
-        self.attributes.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        crate::lock(&self.attributes).clone()
     }
 
     /// Replaces the attributes of the root group.
@@ -415,7 +401,7 @@ impl TensorStore {
     /// # Errors
     /// If the root's metadata cannot be read or written.
     pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
-        let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut held = crate::lock(&self.attributes);
         describe::set_root_attributes(&self.storage, &attributes)?;
         *held = attributes;
         Ok(())
