@@ -41,16 +41,6 @@ impl Pinhole {
         }
     }
 
-    /// Returns the same device with pixels `n` times as wide.
-    #[must_use]
-    pub fn binned_columns(&self, n: usize) -> Self {
-        let mut out = self.clone();
-        out.resolution[0] = self.resolution[0].div_ceil(n.max(1));
-        out.focal[0] /= n.max(1) as f64;
-        out.principal[0] /= n.max(1) as f64;
-        out
-    }
-
     /// Returns (x, y, 1) for a pixel coordinate: the point of its ray at depth 1, in the device's frame.
     #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {

@@ -11,7 +11,7 @@ mod scanlines;
 use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::isolation::seen::Sight;
-use crate::isolation::{self, Family, Isolation, Task, metrics, metrics_of, seen};
+use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
 use crate::observation::Observation;
 use crate::paths::Path;
 
@@ -33,16 +33,12 @@ const METHODS: [Isolation; 7] = [
     slicing("intensity only", "a photograph", [false, false, false]),
 ];
 
-const fn task(name: &'static str, metrics: [Metric; 6], light: fn(Path) -> bool, share: f64) -> Task {
-    Task { name, metrics, light, region: None, share, named: None }
-}
-
 const TASKS: [Task; 5] = [
-    task("one matt", metrics!("one matt"), Path::single_diffuse, 0.5),
-    task("several matt", metrics!("several matt"), Path::diffuse_interreflection, 0.2),
-    task("mirror and matt", metrics!("mirror and matt"), Path::mirror_and_diffuse, 0.5),
-    task("one specular", metrics!("one specular"), Path::single_specular, 0.5),
-    task("several specular", metrics!("several specular"), Path::multi_specular, 0.2),
+    task!("one matt", Path::single_diffuse, 0.5),
+    task!("several matt", Path::diffuse_interreflection, 0.2),
+    task!("mirror and matt", Path::mirror_and_diffuse, 0.5),
+    task!("one specular", Path::single_specular, 0.5),
+    task!("several specular", Path::multi_specular, 0.2),
 ];
 
 impl Application for Analysis {

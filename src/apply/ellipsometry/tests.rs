@@ -2,6 +2,7 @@
 //! detected.
 
 use super::*;
+use crate::isolation::tests::mean;
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 use tensor::axes::AxisKind;
@@ -45,13 +46,7 @@ fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: 
 }
 
 fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
-    let mine: Vec<f64> = outcome
-        .scores
-        .iter()
-        .filter(|s| s.method == method && s.metric == METRICS[metric].name)
-        .map(|s| s.value)
-        .collect();
-    mine.iter().sum::<f64>() / mine.len() as f64
+    mean(&outcome.scores, method, METRICS[metric].name)
 }
 
 /// Errors are σ √(tr (AᵀA)⁻¹/16): for 36 captures of DRR, 196 σ²; learned angles reach the bound. There are

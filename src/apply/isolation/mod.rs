@@ -16,7 +16,7 @@ mod task;
 
 pub use family::{Family, Isolation};
 pub use task::{Region, Task};
-pub(crate) use task::{metrics, metrics_of};
+pub(crate) use task::{metrics_of, task};
 
 use crate::application::{Outcome, Picture, Score};
 use crate::error::ApplyError;
@@ -60,7 +60,7 @@ pub(crate) fn run(
     Ok(outcome)
 }
 
-/// Returns the metrics in the order of [`metrics!`].
+/// Returns the metrics in the order of [`task!`].
 fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
     let truth = &seen.truth[task];
     let values = learnt.values(seen);

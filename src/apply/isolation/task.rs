@@ -13,7 +13,7 @@ pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
 #[derive(Clone, Copy, Debug)]
 pub struct Task {
     pub name: &'static str,
-    /// Metrics, from `metrics!`.
+    /// Metrics, from `task!`.
     pub metrics: [Metric; 6],
     /// Selects the paths of the light.
     pub light: fn(Path) -> bool,
@@ -25,24 +25,44 @@ pub struct Task {
     pub named: Option<Element>,
 }
 
-/// Returns the metrics of a task by its name: area under the curve, F1, precision, recall, correlation,
-/// error.
-macro_rules! metrics {
-    ($name:literal) => {{
+impl Task {
+    /// The same light, counted only in the pixels of `region`.
+    pub(crate) const fn within(self, region: Region) -> Self {
+        Self { region: Some(region), ..self }
+    }
+
+    /// The same light, with the paper's element for it.
+    pub(crate) const fn named(self, element: Element) -> Self {
+        Self { named: Some(element), ..self }
+    }
+}
+
+/// Returns a task by its name, its light and the minimum share. Its metrics are area under the curve, F1,
+/// precision, recall, correlation, error.
+macro_rules! task {
+    ($name:literal, $light:expr, $share:expr) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {
             $crate::application::Metric { name, unit: "", more_is_better }
         }
-        [
+        let metrics = [
             metric(concat!($name, ": area"), true),
             metric(concat!($name, ": F1"), true),
             metric(concat!($name, ": precision"), true),
             metric(concat!($name, ": recall"), true),
             metric(concat!($name, ": correlation"), true),
             metric(concat!($name, ": error"), false),
-        ]
+        ];
+        $crate::isolation::Task {
+            name: $name,
+            metrics,
+            light: $light,
+            region: None,
+            share: $share,
+            named: None,
+        }
     }};
 }
-pub(crate) use metrics;
+pub(crate) use task;
 
 /// Returns the metrics of all tasks.
 pub(crate) fn metrics_of(tasks: &[Task]) -> Vec<Metric> {

@@ -92,14 +92,7 @@ pub(crate) fn mean(scores: &[Score], method: &str, metric: &str) -> f64 {
     mine.iter().sum::<f64>() / mine.len() as f64
 }
 
-const TASK: Task = Task {
-    name: "it",
-    metrics: metrics!("it"),
-    light: Path::single_specular,
-    region: None,
-    share: 0.5,
-    named: Some(Element::of(Space::All, [3, 3]).negative()),
-};
+const TASK: Task = task!("it", Path::single_specular, 0.5).named(Element::of(Space::All, [3, 3]).negative());
 
 const fn any(name: &'static str, space: bool, time: bool, polarization: bool) -> Isolation {
     Isolation::new(name, "", Family::Any { space, time, polarization })
@@ -186,7 +179,7 @@ fn a_named_element_needs_its_sign() {
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn what_turns_is_told_by_its_magnitude() {
-    let task = Task { named: Some(Element::of(Space::All, [0, 1])), ..TASK };
+    let task = TASK.named(Element::of(Space::All, [0, 1]));
     let turned = |shares| Kind { shares, ..Kind::new(4, 1) };
     let kinds = [
         Kind::new(8, 1),
@@ -224,7 +217,7 @@ fn two_disturbances_need_two_dimensions() {
 
 #[test]
 fn light_outside_the_region_is_not_it() {
-    let task = Task { region: Some(|o| seen::within(o, "left", |v| v[0] >= 0.5)), ..TASK };
+    let task = TASK.within(|o| seen::within(o, "left", |v| v[0] >= 0.5));
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let mut all = observations(&[Kind::new(8, 1), turned], 4);
     assert!(matches!(

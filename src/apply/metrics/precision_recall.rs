@@ -6,7 +6,6 @@ pub struct Counts {
     pub true_positive: u64,
     pub false_positive: u64,
     pub false_negative: u64,
-    pub true_negative: u64,
 }
 
 impl Counts {
@@ -19,7 +18,7 @@ impl Counts {
                 (true, true) => c.true_positive += 1,
                 (true, false) => c.false_positive += 1,
                 (false, true) => c.false_negative += 1,
-                (false, false) => c.true_negative += 1,
+                (false, false) => {}
             }
         }
         c
@@ -43,13 +42,6 @@ impl Counts {
         let right = 2 * self.true_positive;
         right as f64 / (right + self.false_positive + self.false_negative) as f64
     }
-
-    /// Returns the share of correct decisions.
-    #[must_use]
-    pub fn accuracy(&self) -> f64 {
-        let right = self.true_positive + self.true_negative;
-        right as f64 / (right + self.false_positive + self.false_negative) as f64
-    }
 }
 
 #[cfg(test)]
@@ -65,7 +57,6 @@ mod tests {
         let c = Counts::of(all);
         assert_eq!((c.precision(), c.recall()), (0.75, 0.6));
         approx::assert_relative_eq!(c.f1(), 2.0 * 0.75 * 0.6 / 1.35, epsilon = 1e-12);
-        assert_eq!(c.accuracy(), 0.7);
         assert!(Counts::of([]).precision().is_nan());
     }
 }

@@ -9,7 +9,7 @@
 use super::application::Multibounce;
 use crate::application::Truth;
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{Task, metrics, seen};
+use crate::isolation::{Task, seen, task};
 use crate::paths::Path;
 
 /// Selects paths of exactly `bounces` reflections by metal.
@@ -18,48 +18,17 @@ fn metal(p: Path, bounces: u32) -> bool {
 }
 
 const TASKS: [Task; 5] = [
-    Task {
-        name: "one reflection by metal",
-        metrics: metrics!("one reflection by metal"),
-        light: |p| metal(p, 1),
-        region: None,
-        share: 0.2,
-        named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
-    },
-    Task {
-        name: "two reflections by metal",
-        metrics: metrics!("two reflections by metal"),
-        light: |p| metal(p, 2),
-        region: None,
-        share: 0.5,
-        named: Some(Element::of(Space::NonEpipolar, [3, 3])),
-    },
-    Task {
-        name: "three reflections by metal",
-        metrics: metrics!("three reflections by metal"),
-        light: |p| metal(p, 3),
-        region: None,
-        share: 0.2,
-        named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
-    },
+    task!("one reflection by metal", |p| metal(p, 1), 0.2)
+        .named(Element::of(Space::Epipolar, [3, 3]).negative()),
+    task!("two reflections by metal", |p| metal(p, 2), 0.5).named(Element::of(Space::NonEpipolar, [3, 3])),
+    task!("three reflections by metal", |p| metal(p, 3), 0.2)
+        .named(Element::of(Space::Epipolar, [3, 3]).negative()),
     // Like -(1,0) of the floor under the disco ball.
-    Task {
-        name: "mirror to table",
-        metrics: metrics!("mirror to table"),
-        light: Path::one_mirror_one_diffuse,
-        region: Some(|o| seen::within(o, "table", |share| share[0] >= 0.5)),
-        share: 0.2,
-        named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
-    },
+    task!("mirror to table", Path::one_mirror_one_diffuse, 0.2)
+        .within(|o| seen::within(o, "table", |share| share[0] >= 0.5))
+        .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     // Like (2,1), which "removes the specular reflection".
-    Task {
-        name: "table alone",
-        metrics: metrics!("table alone"),
-        light: Path::single_diffuse,
-        region: None,
-        share: 0.5,
-        named: Some(Element::of(Space::Epipolar, [2, 1])),
-    },
+    task!("table alone", Path::single_diffuse, 0.5).named(Element::of(Space::Epipolar, [2, 1])),
 ];
 
 pub const COINS: Multibounce = Multibounce {

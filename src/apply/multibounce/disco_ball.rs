@@ -4,7 +4,7 @@ use super::application::Multibounce;
 use crate::application::Truth;
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{Task, metrics, seen};
+use crate::isolation::{Task, seen, task};
 use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
@@ -27,60 +27,25 @@ pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyErr
 /// The tasks from the captions of Fig. 13.
 const TASKS: [Task; 6] = [
     // c: "isolates the remaining specular reflection on the diffuse planes".
-    Task {
-        name: "gloss of walls",
-        metrics: metrics!("gloss of walls"),
-        light: Path::single_specular,
-        region: None,
-        share: 0.05,
-        named: Some(Element::of(Space::Epipolar, [0, 1])),
-    },
+    task!("gloss of walls", Path::single_specular, 0.05).named(Element::of(Space::Epipolar, [0, 1])),
     // d: "removes the specular reflection".
-    Task {
-        name: "walls without gloss",
-        metrics: metrics!("walls without gloss"),
-        light: |p| p.label == DIFFUSE,
-        region: None,
-        share: 0.8,
-        named: Some(Element::of(Space::Epipolar, [2, 1])),
-    },
+    task!("walls without gloss", |p| p.label == DIFFUSE, 0.8).named(Element::of(Space::Epipolar, [2, 1])),
     // e: "captures the diffuse direct interreflections between the red and blue planes".
-    Task {
-        name: "interreflection of walls",
-        metrics: metrics!("interreflection of walls"),
-        light: Path::diffuse_interreflection,
-        region: None,
-        share: 0.2,
-        named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
-    },
+    task!("interreflection of walls", Path::diffuse_interreflection, 0.2)
+        .named(Element::of(Space::Epipolar, [3, 3]).negative()),
     // h: "the reflection from the planes and the disco ball only to the floor".
-    Task {
-        name: "walls and ball to floor",
-        metrics: metrics!("walls and ball to floor"),
-        light: |p| p.bounces > 1,
-        region: Some(|o| seen::within(o, "floor", |share| share[0] >= 0.5)),
-        share: 0.2,
-        named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
-    },
+    task!("walls and ball to floor", |p| p.bounces > 1, 0.2)
+        .within(|o| seen::within(o, "floor", |share| share[0] >= 0.5))
+        .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
     // incidence of a facet is at +45° for light to the upper right or lower left, and at -45° for light along
     // the other diagonal. The sign of (0,2) distinguishes these two directions best.
-    Task {
-        name: "ball along one diagonal",
-        metrics: metrics!("ball along one diagonal"),
-        light: patch,
-        region: Some(|o| diagonal(o, 1.0)),
-        share: 0.2,
-        named: Some(Element::of(Space::NonEpipolar, [0, 2])),
-    },
-    Task {
-        name: "ball along the other",
-        metrics: metrics!("ball along the other"),
-        light: patch,
-        region: Some(|o| diagonal(o, -1.0)),
-        share: 0.2,
-        named: Some(Element::of(Space::NonEpipolar, [0, 2]).negative()),
-    },
+    task!("ball along one diagonal", patch, 0.2)
+        .within(|o| diagonal(o, 1.0))
+        .named(Element::of(Space::NonEpipolar, [0, 2])),
+    task!("ball along the other", patch, 0.2)
+        .within(|o| diagonal(o, -1.0))
+        .named(Element::of(Space::NonEpipolar, [0, 2]).negative()),
 ];
 
 pub const DISCO_BALL: Multibounce = Multibounce {

@@ -12,7 +12,7 @@ use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
 use crate::isolation::seen::Sight;
-use crate::isolation::{self, Family, Isolation, Task, metrics, metrics_of, seen};
+use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
 use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::SPECULAR;
@@ -25,41 +25,13 @@ fn in_the_mirror(p: Path) -> bool {
     p.bounces == 3 && p.label & SPECULAR != 0
 }
 
-const CIRCULAR: Option<Element> = Some(Element::of(Space::All, [3, 3]));
+const CIRCULAR: Element = Element::of(Space::All, [3, 3]);
 
 const TASKS: [Task; 4] = [
-    Task {
-        name: "direct light",
-        metrics: metrics!("direct light"),
-        light: |p| p.bounces == 1,
-        region: None,
-        share: 0.5,
-        named: CIRCULAR,
-    },
-    Task {
-        name: "light by way of the mirror",
-        metrics: metrics!("light by way of the mirror"),
-        light: in_the_mirror,
-        region: None,
-        share: 0.5,
-        named: CIRCULAR,
-    },
-    Task {
-        name: "metal, direct",
-        metrics: metrics!("metal, direct"),
-        light: Path::single_specular,
-        region: None,
-        share: 0.5,
-        named: CIRCULAR,
-    },
-    Task {
-        name: "metal in the mirror",
-        metrics: metrics!("metal in the mirror"),
-        light: |p| in_the_mirror(p) && p.all_specular(),
-        region: None,
-        share: 0.5,
-        named: CIRCULAR,
-    },
+    task!("direct light", |p| p.bounces == 1, 0.5).named(CIRCULAR),
+    task!("light by way of the mirror", in_the_mirror, 0.5).named(CIRCULAR),
+    task!("metal, direct", Path::single_specular, 0.5).named(CIRCULAR),
+    task!("metal in the mirror", |p| in_the_mirror(p) && p.all_specular(), 0.5).named(CIRCULAR),
 ];
 
 const METHODS: [Isolation; 7] = [

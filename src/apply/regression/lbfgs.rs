@@ -65,27 +65,16 @@ impl Smooth for Problem {
     }
 }
 
-/// The weights and biases of a fit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WeightsAndBiases {
-    /// W, one for each feature.
-    pub weights: Vec<f64>,
-    /// b, one for each feature, in the features' unit.
-    pub biases: Vec<f64>,
-    /// Σ W (x + b).
-    pub fit: Linear,
-}
-
-/// Minimizes with the image itself as start: weight 1 for the first feature.
+/// Returns the fit Σ W (x + b), with the image itself as start: weight 1 for the first feature.
 ///
 /// # Errors
 /// If the images or targets are dark or not finite.
-pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
+pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
     let n = moments.x.len();
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
     let target = (moments.yy / moments.count).sqrt();
     if !(first > 0.0 && target > 0.0 && first.is_finite() && target.is_finite()) {
-        return Err("the images are dark".into());
+        return Err("the images are dark");
     }
     let mut start = vec![0.0; 2 * n];
     // Weight 1 in the features' unit.
@@ -93,13 +82,9 @@ pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
     let problem = Problem::new(moments, first, target).ok_or("the images are not finite")?;
     let p = quasi_newton(&problem, &start, ITERATIONS).x;
     let weights: Vec<f64> = p[..n].iter().map(|w| w * target / first).collect();
-    let biases: Vec<f64> = p[n..].iter().map(|b| b * first).collect();
-    let offset = weights.iter().zip(&biases).map(|(w, b)| w * b).sum();
-    Ok(WeightsAndBiases {
-        fit: Linear { weights: DVector::from_column_slice(&weights), offset },
-        weights,
-        biases,
-    })
+    let biases = p[n..].iter().map(|b| b * first);
+    let offset = weights.iter().zip(biases).map(|(w, b)| w * b).sum();
+    Ok(Linear { weights: DVector::from_vec(weights), offset })
 }
 
 #[cfg(test)]
@@ -151,10 +136,8 @@ mod tests {
         let moments = examples();
         let found = minimize(&moments).expect("a minimum");
         let best = moments.loss(&least_squares(&moments));
-        let reached = moments.loss(&found.fit);
+        let reached = moments.loss(&found);
         assert!(reached >= best * (1.0 - 1e-9) && reached < best * 1.001, "{reached} {best}");
-        let offset: f64 = found.weights.iter().zip(&found.biases).map(|(w, b)| w * b).sum();
-        approx::assert_relative_eq!(offset, found.fit.offset, epsilon = 1e-9);
         assert!(minimize(&Moments::none(3)).is_err());
     }
 }

@@ -9,14 +9,8 @@
 //! [`crate::regression::least_squares`]), like noise in captures. Therefore ridge regression and the
 //! errors-in-variables solution are compared with plain least squares.
 
-mod confocal;
-mod conventional;
-mod cross_polarization;
-mod linear;
+mod descattering;
 mod seen;
-mod striping;
-mod time_gating;
-mod weights;
 
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
 use crate::chain::few::Task;
@@ -25,7 +19,7 @@ use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
 use crate::observation::{self, Observation};
 use crate::regression::moments::Linear;
-use linear::Descattering;
+use descattering::{BASELINES, Descattering, METHODS};
 use rayon::prelude::*;
 use seen::Seen;
 
@@ -51,23 +45,6 @@ const METRICS: [Metric; 2 + PARTS] = [
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
     Metric { name, unit, more_is_better: true }
-}
-
-/// Returns all methods, ours first.
-fn descatterings() -> Vec<Box<dyn Descattering>> {
-    vec![
-        Box::new(weights::Weights(weights::Solver::Lbfgs)),
-        Box::new(weights::Weights(weights::Solver::LeastSquares)),
-        Box::new(weights::Weights(weights::Solver::Ridge)),
-        Box::new(weights::Weights(weights::Solver::WithoutNoise)),
-        Box::new(weights::Gated),
-        Box::new(conventional::Conventional),
-        Box::new(confocal::EpipolarConfocal),
-        Box::new(cross_polarization::CrossPolarization::LINEAR),
-        Box::new(cross_polarization::CrossPolarization::CIRCULAR),
-        Box::new(striping::PolarizedStriping),
-        Box::new(time_gating::TimeGating),
-    ]
 }
 
 impl Application for Scattering {
@@ -106,7 +83,7 @@ impl Application for Scattering {
     }
 
     fn methods(&self) -> Vec<Method> {
-        descatterings().iter().map(|m| m.method()).collect()
+        METHODS.iter().map(|m| m.method).collect()
     }
 
     fn metrics(&self) -> Vec<Metric> {
@@ -117,8 +94,8 @@ impl Application for Scattering {
         let [train, test] = observation::seen(train, test, Seen::new)?;
         let wavelengths = seen::wavelengths(&train, &test)?;
         let mut outcome = Outcome::default();
-        for method in descatterings() {
-            let name = method.method().name;
+        for method in &METHODS {
+            let name = method.method.name;
             let fits: Vec<Linear> = (0..wavelengths)
                 .into_par_iter()
                 .map(|lane| method.learn(&train, lane))
@@ -134,7 +111,7 @@ impl Application for Scattering {
                 });
             }
             for seen in &test {
-                let map = image(&*method, &fits, seen);
+                let map = image(method, &fits, seen);
                 outcome.scores.extend(scores(name, &map, seen));
                 outcome.pictures.push(Picture {
                     method: name,
@@ -165,30 +142,21 @@ impl Application for Scattering {
     fn task(&self, train: &[Observation]) -> Result<Option<Task>, ApplyError> {
         let train = train.iter().map(Seen::new).collect::<Result<Vec<_>, _>>()?;
         let wavelengths = seen::wavelengths(&train, &[])?;
-        let ours = weights::Weights(weights::Solver::Lbfgs);
         let functional = |lane| -> Result<[f64; 16], ApplyError> {
-            let fit = ours.learn(&train, lane)?;
+            let fit = METHODS[0].learn(&train, lane)?;
             Ok(std::array::from_fn(|e| fit.weights[e]))
         };
-        let baselines: [&dyn Descattering; 6] = [
-            &conventional::Conventional,
-            &confocal::EpipolarConfocal,
-            &cross_polarization::CrossPolarization::LINEAR,
-            &cross_polarization::CrossPolarization::CIRCULAR,
-            &striping::PolarizedStriping,
-            &time_gating::TimeGating,
-        ];
         Ok(Some(Task {
             slice: "epipolar",
-            method: ours.method().name,
-            baselines: baselines.iter().map(|b| b.method().name).collect(),
+            method: METHODS[0].method.name,
+            baselines: METHODS[BASELINES..].iter().map(|m| m.method.name).collect(),
             functionals: (0..wavelengths).map(functional).collect::<Result<_, _>>()?,
         }))
     }
 }
 
 /// Returns the image of a method for a variant. Negative radiance is set to 0.
-fn image(method: &dyn Descattering, fits: &[Linear], seen: &Seen) -> Map {
+fn image(method: &Descattering, fits: &[Linear], seen: &Seen) -> Map {
     let (w, h) = (seen.truth.width, seen.truth.height);
     Map::from_fn(w, h, fits.len(), |x, y, out| {
         for (lane, (o, fit)) in out.iter_mut().zip(fits).enumerate() {

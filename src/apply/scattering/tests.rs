@@ -1,8 +1,8 @@
 //! Tests each method with a synthetic tank whose backscatter the method removes exactly.
 
-use super::cross_polarization::recovered;
-use super::linear::weighed;
+use super::descattering::{along_and_across, weighed};
 use super::*;
+use crate::isolation::tests::mean;
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
@@ -99,15 +99,16 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
 fn psnr_of(milk: Milk) -> Vec<(&'static str, f64)> {
     let all = observations(milk, 11);
     let outcome = Scattering.run(&all[..2], &all[2..]).expect("it runs");
-    let mean = |name: &str| {
-        let mine = outcome.scores.iter().filter(|s| s.method == name && s.metric == "PSNR");
-        mine.map(|s| s.value).sum::<f64>() / 2.0
-    };
-    Scattering.methods().iter().map(|m| (m.name, mean(m.name))).collect()
+    Scattering.methods().iter().map(|m| (m.name, mean(&outcome.scores, m.name, "PSNR"))).collect()
 }
 
 fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
     table.iter().find(|(n, _)| *n == name).expect("a method").1
+}
+
+/// Returns the light of the objects for known degrees of polarization.
+fn recovered(along: f64, across: f64, of_medium: f64, of_things: f64) -> f64 {
+    (across * (1.0 + of_medium) - along * (1.0 - of_medium)) / (of_medium - of_things)
 }
 
 /// Minimum for results exact to single precision, and maximum for a veil that is not removed.
@@ -145,7 +146,7 @@ fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
         let all = observations(milk, 11);
         let seen = Seen::new(&all[0]).expect("seen");
         for pixel in [0, 17, 200] {
-            let [along, across] = cross_polarization::along_and_across(&seen.polarimetric, pixel, 1, 1);
+            let [along, across] = along_and_across(&seen.polarimetric, pixel, 1, 1);
             let truth = seen.truth.data[3 * pixel + 1];
             approx::assert_relative_eq!(
                 recovered(along.0, across.0, 0.7, things),
@@ -202,7 +203,7 @@ fn images_of_an_analyzer_are_those_of_the_forward_model() {
     let all = observations(PLAIN, 3);
     let seen = Seen::new(&all[0]).expect("seen");
     for k in [1, 3] {
-        let [along, across] = cross_polarization::along_and_across(&seen.epipolar, 5, 2, k);
+        let [along, across] = along_and_across(&seen.epipolar, 5, 2, k);
         let mut m = [[0.0; 4]; 4];
         for (e, row) in (0..16).map(|e| (e, e / 4)) {
             m[row][e % 4] = weighed(&seen.epipolar, 5, 2, &[(e, 1.0)]).0;

@@ -9,7 +9,7 @@
 //! phase error is the angle between the two sums. It is largest for long periods, because blur does not
 //! attenuate them.
 
-use super::column_light::{CodeError, Decoded, Patterns};
+use super::column_light::{Decoded, Patterns};
 use crate::map::Map;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -28,14 +28,19 @@ pub fn periods(columns: usize) -> Vec<f64> {
     all
 }
 
+/// The reason why captures cannot be decoded: invalid periods.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct PeriodsError(String);
+
 /// Refuses invalid periods.
-fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
+fn check(periods: &[f64], columns: usize) -> Result<(), PeriodsError> {
     let falls = periods.windows(2).all(|p| p[0] > p[1]) && periods.iter().all(|p| *p >= 2.0);
     let spans = periods.first().is_some_and(|p| *p >= columns as f64 && p.is_finite());
     if falls && spans {
         return Ok(());
     }
-    Err(CodeError::Periods(format!(
+    Err(PeriodsError(format!(
         "periods {periods:?}: expected decreasing periods, the first at least {columns} columns and the last at least 2"
     )))
 }
@@ -63,16 +68,18 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
 /// column.
 ///
 /// # Errors
-/// If the number of captures does not match the patterns, or the periods do not decrease from at least the
-/// image's width.
+/// If the periods do not decrease from at least the image's width.
+///
+/// # Panics
+/// If the number of captures does not match the patterns.
 pub fn decode(
     captures: &Map,
     columns: usize,
     periods: &[f64],
     least_contrast: f64,
-) -> Result<Decoded, CodeError> {
+) -> Result<Decoded, PeriodsError> {
     check(periods, columns)?;
-    Decoded::by_pixel(captures, STEPS * periods.len(), |pixel| {
+    Ok(Decoded::by_pixel(captures, STEPS * periods.len(), |pixel| {
         let (mut column, mut contrast) = (f64::NAN, 0.0);
         for (i, (k, period)) in pixel.chunks_exact(STEPS).zip(periods).enumerate() {
             let (sin, cos) = (k[1] - k[3], k[0] - k[2]);
@@ -85,7 +92,7 @@ pub fn decode(
         let inside = (0.0..=columns as f64).contains(&column);
         let sure = contrast > 0.0 && contrast >= least_contrast;
         (if inside && sure { column } else { f64::NAN }, contrast)
-    })
+    }))
 }
 
 #[cfg(test)]
@@ -94,7 +101,7 @@ mod tests {
     use crate::shape::synthetic::{Light, noisy, one_row};
 
     fn columns_of(light: &Light, n: usize, periods: &[f64]) -> Vec<f64> {
-        let captures = one_row(n, light).capture(&patterns(n, periods)).expect("captures");
+        let captures = one_row(n, light).capture(&patterns(n, periods));
         decode(&captures, n, periods, 0.0).expect("a code").column.data
     }
 
@@ -103,7 +110,7 @@ mod tests {
         let n = 256;
         let p = periods(n);
         assert_eq!(p, [256.0, 64.0, 16.0]);
-        let captures = one_row(n, &Light::direct(0.3)).capture(&patterns(n, &p)).expect("captures");
+        let captures = one_row(n, &Light::direct(0.3)).capture(&patterns(n, &p));
         let got = decode(&captures, n, &p, 0.0).expect("a code");
         for (i, column) in got.column.data.iter().enumerate() {
             assert!((column - i as f64 - 0.5).abs() < 1e-9, "{i}: {column}");
@@ -169,7 +176,7 @@ mod tests {
     #[test]
     fn noise_moves_columns_as_theory_says() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);
-        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p));
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..500 {
             let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0).expect("a code");

@@ -1,6 +1,7 @@
 //! Tests with known light paths: scores detect the intended differences and nothing else.
 
 use super::*;
+use crate::isolation::tests::mean;
 use crate::observation::Slice;
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
@@ -83,16 +84,7 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
 
 fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
     let outcome = Transient.run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
-    move |method, metric| {
-        let mine: Vec<f64> = outcome
-            .scores
-            .iter()
-            .filter(|s| s.method == method && s.metric == metric)
-            .map(|s| s.value)
-            .collect();
-        assert_eq!(mine.len(), 3, "{method}, {metric}");
-        mine.iter().sum::<f64>() / 3.0
-    }
+    move |method, metric| mean(&outcome.scores, method, metric)
 }
 
 const INVERTING: &str = "area under the curve, inverting";

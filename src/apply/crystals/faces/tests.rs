@@ -5,6 +5,7 @@ use super::{CrystalFaces, METRICS};
 use crate::application::{Application, Outcome};
 use crate::crystals::mineral::Mineral;
 use crate::error::ApplyError;
+use crate::isolation::tests::mean;
 use crate::map::Map;
 use crate::observation::Observation;
 use crate::observation::tests::slice;
@@ -87,8 +88,7 @@ fn run(o: Observation) -> Outcome {
 }
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
-    let is = |s: &&crate::application::Score| s.method == method && s.metric == METRICS[metric].name;
-    outcome.scores.iter().find(is).expect("a score").value
+    mean(&outcome.scores, method, METRICS[metric].name)
 }
 
 #[test]

@@ -1,0 +1,188 @@
+//! The methods: linear estimates of the clear image from several features of a pixel.
+
+use super::seen::Seen;
+use crate::application::Method;
+use crate::error::ApplyError;
+use crate::observation::Pixels;
+use crate::regression::lbfgs::minimize;
+use crate::regression::least_squares::{least_squares, ridge_by_cross_validation, without_noise};
+use crate::regression::moments::{Linear, Moments};
+use nalgebra::DVector;
+
+/// A method that recovers the image behind a scattering medium.
+pub(super) struct Descattering {
+    pub method: Method,
+    features: Features,
+    solver: Solver,
+}
+
+/// The features of a pixel at a wavelength.
+#[derive(Clone, Copy)]
+enum Features {
+    /// All elements of epipolar light: S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ) (Baek & Heide 2021, the
+    /// equation of section 6.3).
+    Elements,
+    /// The same in every bin of travel time.
+    GatedElements,
+    /// A photograph under full light: Σ over s' of T00.
+    Photograph,
+    /// T00 of light from each camera pixel's epipolar line, which excludes light that was scattered out of
+    /// its plane (O'Toole, Raskar & Kutulakos 2012).
+    EpipolarPhotograph,
+    /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this Stokes
+    /// element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
+    ///
+    /// With the light S of the objects and the light B of the medium, of degrees of polarization p_S and
+    /// p_B: I_max = S (1 + p_S)/2 + B (1 + p_B)/2, I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (their eq.
+    /// 13) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and an offset are
+    /// learned together, because S is linear in the two images.
+    Pair(usize),
+    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): the same two images under lines that
+    /// are projected one after the other. The lines are epipolar lines, as in the comparison of Baek & Heide
+    /// (2021).
+    EpipolarPair(usize),
+    /// T00 of all light in every bin of travel time.
+    Bins,
+}
+
+/// The algorithm for the weights.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Solver {
+    /// L-BFGS, as in the paper.
+    Lbfgs,
+    /// Closed form: the minimum loss on the training variants.
+    LeastSquares,
+    /// Ridge regression, cross-validated over training variants.
+    Ridge,
+    /// Least squares with the noise of the images subtracted.
+    WithoutNoise,
+    /// Time gating: the window of bins of least loss on the training variants. A gate that follows the depth
+    /// of objects, as in a scan over depth, is not included.
+    Window,
+}
+
+const fn new(name: &'static str, source: &'static str, features: Features, solver: Solver) -> Descattering {
+    Descattering { method: Method { name, source }, features, solver }
+}
+
+/// All methods, ours first, the baselines from [`BASELINES`] on.
+pub(super) const METHODS: [Descattering; 11] = [
+    new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
+    new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
+    new("W, b by ridge regression", "new here", Features::Elements, Solver::Ridge),
+    new("W, b by errors in variables", "new here", Features::Elements, Solver::WithoutNoise),
+    new("time-gated W, b by ridge regression", "new here", Features::GatedElements, Solver::Ridge),
+    new("conventional", "a photograph", Features::Photograph, Solver::LeastSquares),
+    new("epipolar confocal", "O'Toole et al. 2012", Features::EpipolarPhotograph, Solver::LeastSquares),
+    new("cross-polarization, linear", "Treibitz & Schechner 2009", Features::Pair(1), Solver::LeastSquares),
+    new(
+        "cross-polarization, circular",
+        "Treibitz & Schechner 2009, circular",
+        Features::Pair(3),
+        Solver::LeastSquares,
+    ),
+    new("polarized light striping", "Gupta et al. 2008", Features::EpipolarPair(1), Solver::LeastSquares),
+    new("time gating", "range gating", Features::Bins, Solver::Window),
+];
+
+/// Index of the first baseline.
+pub(super) const BASELINES: usize = 5;
+
+impl Descattering {
+    /// Returns the features of a pixel at a wavelength, and their standard errors.
+    pub(super) fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {
+        let all = |p: &Pixels, elements: usize| {
+            let places = (0..p.bins).flat_map(|bin| (0..elements).map(move |e| (bin, e)));
+            places.map(|(bin, e)| (p.at(pixel, bin, e, lane), p.error_at(pixel, bin, e, lane))).unzip()
+        };
+        let photograph = |p: &Pixels| [weighed(p, pixel, lane, &[(0, 1.0)])].into_iter().unzip();
+        let pair = |p: &Pixels, k: usize| along_and_across(p, pixel, lane, k).into_iter().unzip();
+        match self.features {
+            Features::Elements => all(&seen.epipolar, 16),
+            Features::GatedElements => all(&seen.gated, 16),
+            Features::Photograph => photograph(&seen.polarimetric),
+            Features::EpipolarPhotograph => photograph(&seen.epipolar),
+            Features::Pair(k) => pair(&seen.polarimetric, k),
+            Features::EpipolarPair(k) => pair(&seen.epipolar, k),
+            Features::Bins => all(&seen.transient, 1),
+        }
+    }
+
+    /// Learns the weights at a wavelength.
+    pub(super) fn learn(&self, train: &[Seen], lane: usize) -> Result<Linear, ApplyError> {
+        let moments = self.moments(train, lane);
+        let all = Moments::sum(&moments);
+        let unsolved = |method, cause: &str| ApplyError::Unsolved { method, cause: cause.into() };
+        match self.solver {
+            Solver::Lbfgs => minimize(&all).map_err(|cause| unsolved("L-BFGS", cause)),
+            Solver::LeastSquares => Ok(least_squares(&all)),
+            Solver::Ridge => Ok(ridge_by_cross_validation(&moments).0),
+            Solver::WithoutNoise => Ok(without_noise(&all).0),
+            Solver::Window => {
+                best_window(&all).ok_or_else(|| unsolved(self.method.name, "the slice has no time bins"))
+            }
+        }
+    }
+
+    /// Returns the moments of the pixels in the mask, one per variant.
+    fn moments(&self, train: &[Seen], lane: usize) -> Vec<Moments> {
+        let of = |seen: &Seen| {
+            let (mut x, mut errors, mut y) = (vec![], vec![], vec![]);
+            let mut count = 0;
+            for pixel in (0..seen.mask.len()).filter(|p| seen.mask[*p]) {
+                let (features, error) = self.features(seen, pixel, lane);
+                count = features.len();
+                x.extend(features);
+                errors.extend(error);
+                y.push(seen.truth.data[pixel * seen.truth.channels + lane]);
+            }
+            Moments::of(count, &x, &errors, &y)
+        };
+        train.iter().map(of).collect()
+    }
+
+    /// Returns a note on the learned weights.
+    pub(super) fn note(&self, fits: &[Linear]) -> Option<String> {
+        let window = |fit: &Linear| {
+            let open: Vec<usize> = (0..fit.weights.len()).filter(|i| fit.weights[*i] != 0.0).collect();
+            Some(format!("{}..{}", open.first()?, open.last()? + 1))
+        };
+        if self.solver != Solver::Window {
+            return None;
+        }
+        let all: Option<Vec<String>> = fits.iter().map(window).collect();
+        Some(format!("{}: bins {} (per wavelength)", self.method.name, all?.join(", ")))
+    }
+}
+
+/// Fits every window of features; returns the one of least loss.
+fn best_window(all: &Moments) -> Option<Linear> {
+    let bins = all.x.len();
+    let windows = (0..bins).flat_map(|from| (from + 1..=bins).map(move |to| (from, to)));
+    let fits = windows.map(|(from, to)| {
+        let window = DVector::from_fn(bins, |i, _| f64::from(u8::from((from..to).contains(&i))));
+        let projected = all.projected(&window);
+        let fit = least_squares(&projected);
+        (Linear { weights: window * fit.weights[0], offset: fit.offset }, projected.loss(&fit))
+    });
+    fits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(fit, _)| fit)
+}
+
+/// Returns Σₑ wₑ Tₑ over elements of a pixel (and all bins), and its standard error for independent errors of
+/// the elements.
+pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, f64)]) -> (f64, f64) {
+    let (mut sum, mut variance) = (0.0, 0.0);
+    for bin in 0..p.bins {
+        for (element, w) in weights {
+            sum += w * p.at(pixel, bin, *element, lane);
+            variance += (w * p.error_at(pixel, bin, *element, lane)).powi(2);
+        }
+    }
+    (sum, variance.sqrt())
+}
+
+/// Returns the two images of [`Features::Pair`]: light of unit power in Stokes element `k` only, [1, 0, ..,
+/// 1], behind analyzers [1, 0, .., ±1]/2.
+pub(super) fn along_and_across(p: &Pixels, pixel: usize, lane: usize, k: usize) -> [(f64, f64); 2] {
+    [0.5, -0.5].map(|sign| weighed(p, pixel, lane, &[(0, 0.5), (k, 0.5), (4 * k, sign), (5 * k, sign)]))
+}
