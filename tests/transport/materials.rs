@@ -1,7 +1,7 @@
 //! Single materials: samplers follow their densities, weights are values over densities, and light is
 //! reversible.
 
-use crate::optics::{M, turn};
+use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
 use std::f64::consts::TAU;
 use sunstone::optics::polarization::frame::perpendicular;
@@ -45,16 +45,7 @@ pub fn axes() -> Mat3A {
 
 pub fn surface() -> Surface {
     let n = axes().z_axis;
-    Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: axes().x_axis,
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(n, axes().x_axis, [0.0; 2])
 }
 
 /// A direction with given cosine to the normal and azimuth.
@@ -125,8 +116,9 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
     pearson(name, &observed, &expected);
 }
 
-/// Pearson's chi² of counts against expected counts, with small cells pooled; at most 5 standard deviations.
-pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
+/// Deviation of Pearson's chi² of counts from its mean, in standard deviations. Small cells are pooled; the
+/// result is infinite if they have far more counts than expected.
+pub fn deviation(observed: &[f64], expected: &[f64]) -> f64 {
     let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
     for (o, e) in observed.iter().zip(expected) {
         if *e < 10.0 {
@@ -138,10 +130,17 @@ pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
         }
     }
     let [o, e] = faint;
-    assert!((o - e).abs() < 5.0 * e.sqrt() + 10.0, "{name}: {o} samples where {e} belong");
+    if (o - e).abs() >= 5.0 * f64::sqrt(e) + 10.0 {
+        return f64::INFINITY;
+    }
     // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
-    let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
-    assert!(z < 5.0, "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}");
+    (f64::cbrt(chi / dof) - (1.0 - 2.0 / (9.0 * dof))) / f64::sqrt(2.0 / (9.0 * dof))
+}
+
+/// Asserts that counts follow expected counts within five standard deviations of chi².
+pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
+    let z = deviation(observed, expected);
+    assert!(z < 5.0, "{name}: chi² deviates by {z} standard deviations");
 }
 
 #[test]
@@ -229,6 +228,17 @@ pub fn is_reciprocal(
     pair: impl Fn(&mut Stream) -> [Vec3A; 2],
     tolerance: f64,
 ) -> u32 {
+    let value = |a, b, axes| Some(bsdf(materials, a, b, axes)? / index(a).powi(2));
+    reciprocal(name, value, pair, tolerance)
+}
+
+/// The same for matrices between axes, from `value`.
+pub fn reciprocal(
+    name: &str,
+    value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
+    pair: impl Fn(&mut Stream) -> [Vec3A; 2],
+    tolerance: f64,
+) -> u32 {
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let mut stream = Stream::new(43, 0, 0);
     let (mut strongest, mut pairs) = (0.0_f64, 0);
@@ -241,10 +251,8 @@ pub fn is_reciprocal(
             x * t.cos() + d.cross(x) * t.sin()
         };
         let (xa, xb) = (axis(a), axis(b));
-        let forth = bsdf(materials, a, b, [xa, xb]);
-        let back = bsdf(materials, b, a, [xb, xa]);
-        let (forth, back) = match (forth, back) {
-            (Some(f), Some(g)) => (f / index(a).powi(2), g / index(b).powi(2)),
+        let (forth, back) = match (value(a, b, [xa, xb]), value(b, a, [xb, xa])) {
+            (Some(forth), Some(back)) => (forth, back),
             (None, None) => continue,
             _ => panic!("{name}: only one way between {a} and {b}"),
         };
