@@ -79,7 +79,7 @@ fn spheres_nearly_vanish() {
         (format!("crystal = {{ n_o = 1.546, n_e = 1.555, {split} }}"), 3000, 1e-4, 1e-4),
         (format!("crystal = {{ n_o = 1.66127, n_e = 1.4875, {split} }}"), 5000, 0.02, 0.02),
     ] {
-        let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 6.0);
+        let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 8.0);
         let text = head(spp, 1000, 31)
             + &camera.keys("camera")
             + &format!("[materials.m]\n{material}\n[[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1\n")

@@ -204,12 +204,12 @@ fn bands_bring_what_chance_brings() {
 #[test]
 fn other_slices_keep_their_bits() {
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALL;
-    let (alone, beside) = (room(&others, 3, 4), room(&(FEW.to_owned() + &others), 3, 4));
+    let (alone, beside) = (room(&others, 3, 2), room(&(FEW.to_owned() + &others), 3, 2));
     for slice in ["photo", "matrices", "flight"] {
         assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
     }
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALONG;
-    let (alone, beside) = (room_of(WIDE, &others, 3, 4), room_of(WIDE, &(BAND.to_owned() + &others), 3, 4));
+    let (alone, beside) = (room_of(WIDE, &others, 3, 2), room_of(WIDE, &(BAND.to_owned() + &others), 3, 2));
     for slice in ["photo", "along"] {
         assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
     }
