@@ -99,7 +99,7 @@ const ACCEPTED: &[&str] = &[
 ];
 
 /// Replacements of the valid file `right` of the fixtures, by name.
-pub fn spoilt(right: &'static str) -> Vec<(&'static str, Put)> {
+fn spoilt(right: &'static str) -> Vec<(&'static str, Put)> {
     vec![
         ("missing", Put::Gone),
         ("empty", Put::Bytes(vec![])),

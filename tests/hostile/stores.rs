@@ -1,7 +1,6 @@
 //! Stores with one damaged file. No command may answer with missing data.
 
 use super::case::{Case, Expect, Put};
-use super::inputs::spoilt;
 
 /// Commands that read the whole store `s.zarr`, except `info`, which reads less.
 #[rustfmt::skip]
@@ -29,7 +28,17 @@ pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
     for line in READERS {
         for file in FILES {
-            for (what, put) in spoilt(file) {
+            let spoilt = [
+                ("gone", Put::Gone),
+                ("empty", Put::Bytes(vec![])),
+                ("a pipe", Put::Fifo),
+                ("a folder", Put::Folder),
+                ("/dev/zero", Put::Link("/dev/zero")),
+                ("a link to nothing", Put::Link("nothing")),
+                ("something else", Put::Bytes(b"not what was written".to_vec())),
+                ("a tebibyte", Put::Sparse(1 << 40)),
+            ];
+            for (what, put) in spoilt {
                 let case =
                     Case::new(format!("{line}: {file} is {what}"), line).put("s.zarr", Put::Copy("s.zarr"));
                 let case = case.put(*file, Put::Gone).put(*file, put);

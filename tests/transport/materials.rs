@@ -229,16 +229,19 @@ pub fn is_reciprocal(
     tolerance: f64,
 ) -> u32 {
     let value = |a, b, axes| Some(bsdf(materials, a, b, axes)? / index(a).powi(2));
-    reciprocal(name, value, pair, tolerance)
+    let (pairs, strongest) = reciprocal(name, value, pair, tolerance);
+    assert!(strongest > 0.01, "{name}: no case in which the sign flip matters");
+    pairs
 }
 
-/// The same for matrices between axes, from `value`.
+/// The same for matrices between axes, from `value`. Also returns the largest effect of the sign flip, over
+/// M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
     pair: impl Fn(&mut Stream) -> [Vec3A; 2],
     tolerance: f64,
-) -> u32 {
+) -> (u32, f64) {
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let mut stream = Stream::new(43, 0, 0);
     let (mut strongest, mut pairs) = (0.0_f64, 0);
@@ -263,8 +266,7 @@ pub fn reciprocal(
         strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
         pairs += 1;
     }
-    assert!(strongest > 0.01, "{name}: no case in which the sign flip matters");
-    pairs
+    (pairs, strongest)
 }
 
 /// Two directions on the front, at least 3° above the horizon.
