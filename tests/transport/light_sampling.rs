@@ -1,6 +1,5 @@
 //! Chi-squared tests of the light sampling routines against their densities.
 
-use crate::materials::deviation;
 use glam::{Mat3A, Quat, Vec2, Vec3A};
 use std::f32::consts::{PI, TAU};
 use sunstone::optics::sampling::stream::Stream;
@@ -25,19 +24,29 @@ fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (
         let turn = (w.y.atan2(w.x) / TAU).rem_euclid(1.0);
         observed[row * COLUMNS + ((turn * COLUMNS as f32) as usize).min(COLUMNS - 1)] += 1.0;
     }
-    let cells = (0..ROWS * COLUMNS).map(|cell| {
-        let mut sum = 0.0_f64;
+    let (mut chi, mut cells, mut total) = (0.0, 0.0_f64, 0.0);
+    for (cell, o) in observed.iter().enumerate() {
+        let mut e = 0.0_f64;
         for k in 0..SUB * SUB {
             let at = |i: usize, n: usize, of: usize| (n as f32 + (i as f32 + 0.5) / SUB as f32) / of as f32;
             let z = 2.0 * at(k / SUB, cell / COLUMNS, ROWS) - 1.0;
             let phi = TAU * at(k % SUB, cell % COLUMNS, COLUMNS);
             let r = (1.0 - z * z).sqrt();
-            sum += f64::from(density(Vec3A::new(r * phi.cos(), r * phi.sin(), z)));
+            e += f64::from(density(Vec3A::new(r * phi.cos(), r * phi.sin(), z)));
         }
-        sum * 4.0 * std::f64::consts::PI / (ROWS * COLUMNS * SUB * SUB) as f64
-    });
-    let expected: Vec<f64> = cells.map(|share| share * N as f64).collect();
-    (deviation(&observed, &expected), expected.iter().sum::<f64>() / N as f64)
+        e *= 4.0 * std::f64::consts::PI / (ROWS * COLUMNS * SUB * SUB) as f64;
+        total += e;
+        let e = e * N as f64;
+        if e >= 10.0 {
+            chi += (o - e).powi(2) / e;
+            cells += 1.0;
+        } else if *o > e + 5.0 * e.sqrt() + 5.0 {
+            return (f64::INFINITY, total);
+        }
+    }
+    // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+    let z = ((chi / cells).cbrt() - (1.0 - 2.0 / (9.0 * cells))) / (2.0 / (9.0 * cells)).sqrt();
+    (z, total)
 }
 
 fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, what: &str) {
