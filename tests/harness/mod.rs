@@ -10,9 +10,16 @@ use sunstone::render::{Target, Unwatched, render};
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::field::Field;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::write;
 use sunstone::transport::scene::Scene;
 #[allow(unused_imports)]
 pub use support::{MIRROR_ROOM, edit, mirror_room, shipped};
+
+/// A folder in memory if the system has one: many small files are slow on disks.
+pub fn folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
+}
 
 /// Parses a scene.
 pub fn scene(text: &str) -> Scene {
@@ -72,6 +79,42 @@ pub fn assert_same_store(a: &Path, b: &Path) {
     }
 }
 
+/// Writes small valid files of most kinds that a scene can refer to, and white images of these sizes.
+pub fn scene_files(folder: &Path, images: &[(&str, u32)]) {
+    let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
+    put(
+        "shape.obj",
+        b"v 0 0 0\nv .3 0 0\nv .3 .3 0\nv 0 .3 0\nvn 0 0 1\nvt 0 0\nusemtl painted\nf 1/1/1 2/1/1 3/1/1\n\
+          usemtl other\nf 1/1/1 3/1/1 4/1/1\n",
+    );
+    put(
+        "shape.ply",
+        b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+          property float color_0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+          0 0 0 .1\n.3 0 0 .2\n0 .3 0 .3\n3 0 1 2\n",
+    );
+    let corners = [0.0_f32, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0];
+    put("shape.bin", &corners.map(f32::to_le_bytes).concat());
+    let gltf = serde_json::json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"uri": "shape.bin", "byteLength": 36}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0],
+                       "max": [0.3, 0.3, 0]}],
+    });
+    put("shape.gltf", gltf.to_string().as_bytes());
+    for (name, size) in images {
+        let image = image::RgbImage::from_pixel(*size, *size, image::Rgb([128, 130, 250]));
+        image.save(folder.join(name)).expect("an image");
+    }
+    write(&folder.join("table.pbsdf"), &Axes::even([4, 3, 3], vec![450, 550, 650]), |_, slab| {
+        for (i, x) in slab.iter_mut().enumerate() {
+            *x = if i.is_multiple_of(16) { 0.2 } else { 0.01 };
+        }
+    })
+    .expect("a table");
+}
+
 /// Command that runs the program in a folder.
 pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
@@ -89,6 +132,22 @@ pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
 /// Standard error of a run.
 pub fn stderr(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// Standard output of a run.
+pub fn stdout(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+/// Runs commands, one a line, that must be refused with a message that contains the words, and that write
+/// nothing.
+pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
+    let before = files(folder);
+    for (line, words) in cases {
+        let shown = stderr(&run(folder, &line.split_whitespace().collect::<Vec<_>>(), 2));
+        assert!(shown.starts_with("error: ") && shown.contains(words), "{line}: {shown}");
+        assert!(files(folder) == before, "{line} wrote something");
+    }
 }
 
 /// A broken file: name of the fault; passage and its replacement; location of the fault (the first line with

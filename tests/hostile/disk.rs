@@ -1,7 +1,7 @@
 //! Full disks: exit code 1, a message with the file and the reason, and nothing that reads as finished.
 
-use crate::case::{Case, Expect, Put};
-use crate::fixtures::SMALL;
+use super::case::{Case, Expect, Put};
+use super::fixtures::SMALL;
 
 /// Commands whose output is larger than the smallest limit, and the store they write, if any.
 #[rustfmt::skip]

@@ -1,8 +1,8 @@
 //! Documents other than scenes, each with every key: schemes, detectors, priors, media, materials,
 //! calibrations. Every value is replaced by invalid ones, one at a time. Also invalid arrays.
 
-use crate::case::{Case, Expect, Put};
-use crate::scenes::spoil;
+use super::case::{Case, Expect, Put};
+use super::scenes::spoil;
 use std::collections::BTreeSet;
 
 /// Cases that are valid after all: one `document: key = value` per line.

@@ -1,14 +1,12 @@
 //! Valid files, generated once by the program. Each case damages one of them.
 
-use crate::case::{contents, copy};
+use super::case::{contents, copy};
 use crate::harness;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use sunstone::store::numpy;
-use sunstone::transport::material::measured::axes::Axes;
-use sunstone::transport::material::measured::write::write;
 
 /// A small valid scene, with all files that a scene can refer to.
 pub const SMALL: &str = r#"name = "small"
@@ -84,46 +82,17 @@ impl Fixtures {
         copy(&scenes, &at.join("scenes/fruits"));
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
-        put("rig.toml", crate::documents::RIG);
-        put("lab.toml", &crate::documents::RIG.replace("size = [6, 4]", "size = [912, 1140]"));
-        put("plan.toml", crate::documents::PLAN);
-        put("scan.toml", crate::documents::SCAN);
+        put("rig.toml", super::documents::RIG);
+        put("lab.toml", &super::documents::RIG.replace("size = [6, 4]", "size = [912, 1140]"));
+        put("plan.toml", super::documents::PLAN);
+        put("scan.toml", super::documents::SCAN);
         put(
             "events.csv",
             "kind,time,dtime,channel,markers\nphoton,3,100,0,0\nmarker,4,0,0,1\nphoton,9,7,1,0\n",
         );
         put("directions.csv", "10,0,20,180\n30,0,20,180\n");
         put("calibration.yaml", CALIBRATION);
-        put(
-            "shape.obj",
-            "v 0 0 0\nv .3 0 0\nv .3 .3 0\nvn 0 0 1\nvt 0 0\nusemtl painted\nf 1/1/1 2/1/1 3/1/1\n",
-        );
-        put(
-            "shape.ply",
-            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-             element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n.3 0 0\n0 .3 0\n3 0 1 2\n",
-        );
-        let corners = [0.0_f32, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0];
-        fs::write(at.join("shape.bin"), corners.map(f32::to_le_bytes).concat()).expect("a file");
-        let gltf = serde_json::json!({
-            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-            "buffers": [{"uri": "shape.bin", "byteLength": 36}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
-            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0],
-                           "max": [0.3, 0.3, 0]}],
-        });
-        put("shape.gltf", &gltf.to_string());
-        for (name, size) in [("image.png", 2), ("mask.png", 4), ("mask8.png", 8)] {
-            let image = image::RgbImage::from_pixel(size, size, image::Rgb([128, 130, 250]));
-            image.save(at.join(name)).expect("an image");
-        }
-        let axes = Axes::even([4, 3, 3], vec![450, 550, 650]);
-        write(&at.join("table.pbsdf"), &axes, |_, slab| {
-            for (i, x) in slab.iter_mut().enumerate() {
-                *x = if i.is_multiple_of(16) { 0.2 } else { 0.01 };
-            }
-        })
-        .expect("a table");
+        harness::scene_files(at, &[("image.png", 2), ("mask.png", 4), ("mask8.png", 8)]);
         fs::create_dir(at.join("tables")).expect("a folder");
         fs::copy(at.join("table.pbsdf"), at.join("tables/one.pbsdf")).expect("a copy");
         fs::create_dir(at.join("empty")).expect("a folder");
@@ -177,7 +146,7 @@ impl Fixtures {
 
 /// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
-    let made = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder");
+    let made = harness::folder();
     // Another user runs some of the cases.
     fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
     made

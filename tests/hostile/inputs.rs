@@ -1,12 +1,12 @@
 //! Every file that a command or a scene reads is replaced by a missing, empty, endless, truncated or
 //! different file, a folder or a pipe.
 
-use crate::case::{Case, Expect, Put};
-use crate::fixtures::SMALL;
+use super::case::{Case, Expect, Put};
+use super::fixtures::SMALL;
 
 /// Commands with `{x}` in place of the damaged file, its name, and the valid file of the fixtures.
 #[rustfmt::skip]
-const READERS: &[(&str, &str, &str)] = &[
+pub const READERS: &[(&str, &str, &str)] = &[
     ("render {x} -o out.zarr", "x.toml", "scene.toml"),
     ("info {x}", "x.toml", "scene.toml"),
     ("project {x} {f}/points.csv", "x.toml", "scene.toml"),
@@ -98,31 +98,29 @@ const ACCEPTED: &[&str] = &[
     "a scene's { image = \"x.jpg\" } is a picture",
 ];
 
-fn spoilt(right: &'static str) -> Vec<(&'static str, Option<Put>)> {
+/// Replacements of the valid file `right` of the fixtures, by name.
+fn spoilt(right: &'static str) -> Vec<(&'static str, Put)> {
     vec![
-        ("missing", None),
-        ("empty", Some(Put::Bytes(vec![]))),
-        ("a folder", Some(Put::Folder)),
-        ("a pipe", Some(Put::Fifo)),
-        ("/dev/zero", Some(Put::Link("/dev/zero"))),
-        ("/dev/random", Some(Put::Link("/dev/random"))),
-        ("a link to nothing", Some(Put::Link("nothing"))),
-        ("a link to itself", Some(Put::Link("x"))),
-        ("cut short", Some(Put::Half(right))),
-        ("a picture", Some(Put::Copy("mask8.png"))),
-        ("no text", Some(Put::Bytes((0..=255).cycle().take(5000).collect()))),
-        ("one long line", Some(Put::Text("[1, 2".repeat(400_000)))),
-        ("a tebibyte", Some(Put::Sparse(1 << 40))),
+        ("missing", Put::Gone),
+        ("empty", Put::Bytes(vec![])),
+        ("a folder", Put::Folder),
+        ("a pipe", Put::Fifo),
+        ("/dev/zero", Put::Link("/dev/zero")),
+        ("/dev/random", Put::Link("/dev/random")),
+        ("a link to nothing", Put::Link("nothing")),
+        ("a link to itself", Put::Link("x")),
+        ("cut short", Put::Half(right)),
+        ("a picture", Put::Copy("mask8.png")),
+        ("no text", Put::Bytes((0..=255).cycle().take(5000).collect())),
+        ("one long line", Put::Text("[1, 2".repeat(400_000))),
+        ("a tebibyte", Put::Sparse(1 << 40)),
     ]
 }
 
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
-    let mut add = |case: Case, file: &str, put: Option<Put>| {
-        let case = match put {
-            Some(put) => case.put(file, put),
-            None => case,
-        };
+    let mut add = |case: Case, file: &str, put: Put| {
+        let case = case.put(file, put);
         let accepted = ACCEPTED.contains(&case.name.as_str());
         cases.push(if accepted { case.expect(Expect::Accepted) } else { case });
     };

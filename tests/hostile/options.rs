@@ -1,6 +1,6 @@
 //! Every option of every command, with invalid values, one at a time.
 
-use crate::case::{Case, Expect};
+use super::case::{Case, Expect};
 
 /// Values that no option accepts, and values that some options accept.
 const VALUES: [&str; 14] = [

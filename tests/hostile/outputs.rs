@@ -1,13 +1,12 @@
 //! Every output is replaced by an input, a folder, a device, a pipe, an address, a wrong name, or an
 //! impossible path.
 
-use crate::case::{Case, Expect, Put};
-use std::path::Path;
+use super::case::{Case, Expect, Put};
 
 /// Commands with `{o}` in place of the output; its extension, or `/` for a folder and `zarr` for a store; the
 /// argument that is an input which could be overwritten.
 #[rustfmt::skip]
-const WRITERS: &[(&str, &str, &str)] = &[
+pub const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
     ("merge {i} {f}/t.zarr -o {o} --force", "zarr", "s.zarr"),
     ("denoise {i} -o {o} --force", "zarr", "s.zarr"),
@@ -79,32 +78,23 @@ const TWICE: &[&str] = &[
 /// Extensions that no command, or few commands, write.
 const EXTENSIONS: [&str; 8] = ["tif", "jpg", "h5", "hdr", "gif", "npy", "csv", "toml"];
 
-fn named(extension: &str) -> String {
+pub fn named(extension: &str) -> String {
     match extension {
         "/" => "out".into(),
         e => format!("o.{e}"),
     }
 }
 
-fn copy_of(input: &'static str) -> (String, Option<Put>) {
-    let name = Path::new(input).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
-    let put = (!input.is_empty()).then_some(Put::Copy(input));
-    (name, put)
-}
-
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
     for (line, extension, input) in WRITERS {
-        let (name, put) = copy_of(input);
+        let name = input.rsplit('/').next().unwrap_or_default();
         let make = |what: &str, output: &str| {
-            let case = Case::new(format!("{line}: .{extension} is {what}"), &line.replace("{i}", &name));
-            let mut case = case;
+            let name_of_case = format!("{line}: .{extension} is {what}");
+            let mut case = Case::new(name_of_case, &line.replace("{i}", name));
             // A name may be empty; then it is not a word of the line.
             case.arguments.iter_mut().for_each(|a| *a = a.replace("{o}", output));
-            match put.clone() {
-                Some(put) => case.put(name.clone(), put),
-                None => case,
-            }
+            if input.is_empty() { case } else { case.put(name, Put::Copy(input)) }
         };
         let out = named(extension);
         let store = *extension == "zarr";
@@ -153,35 +143,31 @@ pub fn cases() -> Vec<Case> {
         for other in EXTENSIONS.iter().filter(|e| !known(e)) {
             cases.push(make(&format!("named .{other}"), &format!("o.{other}")));
         }
-        if put.is_some() {
-            cases.push(make("an input", &name));
+        if !input.is_empty() {
+            cases.push(make("an input", name));
             cases.push(make("an input by way of the folder", &format!("../at/{name}")));
-            cases.push(make("a link to an input", &out).put(out.clone(), Put::Link(leak(&name))));
+            cases.push(make("a link to an input", &out).put(out.clone(), Put::Link(name)));
         }
     }
     for line in TWICE {
         cases.push(Case::new(*line, line));
     }
     let own = |name: &str, line: &str| Case::new(format!("{name}: {line}"), line);
-    cases.push(own("in a store", "figure s.zarr -o s.zarr").put("s.zarr", Put::Copy("s.zarr")));
-    cases.push(own("in a store", "figure s.zarr -o s.zarr/new").put("s.zarr", Put::Copy("s.zarr")));
-    cases.push(own("in a store", "probe s.zarr mueller -o s.zarr/a.npy").put("s.zarr", Put::Copy("s.zarr")));
-    cases.push(own("in a store", "export s.zarr mueller -o s.zarr/a.exr").put("s.zarr", Put::Copy("s.zarr")));
-    cases.push(
-        own("in a store", "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy")
-            .put("s.zarr", Put::Copy("s.zarr")),
-    );
+    for (name, line) in [
+        ("in a store", "figure s.zarr -o s.zarr"),
+        ("in a store", "figure s.zarr -o s.zarr/new"),
+        ("in a store", "probe s.zarr mueller -o s.zarr/a.npy"),
+        ("in a store", "export s.zarr mueller -o s.zarr/a.exr"),
+        ("in a store", "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy"),
+        ("a store", "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png"),
+        ("there", "render {f}/scene.toml -o s.zarr --no-figures"),
+    ] {
+        cases.push(own(name, line).put("s.zarr", Put::Copy("s.zarr")));
+    }
     cases.push(
         own("around the scene", "render s.zarr/scene.toml -o s.zarr --force --no-figures")
             .put("s.zarr", Put::Copy("s.zarr"))
             .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
-    );
-    cases.push(
-        own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
-    );
-    cases.push(
-        own("a store", "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png")
-            .put("s.zarr", Put::Copy("s.zarr")),
     );
     cases.push(
         own("its scenes", "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png")
@@ -220,8 +206,4 @@ pub fn cases() -> Vec<Case> {
             .put("t/materials.toml", Put::Copy("materials.toml")),
     );
     cases
-}
-
-fn leak(text: &str) -> &'static str {
-    Box::leak(text.to_owned().into_boxed_str())
 }

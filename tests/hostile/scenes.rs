@@ -1,6 +1,6 @@
 //! A scene with every key; every value is replaced by invalid ones, one at a time.
 
-use crate::case::{Case, Expect, Put};
+use super::case::{Case, Expect, Put};
 use std::collections::BTreeSet;
 use toml::{Table, Value};
 
@@ -9,77 +9,47 @@ const SCENE: &str = include_str!("scene.toml");
 /// Cases that are valid after all: one `key = value` per line.
 const ACCEPTED: &str = include_str!("accepted.txt");
 
-/// A step into a document.
-#[derive(Clone, Debug)]
-enum Step {
-    Key(String),
-    Index(usize),
-}
-
-fn shown(path: &[Step]) -> String {
-    let word = |s: &Step| match s {
-        Step::Key(k) => k.clone(),
-        Step::Index(i) => i.to_string(),
-    };
-    path.iter().map(word).collect::<Vec<_>>().join(".")
+/// The value at a key or index.
+fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
+    match value {
+        Value::Table(table) => &mut table[step],
+        Value::Array(list) => &mut list[step.parse::<usize>().expect("an index")],
+        _ => unreachable!("paths lead through tables and lists"),
+    }
 }
 
 /// All paths of a document; of a list of plain values only the first entry.
-fn places(value: &Value, at: &mut Vec<Step>, out: &mut Vec<Vec<Step>>) {
-    if !at.is_empty() {
-        out.push(at.clone());
-    }
-    match value {
-        Value::Table(table) => {
-            for (key, child) in table {
-                at.push(Step::Key(key.clone()));
-                places(child, at, out);
-                at.pop();
-            }
-        }
+fn places(value: &Value, at: &[String], out: &mut Vec<Vec<String>>) {
+    let children: Vec<(String, &Value)> = match value {
+        Value::Table(table) => table.iter().map(|(key, child)| (key.clone(), child)).collect(),
         Value::Array(list) => {
             let plain = list.iter().all(|v| !v.is_table() && !v.is_array());
-            for (i, child) in list.iter().enumerate().take(if plain { 1 } else { list.len() }) {
-                at.push(Step::Index(i));
-                places(child, at, out);
-                at.pop();
-            }
+            let some = list.iter().take(if plain { 1 } else { list.len() });
+            some.enumerate().map(|(i, child)| (i.to_string(), child)).collect()
         }
-        _ => {}
+        _ => vec![],
+    };
+    for (step, child) in children {
+        let path = [at, &[step]].concat();
+        out.push(path.clone());
+        places(child, &path, out);
     }
 }
 
-/// Whether the value at a path is three numbers.
-fn is_vector(scene: &Value, path: &[Step]) -> bool {
-    let mut value = scene;
-    for step in path {
-        let next = match step {
-            Step::Key(k) => value.get(k),
-            Step::Index(i) => value.get(i),
-        };
-        value = next.expect("a place");
-    }
+fn is_vector(value: &Value) -> bool {
     let number = |v: &Value| v.is_float() || v.is_integer();
     value.as_array().is_some_and(|l| l.len() == 3 && l.iter().all(number))
 }
 
 /// Sets the value at a path, or removes it.
-fn set(value: &mut Value, path: &[Step], new: Option<Value>) {
+fn set(document: &mut Value, path: &[String], new: Option<Value>) {
     let (last, way) = path.split_last().expect("a place");
-    let mut parent = value;
-    for step in way {
-        parent = match (step, parent) {
-            (Step::Key(k), Value::Table(t)) => t.get_mut(k).expect("a key"),
-            (Step::Index(i), Value::Array(l)) => &mut l[*i],
-            _ => panic!("no such place"),
-        };
-    }
-    match (last, parent, new) {
-        (Step::Key(k), Value::Table(t), Some(v)) => drop(t.insert(k.clone(), v)),
-        (Step::Key(k), Value::Table(t), None) => drop(t.remove(k)),
-        (Step::Index(i), Value::Array(l), Some(v)) => l[*i] = v,
-        (Step::Index(i), Value::Array(l), None) => drop(l.remove(*i)),
-        _ => panic!("no such place"),
+    let parent = way.iter().fold(document, |value, step| child(value, step));
+    match (parent, new) {
+        (parent, Some(new)) => *child(parent, last) = new,
+        (Value::Table(table), None) => drop(table.remove(last)),
+        (Value::Array(list), None) => drop(list.remove(last.parse().expect("an index"))),
+        _ => unreachable!("paths lead through tables and lists"),
     }
 }
 
@@ -103,17 +73,18 @@ fn spoilt() -> Vec<(&'static str, Option<Value>)> {
 /// The document, once for every path and every replacement value, with `path = value`.
 pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
-    places(document, &mut vec![], &mut all);
+    places(document, &[], &mut all);
     let mut out = vec![];
     for place in all {
         for (name, value) in spoilt() {
+            let mut text = document.clone();
             // A zero direction only replaces directions.
-            if name == "zeros" && !is_vector(document, &place) {
+            let old = place.iter().fold(&mut text, |value, step| child(value, step));
+            if name == "zeros" && !is_vector(old) {
                 continue;
             }
-            let mut text = document.clone();
             set(&mut text, &place, value);
-            out.push((format!("{} = {name}", shown(&place)), text));
+            out.push((format!("{} = {name}", place.join(".")), text));
         }
     }
     out

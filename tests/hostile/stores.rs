@@ -1,7 +1,6 @@
-//! Stores whose files are missing, pipes, devices, truncated or different. No command may answer with missing
-//! data.
+//! Stores with one damaged file. No command may answer with missing data.
 
-use crate::case::{Case, Expect, Put};
+use super::case::{Case, Expect, Put};
 
 /// Commands that read the whole store `s.zarr`, except `info`, which reads less.
 #[rustfmt::skip]
@@ -17,37 +16,35 @@ const READERS: &[&str] = &[
 ];
 
 /// Files of a store that all commands need.
-const FILES: &[&str] =
-    &["zarr.json", "mueller/zarr.json", "mueller/mean/zarr.json", "mueller/mean/c.0.0.0.0.0", "manifest.txt"];
+const FILES: &[&str] = &[
+    "s.zarr/zarr.json",
+    "s.zarr/mueller/zarr.json",
+    "s.zarr/mueller/mean/zarr.json",
+    "s.zarr/mueller/mean/c.0.0.0.0.0",
+    "s.zarr/manifest.txt",
+];
 
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
     for line in READERS {
         for file in FILES {
             let spoilt = [
-                ("gone", None),
-                ("empty", Some(Put::Bytes(vec![]))),
-                ("a pipe", Some(Put::Fifo)),
-                ("a folder", Some(Put::Folder)),
-                ("/dev/zero", Some(Put::Link("/dev/zero"))),
-                ("a link to nothing", Some(Put::Link("nothing"))),
-                ("something else", Some(Put::Bytes(b"not what was written".to_vec()))),
-                ("a tebibyte", Some(Put::Sparse(1 << 40))),
+                ("gone", Put::Gone),
+                ("empty", Put::Bytes(vec![])),
+                ("a pipe", Put::Fifo),
+                ("a folder", Put::Folder),
+                ("/dev/zero", Put::Link("/dev/zero")),
+                ("a link to nothing", Put::Link("nothing")),
+                ("something else", Put::Bytes(b"not what was written".to_vec())),
+                ("a tebibyte", Put::Sparse(1 << 40)),
             ];
             for (what, put) in spoilt {
-                let name = format!("s.zarr/{file}");
-                let case = Case::new(format!("{line}: {file} is {what}"), line);
+                let case =
+                    Case::new(format!("{line}: {file} is {what}"), line).put("s.zarr", Put::Copy("s.zarr"));
+                let case = case.put(*file, Put::Gone).put(*file, put);
                 // For a finished store, verify reports the damage, with a separate exit code.
-                let case = if line.starts_with("verify") && *file != "manifest.txt" {
-                    case.expect(Expect::Failed)
-                } else {
-                    case
-                };
-                let case = case.put("s.zarr", Put::Copy("s.zarr")).put(name.clone(), Put::Gone);
-                cases.push(match put {
-                    Some(put) => case.put(name, put),
-                    None => case,
-                });
+                let damaged = line.starts_with("verify") && *file != "s.zarr/manifest.txt";
+                cases.push(if damaged { case.expect(Expect::Failed) } else { case });
             }
         }
     }

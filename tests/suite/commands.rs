@@ -1,8 +1,9 @@
 //! The command line from the user's point of view: render, info, probe, figure, export, merge and schema on a
 //! small scene.
 
+use crate::harness::{self, refusals};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
@@ -47,27 +48,14 @@ name = "grid"
 view.mueller = { slice = "image" }
 "#;
 
-fn sunstone(dir: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunstone"))
-        .current_dir(dir)
-        .args(arguments)
-        .output()
-        .expect("the program starts")
-}
-
 /// Runs a command that must succeed, and returns its output.
 pub fn run(dir: &Path, arguments: &[&str]) -> String {
-    let out = sunstone(dir, arguments);
-    let stderr = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.success(), "{arguments:?}: {stderr}");
-    String::from_utf8(out.stdout).expect("output is text")
+    harness::stdout(&harness::run(dir, arguments, 0))
 }
 
 /// Runs a command that must refuse its input, and returns its message.
 pub fn refused(dir: &Path, arguments: &[&str]) -> String {
-    let out = sunstone(dir, arguments);
-    assert_eq!(out.status.code(), Some(2), "{arguments:?}");
-    String::from_utf8_lossy(&out.stderr).into_owned()
+    harness::stderr(&harness::run(dir, arguments, 2))
 }
 
 pub fn rendered() -> tempfile::TempDir {
@@ -133,21 +121,8 @@ fn a_chain_of_commands() {
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
         image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
-        run(
-            d,
-            &[
-                "probe",
-                "out/room.zarr",
-                "xt",
-                "--pattern",
-                "pattern.png",
-                "--sum",
-                "v,u",
-                "-o",
-                "lit.zarr",
-                "--force",
-            ],
-        );
+        let line = "probe out/room.zarr xt --pattern pattern.png --sum v,u -o lit.zarr --force";
+        run(d, &line.split(' ').collect::<Vec<_>>());
         let lit = TensorStore::open(&d.join("lit.zarr")).unwrap();
         let name = lit.slice_names()[0].clone();
         let lit = lit.slice(&name).unwrap().read_all(Field::Mean).unwrap();
@@ -209,25 +184,20 @@ fn a_store_in_shards_answers_as_before() {
 #[test]
 fn bad_input_is_refused_with_a_fix() {
     let dir = rendered();
-    let d = dir.path();
-    let cases: [(&[&str], &str); 9] = [
-        (&["probe", "out/room.zarr", "none"], "none"),
-        (&["probe", "out/room.zarr", "image", "-k", "q=1"], "axis"),
-        (&["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"], "time"),
-        (&["figure", "out/room.zarr", "nonesuch"], "photo, grid"),
-        (&["figure", "out/room.zarr", "--view", "flight", "--slice", "image"], "time"),
-        (&["export", "out/room.zarr", "none", "-o", "x.exr"], "none"),
-        (&["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"], "seed"),
-        (&["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"], "image, xt"),
-        (&["info", "room"], "room"),
-    ];
-    for (arguments, word) in cases {
-        let message = refused(d, arguments);
-        assert!(message.starts_with("error: ") && message.contains(word), "{arguments:?}: {message}");
-    }
-    for made in ["x.exr", "m.zarr", "n.zarr"] {
-        assert!(!d.join(made).exists(), "{made} was half-written");
-    }
+    refusals(
+        dir.path(),
+        &[
+            ("probe out/room.zarr none", "none"),
+            ("probe out/room.zarr image -k q=1", "axis"),
+            ("probe out/room.zarr image --pulse gaussian:50", "time"),
+            ("figure out/room.zarr nonesuch", "photo, grid"),
+            ("figure out/room.zarr --view flight --slice image", "time"),
+            ("export out/room.zarr none -o x.exr", "none"),
+            ("merge out/room.zarr out/room.zarr -o m.zarr", "seed"),
+            ("render room/scene.toml --slices none -o n.zarr", "image, xt"),
+            ("info room", "room"),
+        ],
+    );
 }
 
 #[test]
@@ -243,22 +213,11 @@ fn chosen_slices_alone_are_kept_and_equal() {
 }
 
 #[test]
-fn the_schema_is_json() {
-    let text = run(Path::new("."), &["schema"]);
-    let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert!(schema["properties"]["slices"].is_object() && schema["properties"]["objects"].is_object());
-}
-
-#[test]
 fn a_reader_that_leaves_does_not_stop_the_work() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("scene.toml"), SCENE).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sunstone"))
-        .current_dir(dir.path())
-        .args(["render", "scene.toml", "-o", "room.zarr"])
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut command = harness::sunstone(dir.path(), &["render", "scene.toml", "-o", "room.zarr"]);
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     assert!(child.wait().unwrap().success());
     for figure in ["photo", "grid"] {

@@ -1,7 +1,7 @@
 //! Denoised stores: closer to the converged render than their input, with honest errors, physical, and never
 //! accepted as a reference.
 
-use crate::harness::{assert_same_store, mirror_room, read, run, stderr, sunstone};
+use crate::harness::{assert_same_store, mirror_room, read, refusals, run, stderr, stdout, sunstone};
 use std::path::Path;
 use sunstone::denoise::denoise_in_bands;
 use sunstone::polarimetry::decompose::cloude;
@@ -241,9 +241,8 @@ fn it_is_marked_and_no_truth() {
     render(at, "1", "4", "a.zarr");
     render(at, "2", "4", "b.zarr");
     let said = run(at, &["denoise", "a.zarr", "b.zarr", "-o", "d.zarr"], 0);
-    assert!(String::from_utf8_lossy(&said.stdout).contains("error estimates"));
-    let info = run(at, &["info", "d.zarr"], 0);
-    let info = String::from_utf8_lossy(&info.stdout).into_owned();
+    assert!(stdout(&said).contains("error estimates"));
+    let info = stdout(&run(at, &["info", "d.zarr"], 0));
     assert!(
         info.contains("denoised") && info.contains("non-local means") && info.contains("a.zarr"),
         "{info}"
@@ -275,7 +274,7 @@ fn it_is_marked_and_no_truth() {
     // A slice without an image is copied; one without errors stays unchanged.
     run(at, &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"], 0);
     let said = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
-    assert!(String::from_utf8_lossy(&said.stdout).contains("copied"));
+    assert!(stdout(&said).contains("copied"));
     let [from, to] = ["profile.zarr", "copy.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
     assert_eq!(read(&from, "mueller", Field::Mean).data, read(&to, "mueller", Field::Mean).data);
     // Sample counts are the sum of both.
@@ -291,17 +290,16 @@ fn what_cannot_be_denoised_is_refused() {
     std::fs::write(at.join("scene.toml"), mirror_room(8, 8, 4, 8, SMALL)).expect("a scene");
     render(at, "1", "4", "a.zarr");
     render(at, "2", "4", "b.zarr");
-    let refused = |arguments: &[&str], says: &str| {
-        let message = stderr(&run(at, arguments, 2));
-        assert!(message.contains(says), "{arguments:?}: {message}");
-    };
-    refused(&["denoise", "a.zarr", "-o", "a.zarr", "--force"], "both an input");
-    refused(&["denoise", "a.zarr", "a.zarr", "-o", "d.zarr"], "seed 1");
-    refused(&["denoise", "a.zarr", "b.zarr", "a.zarr", "-o", "d.zarr"], "'a.zarr'");
-    refused(&["denoise", "a.zarr", "-o", "b.zarr"], "b.zarr");
-    refused(&["denoise", "missing.zarr", "-o", "d.zarr"], "does not exist");
+    refusals(
+        at,
+        &[
+            ("denoise a.zarr -o a.zarr --force", "both an input"),
+            ("denoise a.zarr a.zarr -o d.zarr", "seed 1"),
+            ("denoise a.zarr b.zarr a.zarr -o d.zarr", "'a.zarr'"),
+            ("denoise a.zarr -o b.zarr", "b.zarr"),
+            ("denoise missing.zarr -o d.zarr", "does not exist"),
+        ],
+    );
     std::fs::remove_file(at.join("b.zarr/manifest.txt")).expect("a manifest");
-    refused(&["denoise", "b.zarr", "-o", "d.zarr"], "finish");
-    refused(&["denoise", "a.zarr", "b.zarr", "-o", "d.zarr"], "finish");
-    assert!(!at.join("d.zarr").exists());
+    refusals(at, &[("denoise b.zarr -o d.zarr", "finish"), ("denoise a.zarr b.zarr -o d.zarr", "finish")]);
 }

@@ -1,7 +1,8 @@
 //! `sunstone scheme`, `learn` and `reconstruct`.
 
-use crate::commands::{refused, run};
+use crate::commands::run;
 use crate::decompose::{save, values};
+use crate::harness::refusals;
 use std::path::Path;
 use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::Ray;
@@ -125,7 +126,7 @@ fn wrong_requests_are_refused() {
     save(d, "j", &[36, 2], &[0.1; 72]);
     std::fs::write(d.join("bad.toml"), "sensor = { kind = \"eye\" }\n").expect("space");
     std::fs::write(d.join("p.toml"), "second_moment = [[1.0]]\n").expect("space");
-    for (arguments, says) in [
+    let cases = [
         ("reconstruct i.npy --scheme few.toml -o m.npy", "rank 10 of 16"),
         ("reconstruct i.npy --scheme s.toml -o m.npy", "(36, ...)"),
         ("reconstruct j.npy --scheme s.toml -o m.txt", ".npy"),
@@ -142,12 +143,6 @@ fn wrong_requests_are_refused() {
         ("learn -k 16 --noise 0 -o x.toml", "--noise"),
         ("learn --template none.toml -o x.toml", "none.toml"),
         ("learn -k 4 --estimator prior --data . -o x.toml", ".pbsdf"),
-    ] {
-        let all: Vec<&str> = arguments.split_whitespace().collect();
-        let message = refused(d, &all);
-        assert!(message.contains(says), "{arguments}: {message}");
-        for file in ["m.npy", "m.txt", "x.toml", "x.txt"] {
-            assert!(!d.join(file).exists(), "{arguments} left {file}");
-        }
-    }
+    ];
+    refusals(d, &cases);
 }

@@ -1,6 +1,6 @@
 //! Broken input: exit code 2, the location, a fix, and nothing written.
 
-use crate::harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
+use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 
 /// A valid scene; every test below breaks one item.
 const SCENE: &str = r#"name = "box"
@@ -213,28 +213,26 @@ fn bad_arguments_are_refused_before_anything_is_written() {
     let at = folder.path();
     std::fs::write(at.join("none.toml"), mirror_room(8, 8, 1, 8, "")).expect("a scene");
     std::fs::write(at.join("bytes.toml"), [0xff, 0xfe, 0x00]).expect("a scene");
-    let before = files(at);
-    for (arguments, says) in [
-        (&["render", "missing.toml"][..], "missing.toml"),
-        (&["render", "."], "."),
-        (&["render", "bytes.toml"], "bytes.toml"),
-        (&["render", "none.toml"], "slices"),
-        (&["render", "s.toml", "--spp", "0"], "--spp"),
-        (&["render", "s.toml", "--spp", "-3"], "-3"),
-        (&["render", "s.toml", "--spp", "many"], "many"),
-        (&["render", "s.toml", "--threads", "0"], "--threads"),
-        (&["render", "s.toml", "--slices", "b"], "`b`"),
-        (&["render", "s.toml", "--resume", "--force"], "--force"),
-        (&["render"], "SCENE"),
-        (&["rendr", "s.toml"], "render"),
-        (&["info", "missing.zarr"], "missing.zarr"),
-        (&["info", "bytes.toml"], "bytes.toml"),
-        (&["figure", "missing.zarr"], "missing.zarr"),
-    ] {
-        let shown = stderr(&run(at, arguments, 2));
-        assert!(shown.starts_with("error: ") && shown.contains(says), "{arguments:?}: {shown}");
-        assert!(files(at) == before, "{arguments:?} wrote something");
-    }
+    refusals(
+        at,
+        &[
+            ("render missing.toml", "missing.toml"),
+            ("render .", "."),
+            ("render bytes.toml", "bytes.toml"),
+            ("render none.toml", "slices"),
+            ("render s.toml --spp 0", "--spp"),
+            ("render s.toml --spp -3", "-3"),
+            ("render s.toml --spp many", "many"),
+            ("render s.toml --threads 0", "--threads"),
+            ("render s.toml --slices b", "`b`"),
+            ("render s.toml --resume --force", "--force"),
+            ("render", "SCENE"),
+            ("rendr s.toml", "render"),
+            ("info missing.zarr", "missing.zarr"),
+            ("info bytes.toml", "bytes.toml"),
+            ("figure missing.zarr", "missing.zarr"),
+        ],
+    );
     assert_eq!(std::fs::read_dir(at).expect("a folder").count(), 3);
 }
 

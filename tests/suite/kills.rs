@@ -24,7 +24,7 @@ camera = { binned = 4 }
 "#;
 
 fn trials() -> u32 {
-    std::env::var("SUNSTONE_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(12)
+    std::env::var("SUNSTONE_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(6)
 }
 
 /// States of the stores that killed processes leave.
@@ -71,22 +71,60 @@ fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     }
 }
 
-/// 1.5 times the duration of an undisturbed command.
+/// 1.6 times the duration of an undisturbed command.
 fn duration(at: &Path, arguments: &[&str]) -> Duration {
     let begun = Instant::now();
     run(at, arguments, 0);
     begun.elapsed().mul_f64(1.6)
 }
 
-/// Asserts that a folder contains only the named entries.
-fn only(at: &Path, names: &[&str]) {
-    let mut left: Vec<String> = std::fs::read_dir(at)
-        .expect("a folder")
-        .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
-        .filter(|name| !names.contains(&name.as_str()))
-        .collect();
-    left.sort();
-    assert!(left.is_empty(), "{left:?}");
+/// Kills a command that writes a store or file again and again, and repeats it: the result equals that of an
+/// undisturbed run, `whole`, and no other files are left. If `replaces`, every second trial replaces an
+/// existing output.
+fn killed(
+    at: &Path,
+    command: impl Fn(&'static str) -> Vec<&'static str>,
+    outputs: [&'static str; 2],
+    replaces: bool,
+) -> Outcomes {
+    let [output, whole] = outputs;
+    let mut longest = duration(at, &command(whole));
+    let mut random = Stream::new(1, 0, 0);
+    let mut outcomes = Outcomes::default();
+    let before = files(at);
+    for trial in 0..trials() {
+        if trial % 2 == 0 || !replaces {
+            let _ = std::fs::remove_dir_all(at.join(output));
+            let _ = std::fs::remove_file(at.join(output));
+        }
+        let one = command(output);
+        kill_some(at, &vec![&one[..]; 1 + trial as usize % 3], &mut random, longest);
+        let earlier = (outcomes.nothing, outcomes.finished);
+        if output.ends_with(".zarr") {
+            check(at, output, &mut outcomes);
+        } else if let Ok(bytes) = std::fs::read(at.join(output)) {
+            assert!(bytes == before[Path::new(whole)], "half a file");
+        }
+        assert!(trial % 2 == 0 || !replaces || at.join(output).exists(), "the old output is lost");
+        // Other load on the machine varies, and with it the time of a command.
+        if outcomes.finished > earlier.1 {
+            longest = longest.mul_f64(0.8);
+        } else if outcomes.nothing > earlier.0 {
+            longest = longest.mul_f64(1.25);
+        }
+        run(at, &one, 0);
+        if output.ends_with(".zarr") {
+            assert_same_store(&at.join(output), &at.join(whole));
+        } else {
+            assert!(std::fs::read(at.join(output)).expect("a file") == before[Path::new(whole)]);
+        }
+        let left = files(at);
+        let is_own = |path: &Path| path.starts_with(output) || path == "probe.npy";
+        assert!(left.keys().all(|path| before.contains_key(path) || is_own(path)), "{:?}", left.keys());
+        assert!(before.iter().all(|(path, bytes)| left.get(path) == Some(bytes)), "an input has changed");
+    }
+    println!("{} times {:?} killed: {outcomes:?}", trials(), command(output));
+    outcomes
 }
 
 #[test]
@@ -95,106 +133,27 @@ fn renders() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(32, 32, 16, 4, SLICES)).expect("a scene");
-    let command = |store: &'static str| ["render", "scene.toml", "--no-figures", "--resume", "-o", store];
-    let mut longest = duration(at, &command("whole.zarr"));
-    let mut random = Stream::new(1, 0, 0);
-    let mut outcomes = Outcomes::default();
-    for trial in 0..trials() {
-        let store = at.join("s.zarr");
-        let _ = std::fs::remove_dir_all(&store);
-        let one = command("s.zarr");
-        let some = vec![&one[..]; 1 + trial as usize % 3];
-        kill_some(at, &some, &mut random, longest);
-        let before = (outcomes.nothing, outcomes.finished);
-        check(at, "s.zarr", &mut outcomes);
-        // Other load on the machine varies, and with it the time of a render.
-        if outcomes.finished > before.1 {
-            longest = longest.mul_f64(0.8);
-        } else if outcomes.nothing > before.0 {
-            longest = longest.mul_f64(1.25);
-        }
-        run(at, &one, 0);
-        assert!(verify(&store).expect("a finished store").faults.is_empty());
-        assert_same_store(&store, &at.join("whole.zarr"));
-        only(at, &["scene.toml", "whole.zarr", "s.zarr"]);
-    }
-    println!("{} renders killed: {outcomes:?}", trials());
+    let command = |store| vec!["render", "scene.toml", "--no-figures", "--resume", "-o", store];
+    let outcomes = killed(at, command, ["s.zarr", "whole.zarr"], false);
     assert!(outcomes.unfinished > 0, "{outcomes:?}");
 }
 
+/// The outputs of these commands are there whole or not at all.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn merges_and_exports() {
+fn merges_exports_and_copies_into_shards() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 4, 16, SLICES)).expect("a scene");
     for (seed, store) in [("1", "a.zarr"), ("2", "b.zarr")] {
         run(at, &["render", "scene.toml", "--seed", seed, "--no-figures", "-o", store], 0);
     }
-    let merge = |store: &'static str| ["merge", "a.zarr", "b.zarr", "--force", "-o", store];
-    let export = |file: &'static str| ["export", "a.zarr", "mueller", "--mueller", "-o", file];
-    let longest = duration(at, &merge("whole.zarr"));
-    let export_longest = duration(at, &export("whole.exr"));
-    let mut random = Stream::new(2, 0, 0);
-    let mut outcomes = Outcomes::default();
-    let inputs = [files(&at.join("a.zarr")), files(&at.join("b.zarr"))];
-    for trial in 0..trials() {
-        // Every second trial replaces an existing store.
-        if trial % 2 == 0 {
-            let _ = std::fs::remove_dir_all(at.join("s.zarr"));
-        }
-        let one = merge("s.zarr");
-        let some = vec![&one[..]; 1 + trial as usize % 3];
-        kill_some(at, &some, &mut random, longest);
-        check(at, "s.zarr", &mut outcomes);
-        assert!(trial % 2 == 0 || at.join("s.zarr").exists(), "the old store is lost");
-        run(at, &one, 0);
-        assert_same_store(&at.join("s.zarr"), &at.join("whole.zarr"));
-
-        let one = export("e.exr");
-        let some = vec![&one[..]; 1 + trial as usize % 3];
-        kill_some(at, &some, &mut random, export_longest);
-        let whole = std::fs::read(at.join("whole.exr")).expect("an image");
-        if let Ok(bytes) = std::fs::read(at.join("e.exr")) {
-            assert!(bytes == whole, "half an image");
-        }
-        run(at, &one, 0);
-        assert!(std::fs::read(at.join("e.exr")).expect("an image") == whole);
-        only(at, &["scene.toml", "a.zarr", "b.zarr", "whole.zarr", "whole.exr", "s.zarr", "e.exr"]);
-        std::fs::remove_file(at.join("e.exr")).expect("an image");
-    }
-    assert_eq!(outcomes.unfinished, 0, "a merge is there whole or not at all");
-    assert!([files(&at.join("a.zarr")), files(&at.join("b.zarr"))] == inputs);
-    println!("{} merges and exports killed: {outcomes:?}", trials());
-}
-
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn copies_into_shards() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 4, 16, SLICES)).expect("a scene");
-    run(at, &["render", "scene.toml", "--no-figures", "-o", "a.zarr"], 0);
-    let shard = |store: &'static str| ["shard", "a.zarr", "--force", "-o", store];
-    let longest = duration(at, &shard("whole.zarr"));
-    let mut random = Stream::new(3, 0, 0);
-    let mut outcomes = Outcomes::default();
-    let input = files(&at.join("a.zarr"));
-    for trial in 0..trials() {
-        if trial % 2 == 0 {
-            let _ = std::fs::remove_dir_all(at.join("s.zarr"));
-        }
-        let one = shard("s.zarr");
-        let some = vec![&one[..]; 1 + trial as usize % 3];
-        kill_some(at, &some, &mut random, longest);
-        check(at, "s.zarr", &mut outcomes);
-        run(at, &one, 0);
-        assert_same_store(&at.join("s.zarr"), &at.join("whole.zarr"));
-        only(at, &["scene.toml", "a.zarr", "whole.zarr", "s.zarr"]);
-    }
-    assert_eq!(outcomes.unfinished, 0, "a copy is there whole or not at all");
-    assert!(files(&at.join("a.zarr")) == input);
-    println!("{} copies into shards killed: {outcomes:?}", trials());
+    let merge = |store| vec!["merge", "a.zarr", "b.zarr", "--force", "-o", store];
+    let export = |file| vec!["export", "a.zarr", "mueller", "--mueller", "-o", file];
+    let shard = |store| vec!["shard", "a.zarr", "--force", "-o", store];
+    assert_eq!(killed(at, merge, ["m.zarr", "merged.zarr"], true).unfinished, 0);
+    killed(at, export, ["e.exr", "exported.exr"], false);
+    assert_eq!(killed(at, shard, ["s.zarr", "sharded.zarr"], true).unfinished, 0);
 }
 
 /// Of several processes at one path, one writes and the others report which one.
@@ -220,5 +179,6 @@ fn one_writes() {
     assert_eq!(refused.len(), 2, "{ends:?}");
     assert!(refused.iter().all(|e| e.1.contains("is being written by process")), "{ends:?}");
     assert!(verify(&at.join("s.zarr")).expect("a finished store").faults.is_empty());
-    only(at, &["scene.toml", "s.zarr"]);
+    let other = |path: &Path| !path.starts_with("s.zarr") && path != "scene.toml";
+    assert!(!files(at).keys().any(|path| other(path)), "{:?}", files(at).keys());
 }

@@ -3,7 +3,7 @@
 
 use crate::commands::refused;
 use crate::decompose::save;
-use crate::harness::{run, stderr};
+use crate::harness::{run, stderr, stdout};
 use std::path::Path;
 use sunstone::rig::ptu::record::RecordType;
 use sunstone::rig::ptu::tag::{Tag, Value};
@@ -198,6 +198,6 @@ fn large_lengths_need_a_unit() {
     assert!(said.contains("120.5") && said.contains("--metres-per-unit"), "{said}");
     for unit in ["0.001", "mm", "1mm"] {
         let out = run(d, &[&import[..], &["--metres-per-unit", unit]].concat(), 0);
-        assert!(String::from_utf8_lossy(&out.stdout).contains("0.1205"), "{unit}");
+        assert!(stdout(&out).contains("0.1205"), "{unit}");
     }
 }

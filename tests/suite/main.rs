@@ -17,6 +17,9 @@ mod exchange;
 mod figure_files;
 #[path = "../harness/mod.rs"]
 mod harness;
+#[cfg(unix)]
+#[path = "../hostile/mod.rs"]
+mod hostile;
 mod invariants;
 mod kills;
 mod layers;

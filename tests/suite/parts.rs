@@ -1,9 +1,9 @@
 //! The parts of a render, merged, equal the whole render: every byte of every file, for any division.
 
-use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
+use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, stdout, sunstone};
+use crate::resume::once_under_way;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-use std::time::{Duration, Instant};
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::render::{Part, Render, Target, Unwatched, render};
 use sunstone::store::merge::{Options, merge};
@@ -99,22 +99,16 @@ fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
     }
 }
 
+/// Each integrator, and shipped scenes of media, crystals and a lens of a hundred mirrors.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn parts_of_plain_paths_are_the_whole() {
-    parts_are_the_whole(&scene(&room("path")), 1, 4);
-}
-
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn parts_of_caustics_are_the_whole() {
-    parts_are_the_whole(&scene(&room("caustics")), 2, 3);
-}
-
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn parts_of_walks_from_both_ends_are_the_whole() {
-    parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
+fn merged_parts_are_the_whole() {
+    for (seed, integrator) in (1..).zip(["path", "caustics", "bidirectional"]) {
+        parts_are_the_whole(&scene(&room(integrator)), seed, 3);
+    }
+    for (seed, name) in (10..).zip(["milky_tank", "crystals", "disco_ball"]) {
+        parts_are_the_whole(&small(name), seed, 1);
+    }
 }
 
 /// Checksums of all files of a part, except for its root's metadata, which contain the render time.
@@ -189,15 +183,6 @@ fn light_that_is_shared_is_the_same() {
     }
 }
 
-/// Shipped scenes: media, glass, crystals, a lens of a hundred mirrors, with their own integrators.
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn parts_of_shipped_scenes_are_the_whole() {
-    for (seed, name) in (10..).zip(["milky_tank", "fruits", "crystals", "disco_ball", "coins_mirror"]) {
-        parts_are_the_whole(&small(name), seed, 2);
-    }
-}
-
 /// A shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these tests.
 fn small(name: &str) -> Scene {
     let path =
@@ -218,15 +203,12 @@ fn a_part_is_no_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
-    let out = run(at, &["render", "scene.toml", "--part", "2/3", "-o", "p2"], 0);
-    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    let message = stdout(&run(at, &["render", "scene.toml", "--part", "2/3", "-o", "p2"], 0));
     assert!(message.contains("part 2 of 3, 12 tiles"), "{message}");
-    let info = run(at, &["info", "p2"], 0);
-    let info = String::from_utf8_lossy(&info.stdout).into_owned();
+    let info = stdout(&run(at, &["info", "p2"], 0));
     assert!(info.contains("part 2 of 3 of a render") && info.contains("complete part"), "{info}");
     assert!(!info.contains("Σ"), "{info}");
-    let checked = run(at, &["verify", "p2"], 0);
-    let checked = String::from_utf8_lossy(&checked.stdout).into_owned();
+    let checked = stdout(&run(at, &["verify", "p2"], 0));
     assert!(checked.contains("part 2 of 3 of a render"), "{checked}");
     for command in [
         &["probe", "p2", "sum", "-o", "sum.npy"][..],
@@ -348,14 +330,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
     std::fs::write(at.join("scene.toml"), text).expect("a scene");
     let begin = ["render", "scene.toml", "--threads", "2", "--part", "1/2", "-o", "1"];
     let mut child = sunstone(at, &begin).stderr(Stdio::null()).spawn().expect("the program");
-    let journal = at.join("1/.sunstone-progress");
-    let begun = Instant::now();
-    while std::fs::read(&journal).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count()) < 5 {
-        assert!(begun.elapsed() < Duration::from_mins(1), "no tile was finished in a minute");
-        assert!(child.try_wait().expect("a child").is_none(), "it ended before it could be killed");
-        std::thread::sleep(Duration::from_micros(500));
-    }
-    child.kill().expect("a kill");
+    once_under_way(&mut child, &at.join("1"), |c| c.kill().expect("a kill"));
     child.wait().expect("its end");
     run(at, &["render", "scene.toml", "--part", "2/2", "-o", "2"], 0);
     let text = stderr(&run(at, &["merge", "1", "2", "-o", "all"], 2));
@@ -366,7 +341,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
     }
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
     let again = run(at, &[&begin[..], &["--resume"]].concat(), 0);
-    assert!(String::from_utf8_lossy(&again.stdout).contains("already complete"));
+    assert!(stdout(&again).contains("already complete"));
     run(at, &["merge", "1", "2", "-o", "all"], 0);
     run(at, &["render", "scene.toml", "-o", "whole"], 0);
     assert_same_store(&at.join("whole"), &at.join("all"));

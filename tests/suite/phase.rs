@@ -1,6 +1,6 @@
 //! `sunstone phase` from the user's point of view, and faulty files of media.
 
-use crate::harness::{Case, fault, run, stderr};
+use crate::harness::{Case, fault, refusals, run};
 
 /// A valid file; the tests below break one item.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
@@ -88,21 +88,19 @@ fn bad_arguments_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("m.toml"), MEDIA).expect("a file");
     std::fs::write(folder.path().join("none.toml"), "[media]\n").expect("a file");
-    for (arguments, says) in [
-        (&["missing.toml"][..], "missing.toml"),
-        (&["m.toml"], "choose one with --name"),
-        (&["m.toml", "--name", "beer"], "no medium `beer`"),
-        (&["none.toml"], "no medium"),
-        (&["m.toml", "--name", "air", "--angles", "1"], "got 1"),
-        (&["m.toml", "--name", "air", "--angles", "0,200"], "`200`: expected an angle"),
-        (&["m.toml", "--name", "air", "--wavelengths", "5"], "range 100 to 100000 nm"),
-        (&["m.toml", "--name", "drink", "--wavelengths", "900"], "380 to 770 nm"),
-    ] {
-        let mut all = vec!["phase", "eval"];
-        all.extend(arguments);
-        let shown = stderr(&run(folder.path(), &all, 2));
-        assert!(shown.starts_with("error: ") && shown.contains(says), "{arguments:?}: {shown}");
-    }
+    refusals(
+        folder.path(),
+        &[
+            ("phase eval missing.toml", "missing.toml"),
+            ("phase eval m.toml", "choose one with --name"),
+            ("phase eval m.toml --name beer", "no medium `beer`"),
+            ("phase eval none.toml", "no medium"),
+            ("phase eval m.toml --name air --angles 1", "got 1"),
+            ("phase eval m.toml --name air --angles 0,200", "`200`: expected an angle"),
+            ("phase eval m.toml --name air --wavelengths 5", "range 100 to 100000 nm"),
+            ("phase eval m.toml --name drink --wavelengths 900", "380 to 770 nm"),
+        ],
+    );
 }
 
 /// Comment lines as numbers, then rows as numbers.

@@ -6,6 +6,7 @@ use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Target, Unwatched, Watch, render};
+use sunstone::transport::scene::Scene;
 
 const SLICES: &str = r#"
 [[slices]]
@@ -33,44 +34,11 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// With camera paths, and with bidirectional paths, whose light can reach any tile.
+/// Bidirectional paths, whose light can reach any tile. (`bytes.rs` compares other integrators.)
 #[test]
 fn threads_change_no_byte() {
-    threads_change_nothing(&text(8));
-    let both = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
-    threads_change_nothing(&both.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1));
-}
-
-/// Stops after a few tiles.
-struct Impatient(AtomicU32);
-
-impl Watch for Impatient {
-    fn tile_done(&self, _: &Summary) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-    fn interrupted(&self) -> bool {
-        self.0.load(Ordering::Relaxed) >= 7
-    }
-}
-
-/// Work that an earlier run finished is not repeated, and no light is lost or counted twice.
-#[test]
-fn walks_from_the_light_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");
-    let text = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
-    let scene = scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1));
-    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
-    let target = |path: &Path, resume| Target { path: path.to_owned(), resume, ..Target::default() };
-    render(&scene, &target(&whole, false), &Unwatched).expect("a render");
-    let first = render(&scene, &target(&parts, false), &Impatient(AtomicU32::new(0))).expect("a part");
-    assert!(!first.complete && first.tiles_done >= 7, "{first:?}");
-    assert!(render(&scene, &target(&parts, true), &Unwatched).expect("the rest").complete);
-    assert_same_store(&whole, &parts);
-}
-
-fn threads_change_nothing(text: &str) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let scene = scene(text);
+    let scene = small();
     let paths = [1, 2, 3].map(|threads| {
         let path = folder.path().join(format!("{threads}.zarr"));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
@@ -82,12 +50,47 @@ fn threads_change_nothing(text: &str) {
     assert_same_store(&paths[0], &paths[2]);
 }
 
+fn small() -> Scene {
+    let text = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
+    scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1))
+}
+
+/// Stops after some tiles.
+pub struct Impatient {
+    pub tiles: u32,
+    pub done: AtomicU32,
+}
+
+impl Watch for Impatient {
+    fn tile_done(&self, _: &Summary) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+    fn interrupted(&self) -> bool {
+        self.done.load(Ordering::Relaxed) >= self.tiles
+    }
+}
+
+/// Work that an earlier run finished is not repeated, and no light is lost or counted twice.
+#[test]
+fn walks_from_the_light_survive_an_interruption() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = small();
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    let target = |path: &Path, resume| Target { path: path.to_owned(), resume, ..Target::default() };
+    render(&scene, &target(&whole, false), &Unwatched).expect("a render");
+    let first = render(&scene, &target(&parts, false), &Impatient { tiles: 7, done: AtomicU32::new(0) })
+        .expect("a part");
+    assert!(!first.complete && first.tiles_done >= 7, "{first:?}");
+    assert!(render(&scene, &target(&parts, true), &Unwatched).expect("the rest").complete);
+    assert_same_store(&whole, &parts);
+}
+
 fn lines(store: &Path) -> usize {
     std::fs::read(store.join(".sunstone-progress")).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count())
 }
 
 /// Waits until a few tiles of the store are finished, then calls `stop`.
-fn once_under_way(child: &mut Child, store: &Path, stop: impl FnOnce(&mut Child)) {
+pub fn once_under_way(child: &mut Child, store: &Path, stop: impl FnOnce(&mut Child)) {
     let begun = Instant::now();
     while lines(store) < 5 {
         assert!(begun.elapsed() < Duration::from_mins(1), "no tile was finished in a minute");

@@ -1,10 +1,11 @@
 //! Renders to a target error: byte-identical for any division of the work, with honest errors and unbiased
 //! means.
 
-use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr};
+use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr, stdout};
+use crate::resume::Impatient;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
-use sunstone::render::{Part, Render, Summary, Target, Unwatched, Watch};
+use std::sync::atomic::AtomicU32;
+use sunstone::render::{Part, Render, Target, Unwatched, Watch};
 use sunstone::rounds::{Goal, RoundPart, Standing, ToError, folder_of};
 use sunstone::store::merge::{Options, merge};
 use sunstone::store::zarr::{TensorStore, verify};
@@ -77,18 +78,6 @@ fn a_tile_is_that_of_a_plain_render_of_its_samples() {
     assert!(few.is_err_and(|e| e.to_string().contains("36")));
 }
 
-/// Stops after a few tiles.
-struct Impatient(AtomicU32);
-
-impl Watch for Impatient {
-    fn tile_done(&self, _: &Summary) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-    fn interrupted(&self) -> bool {
-        self.0.load(Ordering::Relaxed) >= 17
-    }
-}
-
 /// Whole, repeatedly stopped, or in merged parts, with one thread or two: the same bytes.
 #[test]
 #[ignore = "slow: tools/check --all"]
@@ -126,7 +115,7 @@ fn however_it_is_made_it_is_the_same() {
 
         let mut stops = 0;
         loop {
-            let watch = Impatient(AtomicU32::new(0));
+            let watch = Impatient { tiles: 17, done: AtomicU32::new(0) };
             let part =
                 to_error(goal(0.08, 0.9), &watch).render(&mut scene, &target(&at("stopped"), stops > 0));
             if part.expect("a part").complete {
@@ -340,15 +329,12 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
     let words = ["render", "scene.toml", "--integrator", "path", "--no-figures", "--target-error", "0.1"];
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
-    let out = with(&["--spp", "32", "-o", "s"], 0);
-    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    let message = stdout(&with(&["--spp", "32", "-o", "s"], 0));
     assert!(message.contains("median") && message.contains("rounds"), "{message}");
-    let out = run(folder.path(), &["info", "s"], 0);
-    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    let message = stdout(&run(folder.path(), &["info", "s"], 0));
     assert!(message.contains("target") && message.contains("slice sum"), "{message}");
     let most = ["--most-spp", "64", "-o", "most"];
-    let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
-    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    let message = stdout(&run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0));
     assert!(message.contains("--most-spp 64") && message.contains("above the target of 0.10 %"), "{message}");
     for (more, fix) in [
         (&["--target-slice", "none"][..], "sum, mueller, flight"),

@@ -1,7 +1,7 @@
 //! Variants of scene files from the user's point of view: rendered, distinguished, refused if mixed; and
 //! applications.
 
-use crate::harness::{assert_same_store, read, run, stderr};
+use crate::harness::{assert_same_store, read, run, stderr, stdout};
 use serde_json::json;
 use std::path::Path;
 use sunstone::applications::truth;
@@ -95,11 +95,10 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     let said = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
     assert!(said.contains("no [vary]"), "{said}");
     assert!(!at.join("no.zarr").exists());
-    let message = run(at, &["info", "varied.toml"], 0);
-    let message = String::from_utf8_lossy(&message.stdout).into_owned();
+    let message = stdout(&run(at, &["info", "varied.toml"], 0));
     assert!(message.contains("vary shade") && message.contains("0.25, 0.75, 0.5, 1.5"), "{message}");
     let message = run(at, &["info", "out/s_variant1.zarr"], 0);
-    assert!(String::from_utf8_lossy(&message.stdout).contains("\"number\":1"));
+    assert!(stdout(&message).contains("\"number\":1"));
 }
 
 /// Every scene of an application has what the application requires, for every variant that it uses.
@@ -135,8 +134,7 @@ fn scenes_of_applications_have_their_variants() {
 fn applications_are_listed_run_resumed_and_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    let listed = run(at, &["apply", "list"], 0);
-    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+    let listed = stdout(&run(at, &["apply", "list"], 0));
     for application in catalog::all() {
         assert!(listed.contains(application.name()), "{listed}");
     }
@@ -146,8 +144,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = ["apply", "metamerism", "--preview", "--seeds", "1", "--scenes", scenes];
-    let first = run(at, &arguments, 0);
-    let first = String::from_utf8_lossy(&first.stdout).into_owned();
+    let first = stdout(&run(at, &arguments, 0));
     assert!(first.contains("(20 new renders)"), "{first}");
     let report = at.join("out/apply/metamerism_preview");
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
@@ -165,15 +162,13 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert!(area("all epipolar elements") > 0.98 && area("RGB") < 0.7, "{table}");
     assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
     // Repeated: nothing is rendered, and the result is the same.
-    let again = run(at, &arguments, 0);
-    let again = String::from_utf8_lossy(&again.stdout).into_owned();
+    let again = stdout(&run(at, &arguments, 0));
     assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
     // A lost render is repeated, with the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders).expect("renders").next().expect("one").expect("one").path();
     std::fs::remove_dir_all(one).expect("removes");
-    let third = run(at, &arguments, 0);
-    let third = String::from_utf8_lossy(&third.stdout).into_owned();
+    let third = stdout(&run(at, &arguments, 0));
     assert_eq!(third.replace("(1 new renders", "(20 new renders"), first);
     figures_keep_what_was_fitted(at, scenes);
 }
@@ -220,7 +215,7 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = ["apply", "ellipsometry", "--preview", "--seeds", "1", "--scenes", scenes];
-    let said = String::from_utf8_lossy(&run(at, &arguments, 0).stdout).into_owned();
+    let said = stdout(&run(at, &arguments, 0));
     assert!(said.contains("(20 new renders)"), "{said}");
     let table =
         std::fs::read_to_string(at.join("out/apply/ellipsometry_preview/table.csv")).expect("a table");

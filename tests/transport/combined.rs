@@ -1,5 +1,6 @@
 //! Materials composed of others, and materials with images.
 
+use crate::optics::surface_at;
 use crate::support::render_text;
 use glam::Vec3A;
 use std::path::Path;
@@ -29,16 +30,7 @@ fn set(text: &str) -> MaterialSet {
 }
 
 fn flat(uv: [f32; 2]) -> Surface {
-    Surface {
-        p: Vec3A::ZERO,
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        bitangent: Vec3A::ZERO,
-        uv,
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(Vec3A::Z, Vec3A::X, uv)
 }
 
 /// Value of a named material between two directions, in frames that do not depend on the material.

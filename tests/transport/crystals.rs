@@ -1,7 +1,8 @@
 //! Uniaxial crystals: slabs are wave plates between Fresnel faces, in all 16 elements.
 
 use crate::optics::{
-    Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
+    Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at,
+    turn,
 };
 use crate::sheets::{retarder, sheet};
 use crate::support::{Rendered, render_text};
@@ -12,7 +13,6 @@ use sunstone::optics::sampling::stream::Stream;
 use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
-use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::constants::lookup;
 use sunstone::transport::material::{Filling, Lanes, Lobe};
 
@@ -336,16 +336,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
 fn faces_are_those_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");
     let n = Vec3A::Z;
-    let at = Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: Vec3A::X,
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    };
+    let at = surface_at(n, Vec3A::X, [0.0; 2]);
     let [a, b] = ["a", "b"].map(|name| set.names[name]);
     let mut stream = Stream::new(10, 0, 0);
     for wo in [Vec3A::new(0.6, 0.0, 0.8), Vec3A::new(0.0, -0.28, -0.96)] {

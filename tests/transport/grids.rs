@@ -1,9 +1,9 @@
 //! Media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
 
 use crate::lights::m00;
+use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::{Path, PathBuf};
-use sunstone::scene::from_text;
 
 /// A grid file: values of each point, x fastest.
 fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32]) -> PathBuf {
@@ -134,7 +134,6 @@ fn grids_that_are_none_are_refused() {
         (text("path", 1, "m.heterogeneous = { scattering = 1 }", ""), "density"),
     ];
     for (text, what) in cases {
-        let message = from_text("scene.toml".as_ref(), &text).err().map(|e| e.to_string());
-        assert!(message.as_ref().is_some_and(|m| m.contains(what)), "{what}: {message:?}");
+        assert_refused("scene.toml".as_ref(), &text, what);
     }
 }

@@ -164,7 +164,6 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
                 BODY => wall,
                 _ => 0.0,
             };
-            println!("{integrator} {}: {got} ± {sigma}, {want}", label::name(set as u8));
             assert!(
                 (got - want).abs() <= 5.0 * sigma + 1e-6 * want,
                 "{integrator}: {}",
@@ -311,7 +310,6 @@ fn integrators_agree_label_by_label() {
         let [a, b] = [(0, "seed = "), (1, "seed = 7")]
             .map(|(i, seed)| with(&text.replacen("seed = ", seed, 1), pair[i], None));
         let (most, count) = deviation(&a, &b, None);
-        println!("{pair:?}: {most:.2} sigma in {count} elements");
         assert!(most < 5.0 && count > 20, "{pair:?}: {most} sigma in {count}");
         let (most, _) = deviation(&a, &b, Some([SPECULAR, BODY]));
         assert!(most > 5.0, "{pair:?}: what is planted is {most} sigma off");

@@ -2,7 +2,7 @@
 //! ellipsoids over a Lambertian plane, with both integrators; the sky; spots, luminaires, directional light
 //! and beams; frames, filters and travel times.
 
-use crate::optics::{C, Device, M, head, mueller};
+use crate::optics::{C, Device, M, head, mueller, of_image};
 use crate::support::{Rendered, render_text};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -285,14 +285,8 @@ fn furnaces_of_shining_walls() {
                    emission = { radiance = 1, two_sided = true }\n"
                 + &format!("[[objects]]\nmaterial = \"w\"\n{interior}shape.sphere.radius = 1\n")
                 + SLICE;
-            let r = render_text(&text);
-            let (mean, error) = (r.mean("m"), r.std_error("m"));
-            let (mut off, mut variance) = (0.0, 0.0);
-            for (m, e) in mean.data.chunks(16).zip(error.data.chunks(16)) {
-                off += f64::from(m[0]) - 1.0;
-                variance += f64::from(e[0]).powi(2);
-            }
-            let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
+            let (mean, sigma) = of_image(&render_text(&text), "m", 16);
+            let off = mean - 1.0;
             assert!(
                 off.abs() <= 5.0 * sigma + 1e-5 && sigma < 0.02,
                 "{matter}, {integrator}: off by {off} ± {sigma:.1e}"
@@ -525,55 +519,6 @@ fn light_takes_its_time() {
             );
         }
     }
-}
-
-/// Both integrators agree in the same room: a box with a lamp under its ceiling, a ball of glass, a rough
-/// metal one, fog in a corner and a projector, pixel by pixel.
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn both_integrators_agree_in_a_room() {
-    let room = |integrator: &str| {
-        let camera = Device::look_at([0.0, 0.0, 3.2], DVec3::ZERO, [8, 8], 9.0);
-        let mut text = head(if integrator == "path" { 3000 } else { 1500 }, 6, 11)
-            + &format!("integrator = \"{integrator}\"\nmanifold = false\n")
-            + &camera.keys("camera")
-            + "[materials]\nwhite.diffuse.albedo = 0.7\nblack.diffuse.albedo = 0\n\
-               metal.rough_conductor = { n = 0.4242, k = 2.4721, alpha = 0.3 }\nedge.null = {}\n\
-               [media]\nfog.homogeneous = { scattering = 2, absorption = 0.5, phase.rayleigh = {} }\n";
-        for (normal, at) in [
-            (DVec3::X, -DVec3::X),
-            (-DVec3::X, DVec3::X),
-            (DVec3::Y, -DVec3::Y),
-            (-DVec3::Y, DVec3::Y),
-            (DVec3::Z, -DVec3::Z),
-        ] {
-            text += &crate::optics::plate(at, normal, 1.0, "white");
-        }
-        text + "[[objects]]\nmaterial = \"metal\"\nshape.sphere = { center = [-0.4, -0.6, 0], radius = 0.4 }\n\
-                [[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.sphere = { center = [0.4, -0.5, 0.2], radius = 0.45 }\n\
-                [[objects]]\nmaterial = \"black\"\nshape.rectangle = { corner = [-0.3, 0.95, -0.3], u = [0.6, 0, 0], v = [0, 0, 0.6] }\n\
-                emission = { radiance = [4], polarizer_deg = 20 }\n\
-                [[emitters]]\nspot = { position = [0.5, 0.9, 0.5], direction = [-0.5, -1, -0.5], intensity = 0.5, cutoff_deg = 40 }\n\
-                [[emitters]]\nbeam = { origin = [0.9, 0.6, 0.9], direction = [-1, -0.8, -1], power = 0.2, radius = 0.1 }\n"
-            + SLICE
-    };
-    let [a, b] = BOTH.map(|i| render_text(&room(i)));
-    let (mut chi2, mut count) = (0.0, 0);
-    let ([ma, mb], [ea, eb]) = ([&a, &b].map(|r| r.mean("m")), [&a, &b].map(|r| r.std_error("m")));
-    for k in 0..ma.data.len() {
-        let variance = f64::from(ea.data[k]).powi(2) + f64::from(eb.data[k]).powi(2);
-        if variance > 0.0 {
-            chi2 += f64::from(ma.data[k] - mb.data[k]).powi(2) / variance;
-            count += 1;
-        }
-    }
-    let n = f64::from(count);
-    // Elements of a pixel are correlated: five sigma of chi-squared with a quarter of them.
-    let bound = n + 5.0 * (2.0 * n * 4.0).sqrt();
-    assert!(count > 400 && chi2 < bound, "chi² {chi2:.0} of {count} elements, at most {bound:.0}");
-    let total = |r: &Rendered| r.mean("m").data.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
-    let (ta, tb) = (total(&a), total(&b));
-    assert!((ta / tb - 1.0).abs() < 0.01, "{ta} and {tb} in all");
 }
 
 /// The total is the light of the projector and the lamps; `ambient` is that of the lamps alone.

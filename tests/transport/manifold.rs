@@ -76,7 +76,6 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     let factor = out.dot(lamp.forward).powi(-3);
     let m = mueller(&r.mean("m"), &[(Bounces, 3)]);
     let want = radiance * factor;
-    println!("{:.3e} off; theta {theta:.4}", m[(0, 0)] / want - 1.0);
     assert!((m[(0, 0)] / want - 1.0).abs() < 1e-4, "{} {want}", m[(0, 0)]);
     let degree = m[(0, 1)].hypot(m[(0, 2)]) / m[(0, 0)];
     assert!((degree - polarized.abs()).abs() < 2e-4, "{degree} {polarized}");
@@ -162,46 +161,42 @@ fn light_through_a_pane_is_on_time() {
         let lit: Vec<usize> = (0..bins).filter(|i| t.at(&[(T, *i)]) > 0.0).collect();
         let tolerance = 0.01;
         let off: Vec<f64> = lit.iter().map(|i| (*i as f64 + 0.5 - bins as f64 / 2.0) * bin).collect();
-        println!("{scale} {rho}: {off:?} ps, tolerance {tolerance:.3}");
         assert!(!off.is_empty() && off.iter().all(|o| o.abs() <= tolerance), "{scale} {rho}: {off:?}");
     }
+}
+
+/// A ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height `wall`.
+pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
+    let (n, radius): (f64, f64) = (1.5, 0.25);
+    let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
+    let (mut optical, mut passed) = (0.0, [1.0, 0.0]);
+    for (index, far, side) in [(1.0, n, 1.0), (n, 1.0, -1.0)] {
+        let o = [p[0], p[1] - centre];
+        let b = o[0] * d[0] + o[1] * d[1];
+        let disc = b * b - (o[0] * o[0] + o[1] * o[1] - radius * radius);
+        if disc < 0.0 {
+            let (rho, optical) = (f64::NAN, 0.0);
+            return Meridian { rho, optical, passed };
+        }
+        let t = -b - side * disc.sqrt();
+        p = [p[0] + t * d[0], p[1] + t * d[1]];
+        optical += index * t;
+        let normal = [side * p[0] / radius, side * (p[1] - centre) / radius];
+        let cos = -(d[0] * normal[0] + d[1] * normal[1]);
+        let eta = index / far;
+        let cos_far = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
+        d = [0, 1].map(|k| eta * d[k] + (eta * cos - cos_far) * normal[k]);
+        let [a, b] = transmission(if index == 1.0 { cos } else { cos_far }, n);
+        passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
+    }
+    let t = (wall - p[1]) / d[1];
+    Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
 /// A ball of glass on the axis between light and wall, weak enough for a single path.
 #[test]
 fn ball_bends_light_as_rays_say() {
-    let n: f64 = 1.5;
-    let radius = 0.25;
-    let centre = -0.2; // of the ball on the axis
-    let trace = |theta: f64| {
-        // Light at height 1, in the plane (rho, z).
-        let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
-        let (mut optical, mut passed) = (0.0, [1.0, 0.0]);
-        for (index, far) in [(1.0, n), (n, 1.0)] {
-            let o = [p[0], p[1] - centre];
-            let b = o[0] * d[0] + o[1] * d[1];
-            let disc = b * b - (o[0] * o[0] + o[1] * o[1] - radius * radius);
-            if disc < 0.0 {
-                return Meridian { rho: 9.0, optical: 0.0, passed };
-            }
-            let t = if index == 1.0 { -b - disc.sqrt() } else { -b + disc.sqrt() };
-            p = [p[0] + t * d[0], p[1] + t * d[1]];
-            optical += index * t;
-            let side = if index == 1.0 { 1.0 } else { -1.0 };
-            let normal = [side * p[0] / radius, side * (p[1] - centre) / radius];
-            let cos = -(d[0] * normal[0] + d[1] * normal[1]);
-            let eta = index / far;
-            let cos_far = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
-            d = [
-                eta * d[0] + (eta * cos - cos_far) * normal[0],
-                eta * d[1] + (eta * cos - cos_far) * normal[1],
-            ];
-            let [a, b] = transmission(if index == 1.0 { cos } else { cos_far }, n);
-            passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
-        }
-        let t = (-0.5 - p[1]) / d[1];
-        Meridian { rho: (p[0] + t * d[0]).abs(), optical: optical + t, passed }
-    };
+    let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
     // The focus of the ball is beyond the wall, so near the axis there is one path.
     for rho in [0.01, 0.03, 0.05] {

@@ -1,7 +1,7 @@
 //! Single materials: samplers follow their densities, weights are values over densities, and light is
 //! reversible.
 
-use crate::optics::{M, turn};
+use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
 use std::f64::consts::TAU;
 use sunstone::optics::polarization::frame::perpendicular;
@@ -45,16 +45,7 @@ pub fn axes() -> Mat3A {
 
 pub fn surface() -> Surface {
     let n = axes().z_axis;
-    Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: axes().x_axis,
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(n, axes().x_axis, [0.0; 2])
 }
 
 /// A direction with given cosine to the normal and azimuth.
@@ -229,6 +220,20 @@ pub fn is_reciprocal(
     pair: impl Fn(&mut Stream) -> [Vec3A; 2],
     tolerance: f64,
 ) -> u32 {
+    let value = |a, b, axes| Some(bsdf(materials, a, b, axes)? / index(a).powi(2));
+    let (pairs, strongest) = reciprocal(name, value, pair, tolerance);
+    assert!(strongest > 0.01, "{name}: no case in which the sign flip matters");
+    pairs
+}
+
+/// The same for matrices between axes, from `value`. Also returns the largest effect of the sign flip, over
+/// M00.
+pub fn reciprocal(
+    name: &str,
+    value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
+    pair: impl Fn(&mut Stream) -> [Vec3A; 2],
+    tolerance: f64,
+) -> (u32, f64) {
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let mut stream = Stream::new(43, 0, 0);
     let (mut strongest, mut pairs) = (0.0_f64, 0);
@@ -241,10 +246,8 @@ pub fn is_reciprocal(
             x * t.cos() + d.cross(x) * t.sin()
         };
         let (xa, xb) = (axis(a), axis(b));
-        let forth = bsdf(materials, a, b, [xa, xb]);
-        let back = bsdf(materials, b, a, [xb, xa]);
-        let (forth, back) = match (forth, back) {
-            (Some(f), Some(g)) => (f / index(a).powi(2), g / index(b).powi(2)),
+        let (forth, back) = match (value(a, b, [xa, xb]), value(b, a, [xb, xa])) {
+            (Some(forth), Some(back)) => (forth, back),
             (None, None) => continue,
             _ => panic!("{name}: only one way between {a} and {b}"),
         };
@@ -255,8 +258,7 @@ pub fn is_reciprocal(
         strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
         pairs += 1;
     }
-    assert!(strongest > 0.01, "{name}: no case in which the sign flip matters");
-    pairs
+    (pairs, strongest)
 }
 
 /// Two directions on the front, at least 3° above the horizon.

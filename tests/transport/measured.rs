@@ -1,6 +1,6 @@
 //! Measured materials against the material that a table was made from, and properties of their interpolation.
 
-use crate::materials::pearson;
+use crate::materials::{axes, follow_density, is_reciprocal, pair_in_front, surface, toward, weights_agree};
 use crate::optics::M;
 use glam::{Mat3A, Vec3A};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -12,7 +12,6 @@ use sunstone::optics::sampling::microfacet::{Distribution, Masking};
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::optics::spectrum::{Spectral, Wavelengths};
 use sunstone::polarimetry::decompose::cloude;
-use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::facets::Roughness;
 use sunstone::transport::material::measured::Measured;
 use sunstone::transport::material::measured::axes::Axes;
@@ -88,31 +87,6 @@ impl Bench {
     }
 }
 
-/// A frame in general position: columns x, y, normal.
-fn axes() -> Mat3A {
-    Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
-}
-
-fn surface() -> Surface {
-    let n = axes().z_axis;
-    Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: axes().x_axis,
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    }
-}
-
-/// A direction with given cosine to the normal and azimuth.
-fn toward(cos: f32, phi: f32) -> Vec3A {
-    let s = (1.0 - cos * cos).max(0.0).sqrt();
-    axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
-}
-
 /// A pair of directions with cosines of at least `least`.
 fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     let mut draw = || {
@@ -155,7 +129,6 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
     let fine = error([33, 19, 19]);
-    println!("rms, worst: {coarse:?} {fine:?}");
     let order = (coarse[0] / fine[0]).log2();
     assert!((1.8..2.2).contains(&order), "order {order} from {coarse:?} to {fine:?}");
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
@@ -187,28 +160,12 @@ fn entries_are_the_source() {
     assert!(compared > 300, "{compared}");
 }
 
-/// M(o→i) = Δ M(i→o)ᵀ Δ with the same axes for a ray and its reverse: the table is as reciprocal as its
-/// source where both φ_d and φ_d + π are entries.
+/// A table is as reciprocal as its source where both φ_d and φ_d + π are entries.
 #[test]
 fn reciprocity_is_inherited() {
     let bench = Bench::new();
     let table = bench.of_metal(0.4, [17, 9, 9]);
-    let (at, mut stream) = (surface(), Stream::new(12, 0, 0));
-    let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
-    let mut strongest = 0.0_f64;
-    for _ in 0..2000 {
-        let (a, b) = pair(&mut stream, 0.1);
-        let brdf = |o: Vec3A, i: Vec3A| {
-            let value = table.eval(0, &at, o, i).expect("above");
-            matrix(&value, o, i, 0) / f64::from(at.ns.dot(i))
-        };
-        let (forth, back) = (brdf(a, b), brdf(b, a));
-        let want = delta * forth.transpose() * delta;
-        let scale = want[(0, 0)].max(1e-3);
-        assert!((back - want).abs().max() < 5e-4 * scale, "{a} {b}\n{back}\n{want}");
-        strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
-    }
-    assert!(strongest > 0.1, "no case in which the sign flip matters");
+    assert_eq!(is_reciprocal("table", &table, |_| 1.0, pair_in_front, 5e-4), 700);
 }
 
 /// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, with or without
@@ -334,77 +291,14 @@ fn sampled() -> Vec<(String, Materials)> {
         .collect()
 }
 
-/// Pearson's chi² of 60,000 samples on a 16 × 24 grid over the hemisphere, with rejected samples in a
-/// separate cell.
 #[test]
-fn samples_follow_their_density() {
-    const N: usize = 60_000;
-    const ROWS: usize = 16;
-    const COLUMNS: usize = 24;
-    const SUB: usize = 40;
+fn samples_follow_their_density_and_weights_are_values_over_it() {
     for (case, (name, materials)) in sampled().into_iter().enumerate() {
         for cos in [&[1.0_f32, 0.3, 0.05][..], &[0.7, 0.1], &[1.0, 0.05]][case].iter().copied() {
-            let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
-            let mut stream = Stream::new(15, case as u32, 0);
-            let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
-            for _ in 0..N {
-                let sampled = materials.sample(0, &at, wo, &mut Lanes::first(2), &mut stream);
-                let cell = sampled.map_or(ROWS * COLUMNS, |s| {
-                    let w = back * s.wi;
-                    let row = ((w.z * ROWS as f32) as usize).min(ROWS - 1);
-                    let turn = (f64::from(w.y).atan2(f64::from(w.x)) / TAU).rem_euclid(1.0);
-                    row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)
-                });
-                observed[cell] += 1.0;
-            }
-            // Expected counts by a midpoint rule per cell; dω = dcosθ dφ.
-            let area = TAU / (ROWS * COLUMNS * SUB * SUB) as f64;
-            let mut expected: Vec<f64> = (0..ROWS * COLUMNS)
-                .map(|cell| {
-                    let (row, column) = ((cell / COLUMNS) as f32, (cell % COLUMNS) as f32);
-                    let step = |i: usize| (i as f32 + 0.5) / SUB as f32;
-                    let points = (0..SUB * SUB).map(|k| {
-                        let z = (row + step(k / SUB)) / ROWS as f32;
-                        let phi = (column + step(k % SUB)) / COLUMNS as f32 * TAU as f32;
-                        f64::from(materials.pdf(0, &at, wo, toward(z, phi)))
-                    });
-                    points.sum::<f64>() * area * N as f64
-                })
-                .collect();
-            let inside: f64 = expected.iter().sum();
-            assert!(
-                inside < N as f64 * 1.004 && inside > N as f64 * 0.5,
-                "{name}, cos {cos}: density integrates to {}",
-                inside / N as f64
-            );
-            expected.push((N as f64 - inside).max(0.0));
-            pearson(&format!("{name}, cos {cos}"), &observed, &expected);
-        }
-    }
-}
-
-/// Sampled weight = eval / pdf, in all elements and lanes.
-#[test]
-fn weights_are_values_over_densities() {
-    for (name, materials) in sampled() {
-        for cos in [1.0_f32, 0.5, 0.05] {
-            let (at, wo) = (surface(), toward(cos, -1.0));
-            let mut stream = Stream::new(16, 0, 0);
-            let mut compared = 0;
-            for _ in 0..1000 {
-                let Some(s) = materials.sample(0, &at, wo, &mut Lanes::first(2), &mut stream) else {
-                    continue;
-                };
-                let pdf = materials.pdf(0, &at, wo, s.wi);
-                let value = materials.eval(0, &at, wo, s.wi).expect("a sampled direction has a value");
-                let want = value.scaled(Spectral::splat(1.0 / pdf));
-                for lane in 0..2 {
-                    let [g, w] = [&s.scatter, &want].map(|x| matrix(x, wo, s.wi, lane));
-                    assert!((g - w).abs().max() <= 1e-5 * w[(0, 0)].max(1e-6), "{name}: {g} is not {w}");
-                }
-                compared += 1;
-            }
-            assert!(compared > 300, "{name}, cos {cos}: {compared} samples");
+            let name = format!("{name}, cos {cos}");
+            follow_density(&name, &materials, toward(cos, 0.4), case as u32, 24);
+            let compared = weights_agree(&name, &materials, toward(cos, -1.0), case as u32, 1e-4);
+            assert!(compared > 600, "{name}: {compared} samples");
         }
     }
 }
@@ -441,7 +335,6 @@ fn importance_tables_reduce_variance() {
             let value = m.eval(0, &s, wo, axes() * local);
             value.map_or(0.0, |v| f64::from(v.m00().to_array()[0] / pdf))
         }));
-        println!("cos {cos}: (mean, variance, largest) by table {table:?}, by cosine {cosine:?}");
         let error = ((table.1 + cosine.1) / N as f64).sqrt();
         assert!((table.0 - cosine.0).abs() < 5.0 * error, "{table:?} {cosine:?}");
         assert!(table.1 * 20.0 < cosine.1, "{table:?} {cosine:?}");

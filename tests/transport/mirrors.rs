@@ -174,7 +174,6 @@ fn rows_of_mirrors_are_images_of_images() {
         let want = view * wall() * lit.iter().map(|l| l.0).sum::<M>();
         let of = |t| mueller(&t, &[(Bounces, count + 2)]);
         let (got, error) = (of(r.mean("m")), of(r.std_error("m")));
-        println!("{count}: {} rows, {} ± {}, {}", lit.len(), got[(0, 0)], error[(0, 0)], want[(0, 0)]);
         assert_eq!(lit.len(), 4);
         for (i, want) in want.iter().enumerate() {
             assert!((got[i] - want).abs() < 5.0 * error[i] + 2e-4 * want.abs() + 1e-7, "{got} is not {want}");
@@ -265,6 +264,21 @@ fn mirror_behind_glass() {
     comes_at(&r, 5, &[(optical + back) / C]);
 }
 
+/// A ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at height
+/// 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no `rho`.
+pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
+    let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
+    let t = b - (b * b - (1.0 - 0.09)).sqrt();
+    let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
+    let cos = -(d[0] * n[0] + d[1] * n[1]);
+    let up = [d[0] + 2.0 * cos * n[0], d[1] + 2.0 * cos * n[1]];
+    let s = (1.4 - 0.3 * n[1]) / up[1];
+    let r = crate::optics::amplitudes(cos, GOLD).map(|r| r.norm_sqr());
+    let rho = if up[1] > 0.0 { 0.3 * n[0] + s * up[0] } else { f64::NAN };
+    let passed = [(r[0] + r[1]) / 2.0, (r[0] - r[1]) / 2.0];
+    (Meridian { rho, optical: t + s, passed }, cos, up)
+}
+
 /// Mirror balls, with a random search for paths: one against rays in f64, two against each alone.
 #[test]
 fn balls_bring_what_rays_say() {
@@ -286,30 +300,11 @@ fn balls_bring_what_rays_say() {
     };
     let (below, beside) = ("[0, 0, 0]", "[0.5, -0.2, 0.1]");
     let one = of(&[below]);
-    let trace = |theta: f64| {
-        let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
-        let disc = b * b - (1.0 - 0.09);
-        if disc < 0.0 {
-            return Meridian { rho: 9.0, optical: 0.0, passed: [1.0, 0.0] };
-        }
-        let t = b - disc.sqrt();
-        let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
-        let cos = -(d[0] * n[0] + d[1] * n[1]);
-        let up = [d[0] + 2.0 * cos * n[0], d[1] + 2.0 * cos * n[1]];
-        let s = (1.4 - 0.3 * n[1]) / up[1];
-        let r = crate::optics::amplitudes(cos, GOLD).map(|r| r.norm_sqr());
-        Meridian {
-            // Rays that leave downwards never arrive.
-            rho: if up[1] > 0.0 { 0.3 * n[0] + s * up[0] } else { 9.0 },
-            optical: t + s,
-            passed: [(r[0] + r[1]) / 2.0, (r[0] - r[1]) / 2.0],
-        }
-    };
+    let trace = |theta: f64| off_ball(theta).0;
     let (radiance, polarized, optical, theta) = expected(trace, point.truncate().length());
     let (view, back) = to_camera(&camera, plane, point);
     let want = radiance * theta.cos().powi(-3) * view[(0, 0)];
     let (got, error) = m00(&one);
-    println!("{got} ± {error}, {want}");
     assert!(error < 0.03 * want, "{error}");
     assert!((got - want).abs() < 5.0 * error, "{got} ± {error} is not {want}");
     let m = mueller(&one.mean("m"), &[(Bounces, 3)]);
@@ -320,7 +315,6 @@ fn balls_bring_what_rays_say() {
     let (other, both) = (m00(&of(&[beside])), m00(&of(&[below, beside])));
     assert!(other.0 > 0.1 * got, "{other:?}");
     let sigma = (error.powi(2) + other.1.powi(2) + both.1.powi(2)).sqrt();
-    println!("{got} + {other:?}, {both:?}");
     assert!((got + other.0 - both.0).abs() < 5.0 * sigma, "{got} + {other:?} is not {both:?}");
 }
 
@@ -351,7 +345,6 @@ fn wavelengths_find_balls_by_themselves() {
     let both = of("[450, 660]");
     for (lane, nm) in ["[450]", "[660]"].into_iter().enumerate() {
         let ((a, x), (b, y)) = (of(nm)(0), both(lane));
-        println!("{nm}: {a} ± {x} alone, {b} ± {y} with the other");
         assert!(x < 0.2 * a && y < 0.2 * b, "{x} {y}");
         assert!((a - b).abs() < 5.0 * x.hypot(y), "{a} ± {x}, {b} ± {y}");
     }

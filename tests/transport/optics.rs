@@ -1,9 +1,12 @@
 //! Polarization optics and devices in f64, written from the project's conventions, independent of the crate.
 
-use glam::DVec3;
+use crate::support::Rendered;
+use glam::{DVec3, Vec3A};
 use nalgebra::{Complex, Matrix4};
+use std::path::Path;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
+use sunstone::transport::geometry::ray::Surface;
 
 pub type M = Matrix4<f64>;
 
@@ -166,6 +169,34 @@ impl Device {
 /// Factor for the samples of tests that use it, from the variable `SAMPLES`.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
+}
+
+/// A point of a surface at the origin.
+pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
+    Surface {
+        p: Vec3A::ZERO,
+        ng: normal,
+        ns: normal,
+        tangent,
+        bitangent: Vec3A::ZERO,
+        uv,
+        material: 0,
+        rounding: 0.0,
+    }
+}
+
+/// The mean over an image of the first of every `stride` numbers of a slice, and its standard error.
+pub fn of_image(r: &Rendered, slice: &str, stride: usize) -> (f64, f64) {
+    let first = |t: Tensor| t.data.into_iter().step_by(stride).map(f64::from).collect::<Vec<_>>();
+    let (mean, error) = (first(r.mean(slice)), first(r.std_error(slice)));
+    let n = mean.len() as f64;
+    (mean.iter().sum::<f64>() / n, error.iter().map(|e| e * e).sum::<f64>().sqrt() / n)
+}
+
+/// Asserts that a scene is refused with a message that contains these words.
+pub fn assert_refused(path: &Path, text: &str, words: &str) {
+    let message = sunstone::scene::from_text(path, text).err().map(|e| e.to_string());
+    assert!(message.as_ref().is_some_and(|m| m.contains(words)), "{words}: {message:?}");
 }
 
 /// The head of a scene file, without Russian roulette.

@@ -1,8 +1,8 @@
 //! Light over several mirrors in a row, or through curved glass on any path, to a wall that is seen in a
 //! mirror: against rays traced in f64, and against light subpaths to the same wall seen directly.
 
-use crate::manifold::{ALBEDO, Meridian, transmission};
-use crate::mirrors::{Plane, comes_at, image, to_camera};
+use crate::manifold::{ALBEDO, Meridian, through_ball};
+use crate::mirrors::{Plane, comes_at, image, off_ball, to_camera};
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, amplitudes, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
@@ -77,33 +77,6 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
     out
 }
 
-/// A ray from height 1 through a ball of glass of radius 0.25 about the origin, and on to height `wall`.
-fn through_ball(theta: f64, wall: f64) -> Meridian {
-    let (n, radius): (f64, f64) = (1.5, 0.25);
-    let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
-    let (mut optical, mut passed) = (0.0, [1.0, 0.0]);
-    for (index, far, side) in [(1.0, n, 1.0), (n, 1.0, -1.0)] {
-        let b = p[0] * d[0] + p[1] * d[1];
-        let disc = b * b - (p[0] * p[0] + p[1] * p[1] - radius * radius);
-        if disc < 0.0 {
-            let (rho, optical) = (f64::NAN, 0.0);
-            return Meridian { rho, optical, passed };
-        }
-        let t = -b - side * disc.sqrt();
-        p = [p[0] + t * d[0], p[1] + t * d[1]];
-        optical += index * t;
-        let normal = p.map(|v| side * v / radius);
-        let cos = -(d[0] * normal[0] + d[1] * normal[1]);
-        let eta = index / far;
-        let cos_far = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
-        d = [0, 1].map(|k| eta * d[k] + (eta * cos - cos_far) * normal[k]);
-        let [a, b] = transmission(if index == 1.0 { cos } else { cos_far }, n);
-        passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
-    }
-    let t = (wall - p[1]) / d[1];
-    Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
-}
-
 /// A ball of glass directs a lamp's light to a wall in front of its focus on three paths, and inverted behind
 /// it. Without any one of the paths the sum would be wrong.
 #[test]
@@ -124,11 +97,10 @@ fn every_way_through_a_ball_is_found() {
             + "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, 0], radius = 0.25 }\n";
         let r = render(&scene(&camera, &lamp, spp, 5, &objects));
         let (view, back) = to_camera(&camera, VIEW, point);
-        let ways = ways(|theta| through_ball(theta, wall), rho, 0.26);
+        let ways = ways(|theta| through_ball(theta, 0.0, wall), rho, 0.26);
         assert_eq!(ways.len(), count, "{ways:?}");
         let want: f64 = ways.iter().map(|w| w.0 * view[(0, 0)]).sum();
         let (got, error) = m00(&r, 4);
-        println!("{wall} {rho}: {got:.5} ± {error:.5}, {want:.5} by {ways:?}");
         assert!(error < 0.03 * want, "{error} of {want}");
         assert!((got - want).abs() < 5.0 * error + 1e-4 * want, "{got} ± {error} is not {want}");
         for way in &ways {
@@ -155,23 +127,14 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
         + "[[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0, 0, 0], radius = 0.3 }\n";
     let r = render(&scene(&camera, &lamp, 120_000, 5, &objects));
     let trace = |theta: f64| {
-        let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
-        let t = b - (b * b - (1.0 - 0.09)).sqrt();
-        let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
-        let cos = -(d[0] * n[0] + d[1] * n[1]);
-        let up = [d[0] + 2.0 * cos * n[0], d[1] + 2.0 * cos * n[1]];
-        let s = (1.4 - 0.3 * n[1]) / up[1];
+        let (ray, cos, up) = off_ball(theta);
         // All is in one plane.
         let halves = |cos: f64| {
             let [s, p] = amplitudes(cos, GOLD).map(|r| r.norm_sqr());
             [(s + p) / 2.0, (s - p) / 2.0]
         };
         let ([a, b], [c, d]) = (halves(cos), halves(up[0].abs()));
-        Meridian {
-            rho: if up[1] > 0.0 { 0.3 * n[0] + s * up[0] } else { f64::NAN },
-            optical: t + s,
-            passed: [a * c + b * d, a * d + b * c],
-        }
+        Meridian { passed: [a * c + b * d, a * d + b * c], ..ray }
     };
     let rho = image(left, point).x;
     let ways = ways(trace, rho, 0.304);
@@ -179,7 +142,6 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     let (view, back) = to_camera(&camera, VIEW, point);
     let want = ways[0].0 * view[(0, 0)];
     let (got, error) = m00(&r, 4);
-    println!("{got:.6} ± {error:.6}, {want:.6}");
     assert!(error < 0.03 * want, "{error} of {want}");
     assert!((got - want).abs() < 5.0 * error, "{got} ± {error} is not {want}");
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
@@ -207,7 +169,6 @@ fn both(
     let mirrored = of(&camera, spp[1], &(objects.to_owned() + &mirror), bounces + 1);
     let over = |(mean, error): (f64, f64)| (mean / view[(0, 0)], error / view[(0, 0)]);
     let pair = [seen, over(mirrored)];
-    println!("straight {:?}, in the mirror {:?}", pair[0], pair[1]);
     pair
 }
 
@@ -286,7 +247,6 @@ fn a_mirror_under_a_normal_map() {
     let found = of(&camera, &dot, 1.0, Integrator::Bidirectional, 60_000);
     let flat = of(&camera, &dot, 0.0, Integrator::Bidirectional, 20_000);
     let met = of(&camera, &ball, 1.0, Integrator::Path, 6_000_000);
-    println!("by ways {found:?}, at random {met:?}, flat {flat:?}");
     agree([met, found], 0.2);
     assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
     // The same wall seen directly: light subpaths find it. The mirror is tilted by 0.3, so that reflection
@@ -295,7 +255,6 @@ fn a_mirror_under_a_normal_map() {
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 1_000_000);
     let met = of(&straight, &ball, 1.0, Integrator::Path, 3_000_000);
-    println!("by walks {found:?}, at random {met:?}");
     agree([met, found], 0.2);
 }
 

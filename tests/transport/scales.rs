@@ -69,12 +69,10 @@ fn a_micrometre_works_or_is_refused() {
             let mut scene = match at(1e-6) {
                 Ok(scene) => {
                     works += 1;
-                    println!("{what}: works");
                     scene
                 }
                 Err(e) => {
                     let (words, help) = (e.to_string(), e.help.clone().unwrap_or_default());
-                    println!("{words}");
                     assert!(words.contains("m apart at (") && words.contains(" of line "), "{words}");
                     assert!(help.contains("increase the distance"), "{help}");
                     assert!(z > 1.0 || how == "turned", "{front}: {words}");
@@ -95,7 +93,6 @@ fn a_micrometre_works_or_is_refused() {
                     continue;
                 }
                 let [got, want] = [&mut scene, &mut wide].map(|s| seen(s, front, integrator));
-                println!("{what}: {got:.6} {want:.6}");
                 assert!(want > 0.0 && (got / want - 1.0).abs() < 0.02, "{what}: {got} {want}");
             }
         }
@@ -136,7 +133,6 @@ fn two_hundred_metres_are_exact() {
         let t = r.mean("t");
         let lit = (0..bins).filter(|i| t.at(&[(T, *i)]) > 0.0);
         let off: Vec<f64> = lit.map(|i| (i as f64 + 0.5 - bins as f64 / 2.0) * bin).collect();
-        println!("{target}: {:.2e}, {off:?} ps", got / want - 1.0);
         assert!((got / want - 1.0).abs() < 1e-6, "{got} {want}");
         assert!(!off.is_empty() && off.iter().all(|o| o.abs() < 0.01), "{off:?}");
     }

@@ -356,7 +356,6 @@ fn lossless_media_vanish_in_the_furnace() {
                 variance += f64::from(error.at(&at)).powi(2);
             }
             let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
-            println!("{material}, {media}, wavelength {lane}, s{i}: off by {off:.5} ± {sigma:.5}");
             // Facets lose the light of second reflections.
             let lost = if material == rough && i == 0 { 0.02 } else { 0.0 };
             assert!(

@@ -1,7 +1,8 @@
 //! Polarizer and retarder sheets, and coated mirrors: closed forms for renders, and their matrices alone.
 
 use crate::optics::{
-    Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, project, turn,
+    Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, of_image, project,
+    surface_at, turn,
 };
 use crate::support::render_text;
 use glam::{DVec3, Vec3A};
@@ -209,16 +210,7 @@ fn materials(text: &str) -> MaterialSet {
 
 fn surface() -> Surface {
     let n = Vec3A::new(0.48, -0.6, 0.64);
-    Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: Vec3A::new(0.9, 0.2, -0.1),
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(n, Vec3A::new(0.9, 0.2, -0.1), [0.0; 2])
 }
 
 fn direction(stream: &mut Stream) -> Vec3A {
@@ -427,18 +419,12 @@ fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
                [[emitters]]\npoint = { position = [0, 0, 2], intensity = 4 }\n\
                [[slices]]\nname = \"m\"\n"
     };
-    let total = |part: &str, integrator: &str| {
-        let r = crate::support::render_text(&scene(part, integrator));
-        let (mean, error) = (r.mean("m"), r.std_error("m"));
-        let sum: f64 = mean.data.iter().map(|v| f64::from(*v)).sum();
-        let variance: f64 = error.data.iter().map(|v| f64::from(*v).powi(2)).sum();
-        (sum, variance)
-    };
+    let total = |part: &str, integrator: &str| of_image(&render_text(&scene(part, integrator)), "m", 1);
     let (want, spread) = total("black", "path");
     for part in ["hole", "pol", "wave", "thin"] {
         for integrator in ["path", "bidirectional"] {
-            let (got, variance) = total(part, integrator);
-            let sigma = (variance + spread).sqrt();
+            let (got, error) = total(part, integrator);
+            let sigma = error.hypot(spread);
             assert!(
                 (got - want).abs() <= 5.0 * sigma && sigma < 0.01 * want,
                 "{part}, {integrator}: {got}, without it {want} ± {sigma:.1e}"

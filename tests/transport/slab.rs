@@ -5,7 +5,7 @@
 //! have the relative index and the wavelength in water of Ramella-Roman, Prahl & Jacques (2005, Opt. Express
 //! 13, 4420): 1.59 in 1.33, 632.8 nm.
 
-use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
+use crate::doubling::{Slab, direction, horizontal, rayleigh};
 use crate::optics::{Device, M, amplitudes, head, mueller, project, samples_factor, turn};
 use crate::support::render_text;
 use glam::DVec3;
@@ -306,58 +306,5 @@ fn slabs_under_glass_are_as_adding_says() {
         assert!(z.abs().max() < 5.0, "{seen:?}: differences in standard errors\n{z}\n{got}is not\n{want}");
         assert!(sigma[(0, 0)] < 0.03 * m00, "{}: too few samples to mean anything", sigma[(0, 0)] / m00);
         assert!((unglazed - m00).abs() > 5.0 * sigma[(0, 0)], "{unglazed}: nobody would miss the pane");
-    }
-}
-
-/// Fraction of linear (s1) and circular (s3) polarization that is kept by light that enters along the normal
-/// and leaves at 37° to it: mean and standard error from the tracer, and the mean from doubling.
-fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2] {
-    const BATCHES: u32 = 16;
-    let nodes = if diameter.is_some() { 20 } else { 12 };
-    let slab = Slab::new(scattering, [tau, 1.0], nodes, &[1.0, 0.8], &[0, 2], 13);
-    let seen = view([1.0, 0.0], [-0.8, 0.0]);
-    let one = |seed| both(&phase(diameter), &slab, 1.0, seen, [0.0, 0.0], [2500, 70 + seed]);
-    let batches: Vec<_> = (0..BATCHES).map(one).collect();
-    let total: M = batches.iter().map(|[got, ..]| got).sum();
-    let want = batches[0][2];
-    [1, 3].map(|i| {
-        let ratio = |m: &M| m[(i, i)] / m[(0, 0)];
-        // Numerator and denominator are correlated, so that their separate errors do not suffice: jackknife.
-        let without = |[got, ..]: &[M; 3]| (ratio(&(total - got)) - ratio(&total)).powi(2);
-        let n = f64::from(BATCHES);
-        let variance = (n - 1.0) / n * batches.iter().map(without).sum::<f64>();
-        [ratio(&total), variance.sqrt(), ratio(&want)]
-    })
-}
-
-/// Depolarization grows with depth. Dipoles lose circular polarization first; large spheres, which scatter
-/// forward, lose linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
-#[test]
-#[ignore = "slow: tools/check --all"]
-fn helicity_outlives_linear_polarization_among_large_spheres() {
-    let ensemble = spheres(WATER, 2000.0);
-    let large = mie(&ensemble);
-    for (diameter, scattering, depths) in
-        [(None, &rayleigh as Scattering, [1.0, 2.0, 4.0]), (Some(2000.0), &large, [4.0, 8.0, 16.0])]
-    {
-        let curve = depths.map(|tau| kept(diameter, scattering, tau));
-        for (tau, point) in depths.iter().zip(&curve) {
-            for (what, [got, sigma, want]) in ["linear", "circular"].iter().zip(point) {
-                println!("{diameter:?} nm, depth {tau}: {what} {got:.4} ± {sigma:.4}, doubling {want:.4}");
-                // Sixteen batches give their error to a fifth: Student's t is wider than a Gaussian.
-                assert!((got - want).abs() < 6.5 * sigma, "depth {tau}, {what}: {got} ± {sigma}, not {want}");
-            }
-            let [[linear, a, _], [circular, b, _]] = point;
-            let lead = (circular - linear) * if diameter.is_some() { 1.0 } else { -1.0 };
-            assert!(
-                lead > 4.0 * a.hypot(*b),
-                "depth {tau}: linear {linear} ± {a}, circular {circular} ± {b}"
-            );
-        }
-        for pair in curve.windows(2) {
-            for ([more, a, _], [less, b, _]) in pair[0].iter().zip(&pair[1]) {
-                assert!(more - less > 4.0 * a.hypot(*b), "{diameter:?}: {more} ± {a}, then {less} ± {b}");
-            }
-        }
     }
 }

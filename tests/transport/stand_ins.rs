@@ -1,7 +1,6 @@
-//! The 25 shipped stand-ins: realizable Mueller matrices, energy conservation, and a render with a table that
-//! agrees with a render of its source.
+//! The 25 shipped stand-ins: realizable Mueller matrices and energy conservation.
 
-use crate::support::render_text;
+use crate::optics::surface_at;
 use glam::Vec3A;
 use std::path::Path;
 use sunstone::optics::polarization::frame::perpendicular;
@@ -11,8 +10,6 @@ use sunstone::polarimetry::decompose::cloude;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::Lanes;
-use sunstone::transport::material::measured::axes::Axes;
-use sunstone::transport::material::measured::write::tabulate;
 
 fn stand_ins() -> MaterialSet {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/stand_ins.toml");
@@ -32,16 +29,7 @@ fn likes(set: &MaterialSet) -> Vec<(String, u32)> {
 }
 
 fn surface() -> Surface {
-    Surface {
-        p: Vec3A::ZERO,
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        bitangent: Vec3A::ZERO,
-        uv: [0.5; 2],
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(Vec3A::Z, Vec3A::X, [0.5; 2])
 }
 
 fn direction(theta_deg: f32, phi_deg: f32) -> Vec3A {
@@ -98,58 +86,4 @@ fn stand_ins_make_no_light() {
             }
         }
     }
-}
-
-/// A ball of rough gold and one of its table, with the same random numbers: the largest differences are those
-/// of linear interpolation in 2° steps at α = 0.3.
-#[test]
-fn a_table_renders_as_its_source() {
-    let folder = tempfile::tempdir().unwrap();
-    let source = r"{ rough_conductor = { n = 0.4242, k = 2.4721, alpha = 0.3 } }";
-    let text = format!("wavelengths_nm = [550]\n[materials]\nball = {source}\n");
-    let set = MaterialSet::from_text(Path::new("test.toml"), &text).unwrap_or_else(|e| panic!("{e}"));
-    let path = folder.path().join("ball.pbsdf");
-    let axes = Axes::even([91, 46, 46], vec![550]);
-    tabulate(&path, &axes, &[(&set.materials, 0)]).unwrap();
-    let render = |material: &str| {
-        render_text(&format!(
-            r#"
-wavelengths_nm = [550]
-[render]
-spp = 8
-max_depth = 2
-[camera]
-resolution = [16, 16]
-fov_x_deg = 14
-pose.look_at = {{ origin = [0, 0, 6], target = [0, 0, 0] }}
-[projector]
-resolution = [4, 4]
-fov_x_deg = 40
-pose.look_at = {{ origin = [3, 2, 5], target = [0, 0, 0] }}
-[materials]
-ball = {material}
-[[objects]]
-shape.sphere = {{}}
-material = "ball"
-[[slices]]
-name = "image"
-polarization = "mueller"
-"#
-        ))
-        .mean("image")
-    };
-    let analytic = render(source);
-    let table = render(&format!("{{ measured = {{ file = {:?} }} }}", path.to_str().unwrap()));
-    // Where light or camera directions are grazing, cells extend below the horizon and only their known
-    // corners count.
-    let (mut compared, mut off, mut light) = (0, 0.0, 0.0);
-    for (a, t) in analytic.data.chunks_exact(16).zip(table.data.chunks_exact(16)) {
-        compared += u32::from(a[0] > 0.0);
-        light += a[0];
-        let differences = a.iter().zip(t).map(|(x, y)| (x - y).abs());
-        off += differences.fold(0.0, f32::max);
-    }
-    let off = off / light;
-    assert!(compared > 100 && off < 0.004, "{compared} pixels, off by {off}");
-    assert!(off > 1e-6, "the table was rendered, not its source");
 }

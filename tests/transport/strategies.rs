@@ -57,7 +57,6 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
     });
     let deviations = a.iter().zip(&b).take(5).map(|([x, v], [y, w])| {
         let sigma = (v + w).sqrt();
-        println!("{x:.5} {y:.5} ± {sigma:.5}");
         (x - y).abs() / sigma
     });
     deviations.fold(0.0, f64::max)
@@ -98,16 +97,13 @@ fn light_leaves_stones() {
         let all = without(&text(512, 1, 0.2), Integrator::Path, &[]);
         let chance = without(&text(512, 1, 0.2), Integrator::Path, &[Strategy::RoughInterface]);
         let gain = noise(&chance) / noise(&all);
-        println!("ior {ior}: {gain:.1} times the variance without");
         assert!(gain > 10.0, "{gain}");
         let chance = without(&text(2048, 2, 0.2), Integrator::Path, &[Strategy::RoughInterface]);
         let (most, compared) = known(&chance, &all);
-        println!("largest deviation of {compared} elements {most:.2} sigma");
         assert!(most < 5.0 && compared > 150, "{most}, {compared}");
         let both = without(&text(512, 3, 0.2), Integrator::Bidirectional, &[]);
         let darker = without(&text(512, 4, 0.3), Integrator::Path, &[]);
         let [chance, both, darker] = [chance, both, darker].map(|r| apart(&r, &all));
-        println!("apart by {chance:.2}, {both:.2}; a darker stone {darker:.2} sigma");
         assert!(chance < 5.0 && both < 5.0 && darker > 5.0);
     }
 }
@@ -132,6 +128,6 @@ fn others_take_over() {
         &[Strategy::LightTracing, Strategy::VertexConnection],
     ] {
         let rest = without(&text(256, 2), Integrator::Bidirectional, left_out);
-        println!("without {left_out:?}: {:.2} sigma", assert_agree(&path, &rest, 0.05, 20));
+        assert_agree(&path, &rest, 0.05, 20);
     }
 }

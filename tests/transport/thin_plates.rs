@@ -3,7 +3,7 @@
 //! thindielectric do not?").
 
 use crate::optics::{
-    Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
+    Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at, turn,
 };
 use crate::support::render_text;
 use glam::{DVec3, Vec3A};
@@ -52,16 +52,7 @@ fn materials(text: &str) -> MaterialSet {
 
 fn surface() -> Surface {
     let n = Vec3A::new(0.48, -0.6, 0.64);
-    Surface {
-        p: Vec3A::ZERO,
-        ng: n,
-        ns: n,
-        tangent: Vec3A::new(0.9, 0.2, -0.1),
-        bitangent: Vec3A::ZERO,
-        uv: [0.0; 2],
-        material: 0,
-        rounding: 0.0,
-    }
+    surface_at(n, Vec3A::new(0.9, 0.2, -0.1), [0.0; 2])
 }
 
 /// Directions at all incidences, from both sides.

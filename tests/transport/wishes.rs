@@ -134,14 +134,6 @@ fn measured_tables_need_no_memory() {
     in_little_memory([91, 53, 53], 32 << 10, 80_000_000);
 }
 
-/// The same at the full size of the KAIST tables: 957 MB.
-#[cfg(target_os = "linux")]
-#[test]
-#[ignore = "writes a file of 957 MB"]
-fn full_tables_need_no_memory() {
-    in_little_memory([361, 91, 91], 32 << 10, 950_000_000);
-}
-
 /// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)": Stokes vectors and Mueller
 /// matrices of chosen wavelengths instead of RGB. Optical constants at four wavelengths: each lane follows
 /// its own closed form, and a render of a single wavelength is the same.

@@ -1,7 +1,7 @@
 //! Import of cameras and emitters with images, and of media on grids: orthographic sensors, projectors, spots
 //! with a texture, heterogeneous media.
 
-use super::imported;
+use super::{built, imported};
 use glam::Vec3A;
 use std::path::Path;
 use sunstone::scene::mitsuba::import::Import;
@@ -15,10 +15,6 @@ fn text(sensor: &str, emitter: &str) -> String {
     format!(
         "<scene version=\"3.0.0\">{sensor}<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>{emitter}</scene>"
     )
-}
-
-fn built(folder: &Path, import: &Import) -> Scene {
-    sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Two rows of two squares: red, green; blue, white.
@@ -94,8 +90,8 @@ fn orthographic_sensors_are_read() {
         )
     };
     let light = "<emitter type=\"constant\"/>";
-    let import = imported(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", ""), light)).unwrap();
-    let camera = built(folder.path(), &import).camera;
+    let (import, scene) = built(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", ""), light));
+    let camera = &scene.camera;
     assert!(camera.parallel, "{}", import.toml);
     assert_eq!((camera.origin, camera.resolution), (Vec3A::new(0.0, 0.0, 4.5), [40, 20]));
     assert!((camera.focal.x - 40.0 / 6.0).abs() < 1e-9, "{}", import.toml);
@@ -106,8 +102,8 @@ fn orthographic_sensors_are_read() {
     assert_eq!(first.direction(glam::DVec2::splat(0.5)), Vec3A::Z);
     let crop = "<integer name=\"crop_offset_x\" value=\"10\"/><integer name=\"crop_offset_y\" value=\"5\"/>\
         <integer name=\"crop_width\" value=\"8\"/><integer name=\"crop_height\" value=\"4\"/>";
-    let import = imported(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", crop), light)).unwrap();
-    let window = built(folder.path(), &import).camera;
+    let (_, scene) = built(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", crop), light));
+    let window = &scene.camera;
     let moved = camera.at(glam::DVec2::new(10.5, 5.5)).origin;
     let found = window.at(glam::DVec2::splat(0.5)).origin;
     assert!((moved - found).length() < 1e-5 && window.resolution == [8, 4], "{found}, {moved}");
@@ -115,12 +111,9 @@ fn orthographic_sensors_are_read() {
     assert!(e.message.contains("different scales of x and y"), "{e}");
 }
 
-/// The emitters of a scene with one emitter and a perspective sensor.
+/// A scene with one emitter and a perspective sensor.
 fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
-    let import =
-        imported(folder, &text("<sensor type=\"perspective\"/>", emitter)).unwrap_or_else(|e| panic!("{e}"));
-    let scene = built(folder, &import);
-    (import, scene)
+    built(folder, &text("<sensor type=\"perspective\"/>", emitter))
 }
 
 /// Radiant intensity at the scene's wavelengths in a direction.

@@ -1,6 +1,6 @@
 //! Hand-written scenes for Mitsuba: what is read, and what is reported with its location.
 
-use super::{ALL, exported, imported, imported_whole};
+use super::{ALL, built, exported, imported, imported_whole};
 use glam::Vec3A;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -33,8 +33,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 #[test]
 fn a_scene_by_hand_is_read() {
     let folder = tempfile::tempdir().unwrap();
-    let import = imported(folder.path(), HAND).unwrap();
-    let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+    let (import, scene) = built(folder.path(), HAND);
     // The vertical field of view is the smaller one: 30° over 16 pixels.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
@@ -184,8 +183,7 @@ fn flipped_rectangles_face_the_other_way() {
     for (text, expected) in
         [(HAND.to_owned(), Vec3A::Z), (HAND.replace("<ref id=\"wall\"/>", flipped), Vec3A::NEG_Z)]
     {
-        let import = imported(folder.path(), &text).unwrap();
-        let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+        let (_, scene) = built(folder.path(), &text);
         let ray = Ray { origin: Vec3A::Z, dir: Vec3A::NEG_Z };
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         let at = scene.geometry.surface(&ray, &hit);
@@ -198,8 +196,7 @@ fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
     );
-    let import = imported(folder, &text).unwrap();
-    let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml).unwrap();
+    let (_, scene) = built(folder, &text);
     let ray = Ray { origin: Vec3A::new(0.1, 0.05, 9.0), dir: Vec3A::NEG_Z };
     let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
     let at = scene.geometry.surface(&ray, &hit);
@@ -271,8 +268,7 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
             "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/><shape type=\"obj\">\
              <string name=\"filename\" value=\"roof.obj\"/>{more}</shape></scene>"
         );
-        let import = imported(folder.path(), &text).unwrap();
-        let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+        let (_, scene) = built(folder.path(), &text);
         let ray = Ray { origin: Vec3A::new(-0.01, 5.0, 0.2), dir: Vec3A::NEG_Y };
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         scene.geometry.surface(&ray, &hit).ns
@@ -366,11 +362,8 @@ fn cropped_films_are_windows_of_the_whole_image() {
     let folder = tempfile::tempdir().unwrap();
     let crop = "<integer name=\"crop_offset_x\" value=\"5\"/><integer name=\"crop_offset_y\" value=\"3\"/>\
                 <integer name=\"crop_width\" value=\"10\"/><integer name=\"crop_height\" value=\"8\"/><rfilter";
-    let scenes = [HAND.to_owned(), HAND.replace("<rfilter", crop)].map(|text| {
-        let toml = imported(folder.path(), &text).unwrap().toml;
-        sunstone::scene::from_text(&folder.path().join("scene.toml"), &toml).unwrap()
-    });
-    let [whole, part] = scenes.map(|s| s.camera);
+    let [whole, part] =
+        [HAND.to_owned(), HAND.replace("<rfilter", crop)].map(|text| built(folder.path(), &text).1.camera);
     assert_eq!(part.resolution, [10, 8]);
     assert!((whole.focal - part.focal).length() < 1e-9);
     let moved = whole.principal - part.principal;

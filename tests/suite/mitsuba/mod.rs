@@ -149,6 +149,13 @@ fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(&folder.join("scene.xml"), xml, &folder.join("scene.toml"), &BTreeMap::new())
 }
 
+/// An import and its scene.
+fn built(folder: &Path, xml: &str) -> (Import, Scene) {
+    let import = imported(folder, xml).unwrap_or_else(|e| panic!("{e}"));
+    let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml);
+    (import, scene.unwrap_or_else(|e| panic!("{e}")))
+}
+
 fn near(a: f32, b: f32, scale: f32) -> bool {
     (a - b).abs() <= 2e-4 * scale.max(1e-3)
 }

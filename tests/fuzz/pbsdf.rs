@@ -1,9 +1,9 @@
 //! Files of measured materials: the writer follows the documented layout, faults are reported, and no bytes
 //! make the reader panic or request more memory than the file can fill.
 
+use crate::LARGEST_OF_THREAD;
+use crate::harness::folder;
 use glam::Vec3A;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 use sunstone::optics::polarization::scatter::Scatter;
@@ -16,31 +16,6 @@ use sunstone::transport::material::measured::error::PbsdfError;
 use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
-
-/// Allocator that records the largest allocation of a thread.
-struct Watched;
-
-thread_local! {
-    static LARGEST: Cell<usize> = const { Cell::new(0) };
-}
-
-unsafe impl GlobalAlloc for Watched {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = LARGEST.try_with(|l| l.set(l.get().max(layout.size())));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Watched = Watched;
-
-/// A folder in memory if the system has one.
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
-}
 
 /// A field of a file: name, type code, shape, data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
@@ -463,9 +438,9 @@ fn mutated_files_load_or_say_why() {
         }
         let path = saved(folder.path(), &file);
         let options = Options { even_axes: case % 2 == 0, ..Options::default() };
-        LARGEST.set(0);
+        LARGEST_OF_THREAD.set(0);
         let table = Table::open(&path, &options);
-        let largest = LARGEST.get();
+        let largest = LARGEST_OF_THREAD.get();
         // Small files: messages and the smallest importance table have a minimum size.
         let allowed = (2 * file.len()).max(8192);
         assert!(largest <= allowed, "case {case}: {largest} bytes for a file of {}", file.len());
