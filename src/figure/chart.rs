@@ -11,8 +11,7 @@ use super::error::FigureError;
 use super::layout::{Axis, GRID, Page};
 use super::marker::{DISTINCT, Marker, palette};
 use super::text::{INK, LABEL, fit};
-use scale::Marks;
-pub(crate) use scale::{Scale, Scales, label};
+pub(crate) use scale::{Marks, Scale, Scales, label, marks};
 use series::NIB;
 pub(crate) use series::Nib;
 
@@ -77,8 +76,8 @@ pub(crate) fn draw_in(
     palette: &dyn Fn(usize) -> Rgb<u8>,
 ) -> Result<(Drawing, Scales), FigureError> {
     let (x, y) = ranges(chart)?;
-    let across = x.named(&chart.x.named).unwrap_or_else(|| x.marks_across(WIDTH));
-    let up = y.named(&chart.y.named).unwrap_or_else(|| y.marks(8));
+    let across = marks(&chart.x, &x, |x| x.marks_across(WIDTH));
+    let up = marks(&chart.y, &y, |y| y.marks(8));
     let axis = |axis: &ChartAxis, marks: &Marks, room: f64| {
         let label = fit(&label(&axis.label, &marks.major), LABEL, room).0;
         Axis::new(label, marks.major.clone())
@@ -159,6 +158,7 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     Ok(())
 }
 
+/// Returns whether an axis can show a value.
 fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
@@ -166,11 +166,8 @@ fn shows(axis: &ChartAxis, value: f64) -> bool {
 /// Returns the points that both axes can show, with their standard errors (0 without one).
 fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     chart.series.iter().flat_map(|s| {
-        let errors = s.errors.as_deref().unwrap_or_default();
-        let error = |i: usize| errors.get(i).copied().filter(|e| e.is_finite() && *e > 0.0);
         let all = s.points.iter().enumerate();
-        all.filter(|(_, p)| shows(&chart.x, p.0) && shows(&chart.y, p.1))
-            .map(move |(i, &p)| (p, error(i).unwrap_or(0.0)))
+        all.filter(|(_, p)| shows(&chart.x, p.0) && shows(&chart.y, p.1)).map(|(i, &p)| (p, s.error(i)))
     })
 }
 
@@ -227,11 +224,8 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
 
 /// Returns the points of a series on the page with their standard errors (0 without one); `None` for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
-    let errors = series.errors.as_deref().unwrap_or_default();
-    series.points.iter().enumerate().map(move |(i, &p)| {
-        let e = errors.get(i).copied().filter(|e| e.is_finite() && *e > 0.0);
-        scales.point(p).map(|at| (at, [p.0, p.1], e.unwrap_or(0.0)))
-    })
+    let all = series.points.iter().enumerate();
+    all.map(move |(i, &p)| scales.point(p).map(|at| (at, [p.0, p.1], series.error(i))))
 }
 
 /// Draws bands between the ends of the standard errors, over each run of points without a gap.

@@ -3,15 +3,14 @@
 //! A name with one sign shows only values of that sign, as intensity; other values are black. `±` and
 //! normalized elements use the diverging colour map.
 
-use super::colour::{UNDEFINED, exposure, percentile, photo, rgb_weights, signed};
+use super::colour::{exposure, photo, quotient, rgb_weights, signed};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT};
 use super::panel::Panel;
-use super::photo::white;
+use super::photo::{limit, white};
 use super::raster::Raster;
 use super::reduce::Source;
-use super::tile::{Ramp, Tile};
-use super::white::White;
+use super::tile::Tile;
 use serde::Deserialize;
 use std::str::FromStr;
 use tensor::axes::AxisKind;
@@ -106,8 +105,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let (w, h) = (xs.len(), ys.len());
-    let mut pick = view.time_ps.map(|ps| bin(source, ps).map(|i| (AxisKind::T, i)));
-    let time = pick.take().transpose()?;
+    let time = view.time_ps.map(|ps| bin(source, ps).map(|i| (AxisKind::T, i))).transpose()?;
     let sign = if view.element.sign < 0 { -1.0 } else { 1.0 };
     let of = |element: [usize; 2], lane: Option<usize>| -> Result<_, FigureError> {
         let mut pick: Vec<(AxisKind, usize)> = source.element(element)?.into();
@@ -127,7 +125,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
         let white = white("limit", view.limit, || exposure(raster.data.iter().flatten().copied()))?;
         let image =
             raster.image(|rgb| photo(rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }), white.value()));
-        return Ok(Tile::image(image).with_white(white));
+        return Ok(Tile { white: Some(white), ..Tile::image(image) });
     }
     let lane = source.wavelength(view.wavelength_nm)?;
     let element = of(view.element.at, Some(lane))?;
@@ -135,19 +133,10 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let m00 = of([0, 0], Some(lane))?;
     let pairs = element.data.iter().zip(&m00.data);
     let raster = Raster::new(&view.slice, w, pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect())?;
-    let limit = white("limit", view.limit, || {
-        if view.normalized {
-            return White::Value(1.0);
-        }
-        let sizes = || raster.data.iter().map(|v| v[0].abs());
-        percentile(sizes(), 0.99).filter(|l| *l > 0.0).map_or_else(|| exposure(sizes()), White::Value)
-    })?;
+    let limit = limit(view.limit, view.normalized, raster.data.iter().map(|v| v[0]))?;
     let end = limit.value();
-    let image = raster.image(|[m, m00]| match view.normalized {
-        false => signed(m / end),
-        true if m00 > 0.0 && m00.is_finite() => signed(m / m00 / end),
-        true => UNDEFINED,
-    });
+    let image =
+        raster.image(|[m, m00]| if view.normalized { quotient(m, m00, end) } else { signed(m / end) });
     let [i, j] = view.element.at;
     let name = format!("{}M{i}{j}", if sign < 0.0 { "−" } else { "" });
     let bar = Bar::signed(end.into(), |ticks| {
@@ -157,12 +146,13 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
             format!("{name} [{}]", ticks.unit(CAMERA_UNIT))
         }
     });
-    Ok(Tile::image(image).with_white(limit).with_bar(Ramp::of(&bar)))
+    Ok(Tile { white: Some(limit), bar: Some(bar), ..Tile::image(image) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::colour::UNDEFINED;
     use proptest::prelude::*;
     use tensor::array::Tensor;
     use tensor::axes::Axis;

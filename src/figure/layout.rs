@@ -21,7 +21,7 @@ const LARGEST: f64 = 1.6;
 /// Margin of the page.
 const EDGE: f64 = 18.0;
 /// Number of colours in a colour bar.
-const BAR_STEPS: u32 = 256;
+pub const BAR_STEPS: u32 = 256;
 
 /// Returns the scale factor of text and distances for a plot of this width.
 #[must_use]
@@ -57,13 +57,14 @@ impl Axis {
 }
 
 /// A colour bar to the right of the plot.
-pub struct Bar<'a> {
+#[derive(Clone, Debug)]
+pub struct Bar {
     /// Label with unit.
     pub label: String,
     /// Ticks; positions are from the bottom.
     pub ticks: Ticks,
     /// Returns the colour at a position 0..1 from the bottom.
-    pub colour: &'a dyn Fn(f32) -> Rgb<u8>,
+    pub colour: fn(f32) -> Rgb<u8>,
 }
 
 /// Everything around the data.
@@ -73,7 +74,7 @@ pub struct Page<'a> {
     pub title: &'a str,
     pub x: Axis,
     pub y: Axis,
-    pub bar: Option<Bar<'a>>,
+    pub bar: Option<Bar>,
     /// Notes under the plot, one paragraph each.
     pub notes: Vec<String>,
     /// Omit the frame around the plot.
@@ -198,25 +199,22 @@ impl Page<'_> {
     }
 }
 
-impl<'a> Bar<'a> {
-    /// Creates a bar with any colour map.
-    pub fn new(label: impl Into<String>, ticks: Ticks, colour: &'a dyn Fn(f32) -> Rgb<u8>) -> Self {
-        let label = label.into();
-        Self { label, ticks, colour }
-    }
-
+impl Bar {
     /// Creates a bar of signed values between ± `limit`; its label may depend on the ticks.
     pub fn signed(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
         let ticks = Ticks::linear(-limit, limit, 8);
-        Self::new(label(&ticks), ticks, &|v| signed(2.0 * v - 1.0))
+        Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
+    }
+
+    /// Returns an image of the colours, one pixel wide, upper end first.
+    pub fn colours(&self, steps: u32) -> RgbImage {
+        RgbImage::from_fn(1, steps, |_, y| (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32))
     }
 
     /// Draws the bar into its rectangle, with ticks and label to its right.
     fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
         let steps = (r.h as u32).clamp(1, BAR_STEPS);
-        let colours =
-            RgbImage::from_fn(1, steps, |_, y| (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32));
-        page.image(r, &colours);
+        page.image(r, &self.colours(steps));
         page.frame(r, INK);
         let edge = r.x + r.w;
         for (at, label) in &self.ticks.marks {

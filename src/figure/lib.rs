@@ -6,8 +6,7 @@
 //!
 //! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
 //! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.
-//! Magnitudes use a perceptually uniform colour map, signed values a diverging one, angles a cyclic one
-//! ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
+//! Magnitudes use a perceptually uniform colour map, signed values a diverging one ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
 //! ([`colour::UNDEFINED`]). The same input gives the same bytes.
 
 use crate::spec::{FlightView, View};
@@ -60,10 +59,10 @@ pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureEr
     match view {
         View::Photo(v) => photo::draw(v, title, panel),
         View::Mueller(v) => mueller::draw(v, title, panel),
-        View::SpaceSpace(v) => map::draw_space_space(v, title, panel),
-        View::SpaceTime(v) => map::draw_space_time(v, title, panel),
+        View::SpaceSpace(v) => Ok(map::space_space(v, panel)?.draw(title)),
+        View::SpaceTime(v) => Ok(map::space_time(v, panel)?.draw(title)),
         View::Flight(v) => flight::draw(v, title, panel),
-        View::Profile(v) => profile::draw(v, title, panel),
+        View::Profile(v) => Ok(profile::draw(v, title, panel)?.0),
     }
 }
 

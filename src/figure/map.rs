@@ -6,7 +6,7 @@
 
 use image::{Rgb, RgbImage};
 
-use super::colour::{UNDEFINED, percentile, rgb_weights, sequential, signed};
+use super::colour::{UNDEFINED, percentile, quotient, rgb_weights, sequential};
 use super::drawing::Drawing;
 use super::error::FigureError;
 use super::layout::{Axis, Bar, CAMERA_UNIT, Page};
@@ -32,11 +32,6 @@ pub(super) enum Scale {
 }
 
 impl Scale {
-    /// Returns the scale for some intensities.
-    fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
-        Self::log_from(values, LOG_FROM)
-    }
-
     /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio` times the
     /// 5th.
     pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
@@ -81,10 +76,10 @@ impl Scale {
     }
 
     /// Returns the colour bar of M00.
-    fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
+    fn bar(self, colour: fn(f32) -> Rgb<u8>) -> Bar {
         let ticks = self.ticks();
         let label = format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT));
-        Bar::new(label, ticks, colour)
+        Bar { label, ticks, colour }
     }
 
     /// Returns a colour whose brightness is the position of its largest channel on the scale.
@@ -110,6 +105,7 @@ pub(super) struct Content<'a> {
     pub label: &'static str,
     note: String,
     values: Values,
+    pub bar: Bar,
 }
 
 /// Values and their scale.
@@ -118,34 +114,7 @@ enum Values {
     Colour(Raster<3>, Scale),
     Size(Raster<1>, Scale),
     /// Another element and M00.
-    Signed(Raster<2>, [usize; 2]),
-}
-
-impl Values {
-    fn bar(&self) -> Bar<'static> {
-        match self {
-            Self::Colour(_, scale) => scale.bar(&|v| Rgb([(v * 255.0).round() as u8; 3])),
-            Self::Size(_, scale) => scale.bar(&sequential),
-            Self::Signed(_, [out, inn]) => Bar::signed(1.0, |_| format!("M{out}{inn} / M00")),
-        }
-    }
-
-    /// Returns the image after averaging by the factors, without repetition; rows run upward.
-    fn image(&self, factors: (Factor, Factor)) -> RgbImage {
-        match self {
-            Self::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
-            Self::Size(r, scale) => rising(r, factors, |[v]| sequential(scale.place(v))),
-            Self::Signed(r, _) => {
-                rising(
-                    r,
-                    factors,
-                    |[m, m00]| {
-                        if m00 > 0.0 && m00.is_finite() { signed(m / m00) } else { UNDEFINED }
-                    },
-                )
-            }
-        }
-    }
+    Signed(Raster<2>),
 }
 
 fn rising<const C: usize>(
@@ -157,45 +126,34 @@ fn rising<const C: usize>(
 }
 
 impl Content<'_> {
-    /// Returns an image with one pixel per value; rows run upward.
-    pub fn image(&self) -> RgbImage {
-        let whole = Factor { down: 1, up: 1 };
-        self.values.image((whole, whole))
+    /// Returns the image after averaging by the factors, without repetition; rows run upward.
+    pub fn image(&self, factors: (Factor, Factor)) -> RgbImage {
+        match &self.values {
+            Values::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
+            Values::Size(r, scale) => rising(r, factors, |[v]| sequential(scale.place(v))),
+            Values::Signed(r) => rising(r, factors, |[m, m00]| quotient(m, m00, 1.0)),
+        }
     }
 
-    pub fn bar(&self) -> Bar<'static> {
-        self.values.bar()
-    }
-
-    fn draw(self, title: &str) -> Drawing {
+    pub fn draw(self, title: &str) -> Drawing {
         let (xs, ups) = (self.xs, self.ups);
         let fx = Factor::new(xs.len(), 900, 1600).at_least(40, xs.len());
         let fy = Factor::new(ups.len(), 640, 1600).at_least(40, ups.len());
         let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
+        let image = self.image((fx, fy));
         let page = Page {
             title,
             x: Axis::new("camera column [pixel]", Ticks::coordinates(xs, w, true)),
             y: Axis::new(self.label, Ticks::coordinates(ups, h, false)),
-            bar: Some(self.values.bar()),
+            bar: Some(self.bar),
             notes: vec![self.note],
             ..Page::default()
         };
         let mut page = page.draw(w, h);
-        let image = self.values.image((fx, fy));
         let size = (f64::from(image.width()) * fx.up as f64, f64::from(image.height()) * fy.up as f64);
         page.image(page.data.within((0.0, 0.0), size), &image);
         page
     }
-}
-
-/// Draws a camera scanline against the projector column, or the row if only rows are resolved.
-pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    Ok(space_space(view, panel)?.draw(title))
-}
-
-/// Draws a camera scanline against travel time.
-pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    Ok(space_time(view, panel)?.draw(title))
 }
 
 /// Reads a camera scanline against the projector column, or the row if only rows are resolved.
@@ -235,26 +193,29 @@ fn content<'a>(
         source.sum(&[upward, AxisKind::X], &pick, f64::from).data
     };
     let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
-    let (note, values) = if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
+    let (note, values, bar) = if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
         let keep = [upward, AxisKind::X, AxisKind::Wavelength];
         let values = source.sum(&keep, &[(AxisKind::Y, view.row), element[0], element[1]], f64::from);
         let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
-        let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
+        let scale =
+            Scale::log_from(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)), LOG_FROM);
         let note = format!("{row}{}; the colour bar is for the brightest channel.", channels(nm));
-        (note, Values::Colour(raster, scale))
+        let bar = scale.bar(|v| Rgb([(v * 255.0).round() as u8; 3]));
+        (note, Values::Colour(raster, scale), bar)
     } else if view.element == [0, 0] {
         let data = one(element).into_iter().map(|v| [v]).collect();
         let raster = Raster::new(&view.slice, xs.len(), data)?;
-        let scale = Scale::of(raster.data.iter().map(|v| v[0]));
-        (format!("{row}{at}"), Values::Size(raster, scale))
+        let scale = Scale::log_from(raster.data.iter().map(|v| v[0]), LOG_FROM);
+        (format!("{row}{at}"), Values::Size(raster, scale), scale.bar(sequential))
     } else {
         let m00 = one(element.map(|(kind, _)| (kind, 0)));
         let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
         let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
         let note = format!("{row}{at} Grey: undefined (M00 is not positive).");
-        (note, Values::Signed(raster, view.element))
+        let [out, inn] = view.element;
+        (note, Values::Signed(raster), Bar::signed(1.0, |_| format!("M{out}{inn} / M00")))
     };
-    Ok(Content { xs, ups, label, note, values })
+    Ok(Content { xs, ups, label, note, values, bar })
 }
 
 #[cfg(test)]
@@ -263,14 +224,14 @@ mod tests {
 
     #[test]
     fn scale_is_log_only_for_wide_ranges() {
-        let narrow = Scale::of([0.0, 1.0, 2.0, 3.0, f32::NAN].iter().copied());
+        let narrow = Scale::log_from([0.0, 1.0, 2.0, 3.0, f32::NAN].into_iter(), LOG_FROM);
         assert_eq!(narrow, Scale::Sqrt { top: 3.0 });
         assert_eq!(narrow.place(0.75), 0.5);
-        let wide = Scale::of((0..=100).map(|i| 10_f32.powf(i as f32 / 20.0 - 3.0)));
+        let wide = Scale::log_from((0..=100).map(|i| 10_f32.powf(i as f32 / 20.0 - 3.0)), LOG_FROM);
         let Scale::Log { low, high } = wide else { panic!("{wide:?}") };
         assert!((low + 2.0).abs() < 0.3 && (high - 2.0).abs() < 0.01);
         assert_eq!((wide.place(1e-9), wide.place(1e9), wide.place(-1.0)), (0.0, 1.0, 0.0));
-        assert_eq!(Scale::of([0.0; 3].iter().copied()), Scale::Sqrt { top: 1.0 });
+        assert_eq!(Scale::log_from([0.0; 3].into_iter(), LOG_FROM), Scale::Sqrt { top: 1.0 });
     }
 
     #[test]

@@ -1,16 +1,13 @@
-//! Adjacent maps of one number per pixel with names and one common scale: errors of several methods, signed
-//! quantities, or angles such as the axis of a retarder.
+//! Adjacent maps of one number per pixel with names and one common scale: errors of several methods, or signed
+//! quantities.
 
-use image::Rgb;
-
-use super::colour::{cyclic, sequential, signed};
+use super::colour::{sequential, signed};
 use super::drawing::Drawing;
 use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::map::Scale;
 use super::raster::{Factor, Raster};
 use super::text::{NAME, NOTE};
-use super::ticks::{Ticks, brief};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
@@ -34,11 +31,6 @@ pub enum Quantity {
         /// Value at the upper end, positive.
         limit: f32,
     },
-    /// Angles with a period, such as 180 for an axis in degrees, with a cyclic colour map.
-    Angle {
-        /// Period in the unit of the values, positive.
-        period: f32,
-    },
 }
 
 /// Range of the values from which the scale is logarithmic. Methods differ by a factor of ten or more, and
@@ -49,71 +41,12 @@ const SIDE: (usize, usize) = (420, 640);
 /// Minimum width of a panel, for names above a narrow map.
 const LEAST: f64 = 180.0;
 
-/// The mapping from values to colours.
-struct Shades {
-    /// The averaged quantity if there are too many pixels: a value, or the vector of an angle.
-    vector: Box<dyn Fn(f32) -> [f32; 2]>,
-    /// Position on the colour bar, 0 to 1.
-    place: Box<dyn Fn([f32; 2]) -> f32>,
-    colour: fn(f32) -> Rgb<u8>,
-    ticks: Ticks,
-    /// Remark on the scale after the name of the quantity.
-    remark: String,
-}
-
-impl Shades {
-    fn of(quantity: Quantity, maps: &[Map]) -> Result<Self, FigureError> {
-        let plain = Box::new(|v| [v, 0.0]);
-        Ok(match quantity {
-            Quantity::Size => {
-                let scale = Scale::log_from(maps.iter().flat_map(|m| m.data.iter().copied()), LOG_FROM);
-                let ticks = scale.ticks();
-                Self {
-                    vector: plain,
-                    place: Box::new(move |[v, _]| scale.place(v)),
-                    colour: sequential,
-                    remark: format!(", {} scale{}", scale.name(), ticks.unit(" ").trim_end()),
-                    ticks,
-                }
-            }
-            Quantity::Signed { limit } => Self {
-                vector: plain,
-                place: Box::new(move |[v, _]| 0.5 + 0.5 * v / limit),
-                colour: |v| signed(2.0 * v - 1.0),
-                ticks: Ticks::linear(-positive("limit", limit)?, limit.into(), 8),
-                remark: String::new(),
-            },
-            Quantity::Angle { period } => {
-                let whole = positive("period", period)?;
-                let turn = std::f32::consts::TAU / period;
-                Self {
-                    vector: Box::new(move |v| [(v * turn).cos(), (v * turn).sin()]),
-                    place: Box::new(|[x, y]| y.atan2(x) / std::f32::consts::TAU),
-                    colour: cyclic,
-                    ticks: Ticks {
-                        marks: [0.0, 0.25, 0.5, 0.75, 1.0].map(|at| (at, brief(at * whole))).into(),
-                        exponent: 0,
-                    },
-                    remark: String::new(),
-                }
-            }
-        })
-    }
-}
-
-fn positive(option: &'static str, value: f32) -> Result<f64, FigureError> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(value.into());
-    }
-    Err(FigureError::option(option, value, "a finite number above zero"))
-}
-
 /// Draws maps, `columns` per row, on one common scale; `name` labels the colour bar.
 ///
 /// # Errors
 /// - [`FigureError::Empty`] if there is no map.
 /// - [`FigureError::Damaged`] if the values of a map do not fill its rows.
-/// - [`FigureError::Option`] if a limit or a period is not a positive number.
+/// - [`FigureError::Option`] if a limit is not a positive number.
 pub fn draw(
     title: &str,
     maps: &[Map],
@@ -122,11 +55,28 @@ pub fn draw(
     quantity: Quantity,
     notes: &[String],
 ) -> Result<Drawing, FigureError> {
-    let shades = Shades::of(quantity, maps)?;
+    let scale = Scale::log_from(maps.iter().flat_map(|m| m.data.iter().copied()), LOG_FROM);
+    let bar = match quantity {
+        Quantity::Size => {
+            let ticks = scale.ticks();
+            let label = format!("{name}, {} scale{}", scale.name(), ticks.unit(" ").trim_end());
+            Bar { label, ticks, colour: sequential }
+        }
+        Quantity::Signed { limit } if limit > 0.0 && limit.is_finite() => {
+            Bar::signed(limit.into(), |_| name.to_owned())
+        }
+        Quantity::Signed { limit } => {
+            return Err(FigureError::option("limit", limit, "a finite number above zero"));
+        }
+    };
+    let colour = |[v]: [f32; 1]| match quantity {
+        Quantity::Size => sequential(scale.place(v)),
+        Quantity::Signed { limit } => signed(2.0 * (0.5 + 0.5 * v / limit) - 1.0),
+    };
     let mut pictures = vec![];
     let mut size = (LEAST, 0.0_f64);
     for map in maps {
-        let data = map.data.iter().map(|v| (shades.vector)(*v)).collect();
+        let data = map.data.iter().map(|v| [*v]).collect();
         let raster = Raster::new(&map.label, map.width, data)?;
         let factors = Factor::square(raster.w, raster.h, SIDE.0, SIDE.1, 40);
         size.0 = size.0.max(factors.0.length(raster.w));
@@ -137,11 +87,10 @@ pub fn draw(
         return Err(FigureError::nothing(title, "maps"));
     }
     let panels = Panels { size, head: 48.0, gap: 24.0, columns: columns.clamp(1, maps.len()) };
-    let bar = Bar::new(format!("{name}{}", shades.remark), shades.ticks, &shades.colour);
     let mut page = panels.page(maps.len(), title, Some(bar), notes.to_vec());
     for (i, (map, raster, factors)) in pictures.into_iter().enumerate() {
         panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
-        raster.paint(&mut page, panels.corner(i), factors, |v| (shades.colour)((shades.place)(v)));
+        raster.paint(&mut page, panels.corner(i), factors, colour);
     }
     Ok(page)
 }
@@ -150,6 +99,7 @@ pub fn draw(
 mod tests {
     use super::*;
     use crate::colour::UNDEFINED;
+    use image::Rgb;
 
     fn map(data: Vec<f32>) -> Map {
         Map { label: "a".into(), caption: "b".into(), width: 4, data }
@@ -175,15 +125,8 @@ mod tests {
         assert!(count(&img, UNDEFINED) * 12 >= area * 9 / 10);
     }
 
-    /// Angles that differ by a period have the same colour, and half a period gives another; signs have
-    /// different colours.
     #[test]
-    fn angles_close_and_signs_part() {
-        let angles = [10.0, 190.0, -170.0, 370.0].repeat(3);
-        let img = picture(&[map(angles)], Quantity::Angle { period: 180.0 });
-        let seen = img.get_pixel(img.width() / 4, img.height() / 2);
-        let area = img.pixels().filter(|p| p.0.iter().zip(seen.0).all(|(a, b)| a.abs_diff(b) < 3));
-        assert!(area.count() >= 12 * 100 * 100, "{seen:?}");
+    fn signs_have_different_colours() {
         let img = picture(&[map([-2.0, 2.0].repeat(6))], Quantity::Signed { limit: 2.0 });
         assert!(count(&img, signed(1.0)) >= 6 * 100 * 100 && count(&img, signed(-1.0)) >= 6 * 100 * 100);
     }
@@ -194,9 +137,9 @@ mod tests {
         assert!(matches!(draw(&[], Quantity::Size), Err(FigureError::Empty { .. })));
         let bad = draw(&[map(vec![1.0; 5])], Quantity::Size);
         assert!(matches!(bad, Err(FigureError::Damaged { .. })));
-        let none = draw(&[map(vec![1.0; 4])], Quantity::Angle { period: 0.0 });
-        assert!(matches!(none, Err(FigureError::Option { option: "period", .. })));
-        for quantity in [Quantity::Size, Quantity::Signed { limit: 1.0 }, Quantity::Angle { period: 1.0 }] {
+        let none = draw(&[map(vec![1.0; 4])], Quantity::Signed { limit: 0.0 });
+        assert!(matches!(none, Err(FigureError::Option { option: "limit", .. })));
+        for quantity in [Quantity::Size, Quantity::Signed { limit: 1.0 }] {
             assert!(draw(&[map(vec![f32::NAN; 8])], quantity).is_ok());
         }
     }

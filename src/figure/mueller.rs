@@ -5,7 +5,7 @@
 
 use image::Rgb;
 
-use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
+use super::colour::{UNDEFINED, exposure, quotient, signed, srgb};
 use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
@@ -56,18 +56,12 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
     let raster: Raster<16> = Raster::new(&view.slice, xs.len(), data.collect())?;
     let white = exposure(raster.data.iter().map(|m| m[0]));
-    let sizes = || raster.data.iter().flatten().map(|v| v.abs());
-    let limit = photo::white("limit", view.limit, || {
-        if view.normalized {
-            return White::Value(1.0);
-        }
-        percentile(sizes(), 0.99).filter(|l| *l > 0.0).map_or_else(|| exposure(sizes()), White::Value)
-    })?;
+    let limit = photo::limit(view.limit, view.normalized, raster.data.iter().flatten().copied())?;
     Ok(Grid { source, lane, raster, white, limit })
 }
 
 /// Returns the colour bar of a grid.
-pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
+pub(super) fn bar(normalized: bool, limit: f32) -> Bar {
     Bar::signed(limit.into(), |ticks| {
         if normalized { "Mij / M00".to_owned() } else { format!("Mij [{}]", ticks.unit(CAMERA_UNIT)) }
     })
@@ -111,8 +105,7 @@ pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) 
     match (normalized, i) {
         (true, 0) if m[0].is_finite() => Rgb([srgb(m[0] / white); 3]),
         (true, 0) => UNDEFINED,
-        (true, _) if m[0] > 0.0 && m[0].is_finite() => signed(m[i] / m[0] / limit),
-        (true, _) => UNDEFINED,
+        (true, _) => quotient(m[i], m[0], limit),
         (false, _) => signed(m[i] / limit),
     }
 }

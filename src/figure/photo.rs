@@ -45,6 +45,16 @@ pub(super) fn white(
     }
 }
 
+/// Returns the value at the ends of a signed scale: the user's choice, 1 if normalized, or the exposure of the
+/// magnitudes.
+pub(super) fn limit(
+    wish: Option<f32>,
+    normalized: bool,
+    values: impl Iterator<Item = f32> + Clone,
+) -> Result<White, FigureError> {
+    white("limit", wish, || if normalized { White::Value(1.0) } else { exposure(values.map(f32::abs)) })
+}
+
 pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let Photo { xs, ys, raster, white } = read(view, source)?;

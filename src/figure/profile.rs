@@ -106,16 +106,8 @@ fn picks(
     Ok([(AxisKind::X, x), (AxisKind::Y, y), out, inn])
 }
 
-pub fn draw(view: &ProfileView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    Ok(draw_with_scales(view, title, panel)?.0)
-}
-
-/// As [`draw`], and returns the scales.
-pub(crate) fn draw_with_scales(
-    view: &ProfileView,
-    title: &str,
-    panel: &Panel,
-) -> Result<(Drawing, Scales), FigureError> {
+/// Draws a profile, and returns the scales of its chart.
+pub fn draw(view: &ProfileView, title: &str, panel: &Panel) -> Result<(Drawing, Scales), FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let errors = panel.std_error.map(|t| Source::new(&view.slice, t)).transpose()?;
     let chart = chart(view, source, errors)?;

@@ -2,6 +2,7 @@
 
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// A named figure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -15,23 +16,15 @@ pub struct Figure {
 
 /// Adds the syntax of figures to the schema of scene files, which leaves it undefined.
 pub fn describe_in(scene: &mut Schema) {
-    let mut figure = schemars::schema_for!(Figure).to_value();
-    let Some(figure) = figure.as_object_mut() else {
-        return;
-    };
+    let mut figure = schemars::schema_for!(Figure);
     figure.remove("$schema");
     let shared = figure.remove("$defs");
-    let Some(scene) = scene.as_object_mut() else {
-        return;
-    };
-    if let Some(items) =
-        scene.get_mut("properties").and_then(|p| p.get_mut("figures")).and_then(|f| f.get_mut("items"))
-    {
+    if let Some(items) = scene.pointer_mut("/properties/figures/items") {
         *items = serde_json::json!({ "$ref": "#/$defs/Figure" });
     }
-    if let Some(all) = scene.get_mut("$defs").and_then(serde_json::Value::as_object_mut) {
-        all.insert("Figure".to_owned(), serde_json::Value::Object(figure.clone()));
-        if let Some(serde_json::Value::Object(shared)) = shared {
+    if let Some(Value::Object(all)) = scene.get_mut("$defs") {
+        all.insert("Figure".to_owned(), figure.to_value());
+        if let Some(Value::Object(shared)) = shared {
             all.extend(shared);
         }
     }

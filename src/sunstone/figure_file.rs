@@ -99,7 +99,7 @@ pub fn prepare<'a>(
         stages.insert(name.as_str(), stage);
     }
     for panel in &source.file.panels {
-        caption::check(&panel.caption).map_err(|e| source.error(&panel.caption, e.message, e.help))?;
+        caption::check(&panel.caption).map_err(source.at(&panel.caption))?;
     }
     let applications = Applications::prepare(source, settings, watch)?;
     Ok(Prepared { source, stages, applications })
@@ -147,28 +147,24 @@ impl Prepared<'_> {
         };
         let fault = |e: String| source.error(at, e, "correct the view");
         let stage = panel.scene.as_ref().and_then(|s| self.stages.get(s.as_str()));
-        let (tile, mut values) = match (&**at, stage) {
+        let (mut tile, mut values) = match (&**at, stage) {
             (ViewFile::Apply(view), _) => self.applications.tile(at, view)?,
             (ViewFile::Curves(view), _) => self.applications.chart(at, view)?,
             (view, Some(stage)) => (view::tile(view, stage, &fault)?, stage.values()),
             (_, None) => return Err(fault("this view needs a scene".into()).into()),
         };
-        if let Some(white) = tile.white() {
+        if let Some(white) = tile.white {
             let shown = match white {
                 White::Value(v) => Value::Number(v.into()),
                 White::Nothing => Value::Text("– (no positive values)".into()),
             };
             values.push(("white".into(), shown));
         }
-        let caption = caption::fill(&panel.caption, &values)
-            .map_err(|e| source.error(&panel.caption, e.message, e.help))?;
-        let mut tile = match &panel.aspect {
-            Some(aspect) => tile.with_aspect(**aspect),
-            None => tile,
-        };
-        if !panel.colour_bar {
-            tile = tile.without_bar();
+        let caption = caption::fill(&panel.caption, &values).map_err(source.at(&panel.caption))?;
+        if let (Some(aspect), Some(own)) = (&panel.aspect, &mut tile.aspect) {
+            *own = **aspect;
         }
+        tile.bar.take_if(|_| !panel.colour_bar);
         if let Some(inset) = panel.insets.first().filter(|_| tile.size().is_none()) {
             let help = "remove it, or show a single element";
             let message = "an inset needs a view with a single picture";
@@ -177,10 +173,7 @@ impl Prepared<'_> {
         let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();
         let arrows: Result<_, _> = panel.arrows.iter().map(|a| source.arrow(a)).collect();
         let scale_bar = match (&panel.scale_bar, stage) {
-            (Some(bar), Some(stage)) => Some(
-                view::scale_bar(bar, &stage.scene)
-                    .map_err(|(message, help)| source.error(bar, message, help))?,
-            ),
+            (Some(bar), Some(stage)) => Some(view::scale_bar(bar, &stage.scene).map_err(source.at(bar))?),
             _ => None,
         };
         Ok(Some(Part {

@@ -74,18 +74,24 @@ fn with_panel<T>(
     figure: &Figure,
     draw: impl FnOnce(&str, &Panel) -> Result<T, FigureError>,
 ) -> Result<T, FiguresError> {
-    let slice = store.slice(figure.view.slice())?;
-    // Only profiles draw errors and overflow; other slices may be large.
-    let read = |field| {
-        let drawn = matches!(figure.view, View::Profile(_)) && slice.has(field);
-        drawn.then(|| slice.read_all(field)).transpose()
-    };
-    let mean = slice.read_all(Field::Mean)?;
-    let (std_error, overflow) = (read(Field::StdError)?, read(Field::Overflow)?);
-    let panel = Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() };
     let mut title = figure.name.replace('_', " ");
     if is_denoised(store) {
         title += " (denoised)";
     }
-    Ok(draw(&title, &panel)?)
+    let is_profile = matches!(figure.view, View::Profile(_));
+    read(store, figure.view.slice(), is_profile, |panel| Ok(draw(&title, panel)?))
+}
+
+/// Reads the data of a slice. Only profiles draw errors and overflow; other slices may be large.
+pub(crate) fn read<T, E: From<OpenError> + From<AccessError>>(
+    store: &TensorStore,
+    slice: &str,
+    is_profile: bool,
+    draw: impl FnOnce(&Panel) -> Result<T, E>,
+) -> Result<T, E> {
+    let slice = store.slice(slice)?;
+    let mean = slice.read_all(Field::Mean)?;
+    let of = |field| (is_profile && slice.has(field)).then(|| slice.read_all(field)).transpose();
+    let (std_error, overflow) = (of(Field::StdError)?, of(Field::Overflow)?);
+    draw(&Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() })
 }

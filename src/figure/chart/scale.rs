@@ -104,18 +104,6 @@ impl Scale {
         v.is_finite().then_some(place)
     }
 
-    /// Returns ticks at named values; `None` if there are no names.
-    #[must_use]
-    pub fn named(&self, names: &[(f64, String)]) -> Option<Marks> {
-        let mark = |(v, name): &(f64, String)| {
-            let at = self.place(*v).filter(|at| (0.0..=1.0).contains(at))?;
-            Some((at, name.clone()))
-        };
-        let marks = names.iter().filter_map(mark).collect();
-        let major = Ticks { marks, exponent: 0 };
-        (!names.is_empty()).then_some(Marks { major, minor: vec![] })
-    }
-
     /// Returns ticks with about `most` labels at most.
     #[must_use]
     pub fn marks(&self, most: usize) -> Marks {
@@ -187,6 +175,19 @@ impl Scale {
         }
         Marks { major, minor: vec![] }
     }
+}
+
+/// Returns ticks at the named values of an axis, or by default those of its scale.
+pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Marks) -> Marks {
+    if axis.named.is_empty() {
+        return default(scale);
+    }
+    let mark = |(v, name): &(f64, String)| {
+        let at = scale.place(*v).filter(|at| (0.0..=1.0).contains(at))?;
+        Some((at, name.clone()))
+    };
+    let marks = axis.named.iter().filter_map(mark).collect();
+    Marks { major: Ticks { marks, exponent: 0 }, minor: vec![] }
 }
 
 /// Returns a label with the power of ten of its ticks, inserted before a bracketed unit at the end.

@@ -37,6 +37,14 @@ pub struct Series {
     pub colour: usize,
 }
 
+impl Series {
+    /// Returns the standard error of a point; 0 unless there is a finite positive one.
+    pub(super) fn error(&self, i: usize) -> f64 {
+        let error = self.errors.as_ref().and_then(|e| e.get(i)).copied();
+        error.filter(|e| e.is_finite() && *e > 0.0).unwrap_or(0.0)
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SeriesStyle {
     /// A line through the points.

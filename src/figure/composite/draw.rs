@@ -3,13 +3,13 @@
 use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SAMPLE, SPACE, TICK, layout, ticks};
 use super::parts::{Composite, Ink, Part};
 use crate::chart::legend::sample;
-use crate::chart::{self, Nib, Scales};
+use crate::chart::{self, Marks, Nib, Scales};
 use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::error::FigureError;
-use crate::layout::GRID;
+use crate::layout::{BAR_STEPS, Bar, GRID};
 use crate::text::{Align, INK, Style, fit, width};
 use crate::ticks::Ticks;
-use crate::tile::{Lines, Ramp, Tile};
+use crate::tile::{Lines, Tile};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;
@@ -171,25 +171,22 @@ impl Scribe {
     }
 
     fn axes(&mut self, tile: &Tile, r: Rect) {
-        let (names, (across, minor), up) = match (&tile.axes, &tile.chart) {
+        let (names, across, up) = match (&tile.axes, &tile.chart) {
             (Some([x, y]), _) => {
-                let (across, up) = (ticks(x, r.w, true), ticks(y, r.h, false));
-                ([x.label.clone(), y.label.clone()], (across, vec![]), up)
+                let across = Marks { major: ticks(x, r.w, true), minor: vec![] };
+                ([x.label.clone(), y.label.clone()], across, ticks(y, r.h, false))
             }
-            (None, Some(l)) => {
-                let most = (r.w / 11.0).clamp(2.0, 8.0) as usize;
-                ([l.x.label.clone(), l.y.label.clone()], l.x.marks(most), l.up())
-            }
+            (None, Some(l)) => (l.labels(), l.across((r.w / 11.0).clamp(2.0, 8.0) as usize), l.up()),
             (None, None) => return,
         };
         let bottom = r.y + r.h;
         self.frame(r, INK, THIN);
-        for (at, label) in &across.marks {
+        for (at, label) in &across.major.marks {
             let x = r.x + at * r.w;
             self.line(&[(x, bottom), (x, bottom + MARK)], INK, THIN);
             self.text(label, (x, bottom + MARK + SPACE + TICK / 2.0 - 0.3), Align::Middle, TICK);
         }
-        for x in minor.iter().map(|at| r.x + at * r.w) {
+        for x in across.minor.iter().map(|at| r.x + at * r.w) {
             self.line(&[(x, bottom), (x, bottom + MARK / 2.0)], INK, THIN / 2.0);
         }
         let middle = bottom + MARK + 2.0 * SPACE + TICK + NAME / 2.0 - 0.6;
@@ -215,10 +212,9 @@ impl Scribe {
         self.page.text_up(&name, at, style);
     }
 
-    fn bar(&mut self, bar: &Ramp, r: Rect) {
+    fn bar(&mut self, bar: &Bar, r: Rect) {
         let place = self.snapped(r);
-        let colours: &RgbImage = &bar.colours;
-        self.page.image(place, colours);
+        self.page.image(place, &bar.colours(BAR_STEPS));
         self.frame(r, INK, THIN / 2.0);
         self.beside(&bar.ticks, (r.x + r.w, 1.0), r, &bar.label);
     }
@@ -228,10 +224,10 @@ impl Scribe {
             let y = r.y + (1.0 - at) * r.h;
             self.line(&[(r.x, y), (r.x + r.w, y)], GRID, THIN);
         }
-        let scales = Scales { x: lines.x.scale, y: lines.y.scale, plot: self.snapped(r) };
+        let scales = Scales { x: lines.x, y: lines.y, plot: self.snapped(r) };
         let (palette, nib) = (|i| lines.colour(i), self.nib());
-        chart::curves(&mut self.page, &lines.series, scales, &palette, nib);
-        chart::markers(&mut self.page, &lines.series, scales, &palette, nib);
+        chart::curves(&mut self.page, &lines.chart.series, scales, &palette, nib);
+        chart::markers(&mut self.page, &lines.chart.series, scales, &palette, nib);
     }
 
     /// Returns line widths and marker size of series.
@@ -242,7 +238,7 @@ impl Scribe {
     fn legend(&mut self, lines: &Lines, entries: &[(usize, Point)], r: Rect) {
         let nib = self.nib();
         for (i, at) in entries {
-            let series = &lines.series[*i];
+            let series = &lines.chart.series[*i];
             let place = (self.point(*at), SAMPLE * self.scale);
             let colour = lines.colour(series.colour);
             sample(&mut self.page, place, series, colour, nib);

@@ -130,7 +130,7 @@ fn below(tile: &Tile, w: f64) -> f64 {
 /// legend.
 fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     let (mut out, mut x, mut row) = (vec![], 0.0, 0.0);
-    let named = lines.series.iter().enumerate();
+    let named = lines.chart.series.iter().enumerate();
     for (i, s) in named.filter(|(_, s)| lines.legend && !s.name.trim().is_empty()) {
         let wide = SAMPLE + SPACE + width(s.name.trim(), style(TICK));
         if x > 0.0 && x + wide > w {
@@ -157,8 +157,8 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Returns the rows of the grid: each part's index with its column; empty places are skipped.
-fn rows(figure: &Composite) -> Vec<Vec<(usize, usize)>> {
+/// Returns the rows of the grid: each part with its index and its column; empty places are skipped.
+fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
     for (i, part) in figure.parts.iter().enumerate() {
         let span = part.as_ref().map_or(1, |p| p.span);
@@ -166,11 +166,8 @@ fn rows(figure: &Composite) -> Vec<Vec<(usize, usize)>> {
             rows.push(vec![]);
             column = 0;
         }
-        if part.is_some()
-            && let Some(row) = rows.last_mut()
-        {
-            row.push((i, column));
-        }
+        let row = rows.last_mut();
+        row.expect("begins with one row").extend(part.iter().map(|part| (i, part, column)));
         column += span;
     }
     rows
@@ -185,13 +182,10 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     let n = figure.columns;
     let rows = rows(figure);
     let (mut lefts, mut rights) = (vec![0.0_f64; n], vec![0.0_f64; n]);
-    let part = |i: usize| figure.parts[i].as_ref();
-    for (i, column) in rows.iter().flatten() {
-        if let Some(p) = part(*i) {
-            lefts[*column] = lefts[*column].max(left(&p.tile));
-            let last = column + p.span - 1;
-            rights[last] = rights[last].max(right(&p.tile));
-        }
+    for &(_, part, column) in rows.iter().flatten() {
+        lefts[column] = lefts[column].max(left(&part.tile));
+        let last = column + part.span - 1;
+        rights[last] = rights[last].max(right(&part.tile));
     }
     let head = if figure.row_headings.is_empty() { 0.0 } else { HEADING + 2.0 * SPACE };
     let taken: f64 =
@@ -218,29 +212,23 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         }
         y += HEADING + SPACE;
     }
-    let mut count = 0;
     for (number, row) in rows.iter().enumerate() {
         let mut under = 0.0_f64;
         let mut tallest = 0.0_f64;
         let first = out.panels.len();
-        for (i, column) in row {
-            let Some(part) = part(*i) else { continue };
+        for &(i, part, column) in row {
             let last = column + part.span - 1;
-            let w = xs[last] + p - xs[*column];
-            let placed = place(part, *i, (xs[*column], y), w);
+            let w = xs[last] + p - xs[column];
+            let placed = place(part, i, (xs[column], y), w);
             tallest = tallest.max(placed.picture.h);
             under = under.max(below(&part.tile, w));
             out.panels.push(placed);
         }
         let mut captions = 0.0_f64;
-        for placed in &mut out.panels[first..] {
-            let Some(part) = part(placed.part) else { continue };
-            let name = if figure.letters {
-                let name = letter(count);
-                count += 1;
-                format!("{name} {}", part.caption)
-            } else {
-                part.caption.clone()
+        for (i, (placed, (_, part, _))) in (first..).zip(out.panels[first..].iter_mut().zip(row)) {
+            let name = match figure.letters {
+                true => format!("{} {}", letter(i), part.caption),
+                false => part.caption.clone(),
             };
             let room = placed.picture.w + right(&part.tile);
             let top = y + tallest + under + SPACE;

@@ -11,7 +11,7 @@ pub const MOST_COLUMNS: usize = 16;
 /// Maximum number of panels: letters (a) to (z), then (aa).
 pub const MOST_PANELS: usize = 200;
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Composite {
     /// Title of the document, which is not drawn.
     pub title: String,
@@ -27,7 +27,7 @@ pub struct Composite {
 }
 
 /// A panel with its overlays and its caption.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Part {
     pub tile: Tile,
     /// Width in columns.

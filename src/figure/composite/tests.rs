@@ -58,7 +58,7 @@ fn curves(legend: bool) -> Tile {
         series: vec![series("ours", 0.25, 0), series("theirs", 0.75, 1), series("", 0.5, 2)],
         ..Chart::default()
     };
-    of_chart(&chart, legend).expect("a chart")
+    of_chart(chart, legend).expect("a chart")
 }
 
 /// The legend is under the axis, each name next to its line's colour. Markers are at logarithmic positions.
@@ -148,7 +148,7 @@ fn grids_part_their_panel() {
     let view =
         View::Mueller(MuellerView { slice: "s".into(), wavelength_nm: None, normalized: true, limit: None });
     let panel = Panel { mean: &mean, std_error: None, overflow: None };
-    let tile = of_view(&view, &panel).expect("a grid").without_bar();
+    let tile = Tile { bar: None, ..of_view(&view, &panel).expect("a grid") };
     let places = layout(&figure(1, vec![Some(part(tile))])).expect("places");
     let (r, cells) = (places.panels[0].picture, &places.panels[0].cells);
     let cell = (r.w - 3.0 * CELL_GAP) / 4.0;

@@ -186,7 +186,7 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
     let (mean, error, overflow) = steps();
     let View::Profile(view) = profile_view([3.4, 0.8], [0, 0]) else { unreachable!() };
     let full = Panel { mean: &mean, std_error: Some(&error), overflow: Some(&overflow) };
-    let (drawing, scales) = profile::draw_with_scales(&view, "t", &full).unwrap();
+    let (drawing, scales) = profile::draw(&view, "t", &full).unwrap();
     let img = drawing.pixels().unwrap();
     let (corner, end) = (scales.point((0.0, 0.0)), scales.point((200.0, 0.0)));
     let r = drawing.data;

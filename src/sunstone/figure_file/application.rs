@@ -76,8 +76,7 @@ impl<'a> Applications<'a> {
         let source = self.source;
         let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
         let chain = source.beside(&view.chain);
-        let links = curves::links(view, &chain, &*application)
-            .map_err(|(message, help)| source.error(at, message, help))?;
+        let links = curves::links(view, &chain, &*application).map_err(source.at(at))?;
         let key = (view.name.as_str(), curves::words(view));
         self.add(at, key, application, links)
     }
@@ -218,8 +217,8 @@ impl<'a> Applications<'a> {
         view: &'a CurvesFile,
     ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
         let (run, fit) = self.found(at, (&view.name, curves::words(view)))?;
-        let (tile, mut values) = curves::tile(view, &*run.application, &run.links, fit)
-            .map_err(|(message, help)| self.source.error(at, message, help))?;
+        let (tile, mut values) =
+            curves::tile(view, &*run.application, &run.links, fit).map_err(self.source.at(at))?;
         values.extend(self.sizes(run));
         Ok((tile, values))
     }
@@ -230,8 +229,7 @@ impl<'a> Applications<'a> {
         at: &'a Located<ViewFile>,
         view: &'a ApplyFile,
     ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
-        let source = self.source;
-        let fault = |message: String, help: String| FigureFileError::Input(source.error(at, message, help));
+        let fault = self.source.at(at);
         let (run, fit) = self.found(at, (&view.name, String::new()))?;
         let pictures = &fit.pictures;
         let is =
@@ -240,16 +238,13 @@ impl<'a> Applications<'a> {
             let mut known: Vec<String> = pictures.iter().map(named).collect();
             known.sort();
             known.dedup();
-            return Err(fault(
-                format!(
-                    "application `{}` has no picture `{}` of `{}` for this variant",
-                    view.name, view.picture, view.method
-                ),
-                format!("use one of: {}", known.join("; ")),
-            ));
+            let ApplyFile { name, picture, method, .. } = view;
+            let message =
+                format!("application `{name}` has no picture `{picture}` of `{method}` for this variant");
+            return Err(fault((message, format!("use one of: {}", known.join("; ")))).into());
         };
         let tile = drawn(view, picture, &self.shared(view, picture, pictures))
-            .map_err(|e| fault(e, "correct the view".into()))?;
+            .map_err(|e| fault((e, "correct the view".into())))?;
         Ok((tile, self.values(view, run, fit)?))
     }
 
@@ -328,28 +323,15 @@ fn named(p: &Picture) -> String {
     format!("{} of {}{variant}", p.name, p.method)
 }
 
-/// The displayed channels of an image: red, green and blue, or one.
-enum Shown {
-    Colour,
-    One(usize),
-}
-
 fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Tile, String> {
     let [width, _, channels] = picture.shape;
     let channels = channels.max(1);
-    let shown = match (view.channel, channels) {
-        (Some(c), _) if c < channels => Shown::One(c),
-        (Some(c), _) => {
+    match (view.channel, channels) {
+        (Some(c), _) if c >= channels => {
             return Err(format!("the picture has {channels} channels, counted from 0, and no channel {c}"));
         }
-        (None, 1) => Shown::One(0),
         // Wavelengths ascend: blue comes first.
-        (None, 3) => Shown::Colour,
-        (None, n) => return Err(format!("the picture has {n} channels; choose one with `channel`")),
-    };
-    let title = named(picture);
-    match shown {
-        Shown::Colour => {
+        (None, 3) => {
             let colours = |p: &Picture| -> Vec<[f32; 3]> {
                 let pixels = p.data.chunks_exact(3);
                 pixels.map(|c| [c[2], c[1], c[0]].map(|v| v as f32)).collect()
@@ -359,9 +341,11 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
                 Some([_, white]) => White::Value(white),
                 None => tile::common_white(all.iter().copied()),
             };
-            tile::of_colours(&title, width, colours(picture), white)
+            tile::of_colours(&named(picture), width, colours(picture), white)
         }
-        Shown::One(channel) => {
+        (None, n) if n > 1 => return Err(format!("the picture has {n} channels; choose one with `channel`")),
+        (channel, _) => {
+            let channel = channel.unwrap_or(0);
             let values = |p: &Picture| -> Vec<f32> {
                 let pixels = p.data.chunks_exact(p.shape[2].max(1));
                 pixels.map(|c| c.get(channel).map_or(f32::NAN, |v| *v as f32)).collect()
@@ -380,7 +364,10 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
                 None => Scale::Linear { low: 0.0, high: most },
             };
             let label = if view.label.is_empty() { &picture.name } else { &view.label };
-            tile::of_values(label, width, &values(picture), scale).map(|t| t.with_white(white))
+            tile::of_values(label, width, &values(picture), scale).map(|mut tile| {
+                tile.white = Some(white);
+                tile
+            })
         }
     }
     .map_err(|e| e.to_string())

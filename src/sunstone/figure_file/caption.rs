@@ -1,17 +1,12 @@
 //! Captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
 
+use super::source::Fault;
+
 /// A value for captions.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     Text(String),
     Number(f64),
-}
-
-/// An error in a caption, and its fix.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CaptionError {
-    pub message: String,
-    pub help: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,11 +17,9 @@ enum Piece {
 }
 
 /// Splits a caption at its braces; doubled braces are literal.
-fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
-    let fault = |message: &str| CaptionError {
-        message: message.to_owned(),
-        help: "write {name} or {name:.2} for a value, and {{ and }} for braces".into(),
-    };
+fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
+    let help = "write {name} or {name:.2} for a value, and {{ and }} for braces";
+    let fault = |message: &str| (message.to_owned(), help.to_owned());
     let (mut out, mut text) = (vec![], String::new());
     let mut chars = caption.chars().peekable();
     while let Some(c) = chars.next() {
@@ -65,16 +58,16 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
 /// Checks the syntax of a caption.
 ///
 /// # Errors
-/// [`CaptionError`].
-pub fn check(caption: &str) -> Result<(), CaptionError> {
+/// [`Fault`].
+pub fn check(caption: &str) -> Result<(), Fault> {
     pieces(caption).map(|_| ())
 }
 
 /// Inserts values into a caption.
 ///
 /// # Errors
-/// [`CaptionError`] if it names a value that is not among `known`.
-pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, CaptionError> {
+/// [`Fault`] if it names a value that is not among `known`.
+pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, Fault> {
     let mut out = String::new();
     for piece in pieces(caption)? {
         match piece {
@@ -82,10 +75,10 @@ pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, CaptionE
             Piece::Value(name, digits) => {
                 let Some((_, value)) = known.iter().find(|(n, _)| *n == name) else {
                     let names: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
-                    return Err(CaptionError {
-                        message: format!("the caption uses a value `{name}` that this panel does not have"),
-                        help: format!("use one of: {}", names.join(", ")),
-                    });
+                    return Err((
+                        format!("the caption uses a value `{name}` that this panel does not have"),
+                        format!("use one of: {}", names.join(", ")),
+                    ));
                 };
                 match (value, digits) {
                     (Value::Text(text), _) => out += text,
@@ -112,12 +105,12 @@ mod tests {
             ("nothing".to_owned(), Value::Number(f64::NAN)),
         ];
         let say = |text: &str| fill(text, &known);
-        assert_eq!(say("{method}: {area under the curve:.2} {{x}}").as_deref(), Ok("ours: 0.99 {x}"));
-        assert_eq!(say("{nothing:.1} plain").as_deref(), Ok("– plain"));
+        assert_eq!(say("{method}: {area under the curve:.2} {{x}}"), Ok("ours: 0.99 {x}".into()));
+        assert_eq!(say("{nothing:.1} plain"), Ok("– plain".into()));
         for bad in ["{metod}", "{method", "method}", "{method:.x}", "{{method}", "{a{b}}"] {
             assert!(say(bad).is_err(), "{bad}");
         }
-        assert!(say("{metod}").is_err_and(|e| e.help.contains("area under the curve")));
+        assert!(say("{metod}").is_err_and(|(_, help)| help.contains("area under the curve")));
     }
 
     proptest! {

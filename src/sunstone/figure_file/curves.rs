@@ -11,11 +11,9 @@ use std::path::Path;
 use super::caption::Value;
 use super::file::CurvesFile;
 use super::kept::{Fit, Point};
+use super::source::Fault;
 use crate::applications::curves;
 use crate::applications::links::{self, Links, Part, WHOLE};
-
-/// An error in a view, and its fix.
-type Fault = (String, String);
 
 /// Returns a description that distinguishes the capture chains of views.
 pub fn words(view: &CurvesFile) -> String {
@@ -157,7 +155,7 @@ pub fn tile(
         };
         chart.series.insert(0, level);
     }
-    let tile = tile::of_chart(&chart, view.legend)
+    let tile = tile::of_chart(chart, view.legend)
         .map_err(|e| (e.to_string(), "correct the view, or sweep other values".to_owned()))?;
     let mut values = vec![("metric".to_owned(), Value::Text(metric.name.to_owned()))];
     let answer = || fit.verdicts.iter().filter(|v| v.metric == metric.name);

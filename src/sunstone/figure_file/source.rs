@@ -13,6 +13,9 @@ const MOST_PIXELS: u32 = 8192;
 /// Maximum samples per pixel.
 const MOST_SAMPLES: u32 = 1 << 24;
 
+/// An error without its location, and its fix.
+pub type Fault = (String, String);
+
 /// A figure file with its text.
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -63,6 +66,11 @@ impl Source {
             message: message.into(),
             help: Some(help.into()),
         }
+    }
+
+    /// Returns a function that adds a location to an error.
+    pub(super) fn at<T>(&self, at: &Located<T>) -> impl Fn(Fault) -> InputError {
+        move |(message, help)| self.error(at, message, help)
     }
 
     /// Returns the path of a file that is named relative to the figure file.

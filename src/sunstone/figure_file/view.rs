@@ -4,13 +4,11 @@ use base::locate::{InputError, Located};
 use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
-use figure::{FigureError, Panel, White, element};
+use figure::{FigureError, White, element};
 use glam::DVec2;
 use polarimetry::decompose::maps::{self, Quantity};
-use store::zarr::TensorStore;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
-use tensor::field::Field;
 use tensor::layers::{LayerValues, Parts};
 use tensor::slice::{Polarization, Slice, TimeSelect};
 use transport::render::layers;
@@ -18,7 +16,9 @@ use transport::render::sight::Viewer;
 use transport::scene::Scene;
 
 use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};
+use super::source::Fault;
 use super::stage::{FigureFileError, Stage};
+use crate::figures;
 
 /// Returns the corresponding view of the `figure` crate.
 fn plain(view: &ViewFile) -> Option<View> {
@@ -40,14 +40,9 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     if let (Some(plain), Some(slice)) = (plain(view), slice) {
         return figure::check(&plain, slice, scene.wavelengths.nm()).map_err(|e| e.to_string());
     }
-    let mueller = |slice: &Slice| {
-        if slice.polarization == Polarization::Mueller {
-            return Ok(());
-        }
-        Err(format!(
-            "slice `{}` has no Stokes axis; use a slice with `polarization = \"mueller\"`",
-            slice.name
-        ))
+    let mueller = |Slice { name, polarization, .. }: &Slice| match polarization {
+        Polarization::Mueller => Ok(()),
+        _ => Err(format!("slice `{name}` has no Stokes axis; use a slice with `polarization = \"mueller\"`")),
     };
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {
@@ -62,8 +57,8 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
         }
         (ViewFile::Layer(v), _) => {
             // A scene of one pixel has all layers.
-            let mut small = Vec::new();
-            let known = names(scene, &mut small);
+            let options = layers::Options { side: 1, ..layers::Options::default() };
+            let known: Vec<&str> = layers::layers(scene, options).layers.iter().map(|l| l.name).collect();
             if known.contains(&v.layer.as_str()) {
                 return Ok(());
             }
@@ -71,12 +66,6 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
         }
         _ => Ok(()),
     }
-}
-
-fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static str] {
-    let options = layers::Options { side: 1, ..layers::Options::default() };
-    room.extend(layers::layers(scene, options).layers.iter().map(|l| l.name));
-    room
 }
 
 /// Returns the tile of a view of a scene.
@@ -92,26 +81,12 @@ pub fn tile(
     let (Some(store), Some(name)) = (&stage.store, view.slice()) else {
         return Err(fault("this view needs a slice".into()).into());
     };
-    let mean = read(store, name, Field::Mean)?;
-    let stored = store.slice(name)?;
-    let of = |field| {
-        let drawn = matches!(view, ViewFile::Profile(_)) && stored.has(field);
-        drawn.then(|| stored.read_all(field)).transpose()
-    };
-    let (std_error, overflow) = (of(Field::StdError)?, of(Field::Overflow)?);
-    let panel = Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() };
-    if let Some(plain) = plain(view) {
-        return tile::of_view(&plain, &panel).map_err(bad);
-    }
-    match view {
-        ViewFile::Element(v) => element::tile(v, &panel).map_err(bad),
-        ViewFile::Decomposition(v) => decomposition(v, &mean).map_err(|e| fault(e).into()),
+    figures::read(store, name, matches!(view, ViewFile::Profile(_)), |panel| match (plain(view), view) {
+        (Some(plain), _) => tile::of_view(&plain, panel).map_err(bad),
+        (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
+        (None, ViewFile::Decomposition(v)) => decomposition(v, panel.mean).map_err(|e| fault(e).into()),
         _ => Err(fault("this view needs a slice".into()).into()),
-    }
-}
-
-fn read(store: &TensorStore, name: &str, field: Field) -> Result<Tensor, FigureFileError> {
-    Ok(store.slice(name)?.read_all(field)?)
+    })
 }
 
 /// Returns the quantity, its name and its scale.
@@ -174,6 +149,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
         "1" | "" => view.layer.replace('_', " "),
         unit => format!("{} [{unit}]", view.layer.replace('_', " ")),
     };
+    let colours = |colours: Vec<[f32; 3]>| tile::of_colours(&name, width, colours, White::Value(1.0));
     let drawn = match (&layer.values, layer.parts) {
         (LayerValues::Number(all), _) => {
             let values: Vec<f32> = all.iter().map(|v| *v as f32).collect();
@@ -189,12 +165,10 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
         }
         // The usual colours of normals: (1 + n) / 2 in 0 to 1.
         (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
-            let colours = all.chunks_exact(3).map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v));
-            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
+            colours(all.chunks_exact(3).map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v)).collect())
         }
         (LayerValues::Real(all), Parts::Wavelengths) if set.channels(layer) == 3 => {
-            let colours = all.chunks_exact(3).map(|c| [c[2], c[1], c[0]]);
-            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
+            colours(all.chunks_exact(3).map(|c| [c[2], c[1], c[0]]).collect())
         }
         _ => {
             return Err(format!(
@@ -207,7 +181,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
 }
 
 /// Returns the reference length in the image at the depth of a point, or an error with its fix.
-pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, (String, String)> {
+pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, Fault> {
     let camera = &scene.camera;
     let [w, h] = camera.resolution.map(f64::from);
     let at = DVec2::new(bar.of[0] * w, bar.of[1] * h);
