@@ -107,15 +107,29 @@ pub struct SlicePlan {
     pub(super) wavelengths: usize,
 }
 
-/// Returns the index table of a selection of `n` pixels along one axis.
-fn index_table(n: u32, list: Option<&[u32]>, first: u32, count: u32, bin: u32) -> Vec<u32> {
-    (0..n)
-        .map(|i| match list {
-            Some(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
-            None if i >= first && i - first < count => (i - first) / bin,
-            None => DROPPED,
-        })
-        .collect()
+/// The pixels that a slice keeps along one axis: first, count, and number of pixels per index; or a list.
+#[derive(Clone, Copy)]
+enum Kept<'a> {
+    Run(u32, u32, u32),
+    List(&'a [u32]),
+}
+
+impl Kept<'_> {
+    const ALL: Self = Self::binned(1);
+
+    const fn binned(bin: u32) -> Self {
+        Self::Run(0, u32::MAX, bin)
+    }
+
+    /// Returns the index of each of `n` pixels, or [`DROPPED`].
+    fn indices(&self, n: u32) -> Vec<u32> {
+        let index = |i: u32| match *self {
+            Self::List(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
+            Self::Run(first, count, bin) if i >= first && i - first < count => (i - first) / bin,
+            Self::Run(..) => DROPPED,
+        };
+        (0..n).map(index).collect()
+    }
 }
 
 impl SlicePlan {
@@ -123,15 +137,14 @@ impl SlicePlan {
     #[must_use]
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let [w, h] = extents.camera;
-        let camera = match &slice.camera {
-            CameraSelect::All => [index_table(h, None, 0, h, 1), index_table(w, None, 0, w, 1)],
-            CameraSelect::Rows(r) => [index_table(h, Some(r), 0, 0, 1), index_table(w, None, 0, w, 1)],
-            CameraSelect::Columns(c) => [index_table(h, None, 0, h, 1), index_table(w, Some(c), 0, 0, 1)],
-            CameraSelect::Block(b) => [index_table(h, None, b.y, b.h, 1), index_table(w, None, b.x, b.w, 1)],
-            CameraSelect::Binned { nx, ny } => {
-                [index_table(h, None, 0, h, *ny), index_table(w, None, 0, w, *nx)]
-            }
+        let [rows, columns] = match &slice.camera {
+            CameraSelect::All => [Kept::ALL; 2],
+            CameraSelect::Rows(r) => [Kept::List(r), Kept::ALL],
+            CameraSelect::Columns(c) => [Kept::ALL, Kept::List(c)],
+            CameraSelect::Block(b) => [Kept::Run(b.y, b.h, 1), Kept::Run(b.x, b.w, 1)],
+            CameraSelect::Binned { nx, ny } => [Kept::binned(*ny), Kept::binned(*nx)],
         };
+        let camera = [rows.indices(h), columns.indices(w)];
         let count = |table: &[u32]| {
             let mut counts = Vec::new();
             for &i in table.iter().filter(|i| **i != DROPPED) {
@@ -143,19 +156,15 @@ impl SlicePlan {
         let per_index = [count(&camera[0]), count(&camera[1])];
         let [pw, ph] = extents.projector.unwrap_or([0, 0]);
         let projector = match &slice.projector {
-            ProjectorSelect::All => [index_table(ph, None, 0, ph, 1), index_table(pw, None, 0, pw, 1)],
-            ProjectorSelect::Rows(r) => [index_table(ph, Some(r), 0, 0, 1), index_table(pw, None, 0, pw, 1)],
-            ProjectorSelect::Columns(c) => {
-                [index_table(ph, None, 0, ph, 1), index_table(pw, Some(c), 0, 0, 1)]
-            }
-            ProjectorSelect::Block(b) => {
-                [index_table(ph, None, b.y, b.h, 1), index_table(pw, None, b.x, b.w, 1)]
-            }
-            ProjectorSelect::Binned { nx, ny } => {
-                [index_table(ph, None, 0, ph, *ny), index_table(pw, None, 0, pw, *nx)]
-            }
-            _ => [vec![], vec![]],
+            ProjectorSelect::All => Some([Kept::ALL; 2]),
+            ProjectorSelect::Rows(r) => Some([Kept::List(r), Kept::ALL]),
+            ProjectorSelect::Columns(c) => Some([Kept::ALL, Kept::List(c)]),
+            ProjectorSelect::Block(b) => Some([Kept::Run(b.y, b.h, 1), Kept::Run(b.x, b.w, 1)]),
+            ProjectorSelect::Binned { nx, ny } => Some([Kept::binned(*ny), Kept::binned(*nx)]),
+            _ => None,
         };
+        let indices = |[rows, columns]: [Kept; 2]| [rows.indices(ph), columns.indices(pw)];
+        let projector = projector.map_or([vec![], vec![]], indices);
         let layout = SliceLayout::new(slice, extents);
         let len = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].len());
         let (bins, bounces, components) =

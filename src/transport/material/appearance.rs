@@ -1,6 +1,6 @@
 //! Ground-truth quantities of a material at a point: the visible plain material, its normal and its albedo.
 
-use super::{Lobe, Material, Materials, Specular};
+use super::{Lobe, Material, Materials, Specular, mirror_or_sheet};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::spectrum::Spectral;
@@ -49,18 +49,13 @@ impl Materials {
             }
             Material::NormalMap(m) => self.albedo(m.material, at, wo),
             Material::PartialDepolarizer(m) => self.albedo(m.material, at, wo),
-            Material::Conductor(_)
-            | Material::RoughConductor(_)
+            mirror_or_sheet!()
             | Material::Dielectric(_)
-            | Material::RoughDielectric(_)
-            | Material::CoatedConductor(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
             | Material::Crystal(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
             | Material::RoughCrystal(_)
-            | Material::Measured(_)
-            | Material::Null => None,
+            | Material::Measured(_) => None,
         }
     }
 

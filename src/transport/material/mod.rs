@@ -27,7 +27,6 @@ pub mod measured;
 pub mod normal_map;
 pub mod null;
 pub mod partial_depolarizer;
-pub mod parts;
 pub mod plastic;
 pub mod polarizer;
 pub mod retarder;
@@ -47,7 +46,6 @@ pub use lanes::{Lanes, varies};
 pub use lobe::{Lobe, Lobes, Sampled, Specular};
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
-use parts::Parts;
 pub use side::facing;
 use texture::Textures;
 
@@ -73,6 +71,31 @@ pub enum Material {
     Measured(measured::Measured),
     /// A boundary that does not affect light.
     Null,
+}
+
+/// Matches smooth metals and sheets, which have delta lobes only and no inside.
+macro_rules! mirror_or_sheet {
+    () => {
+        Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Null
+    };
+}
+use mirror_or_sheet;
+
+/// Matches plain materials without delta lobes.
+macro_rules! extended {
+    () => {
+        Material::Diffuse(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
+            | Material::RoughCrystal(_)
+            | Material::Plastic(_)
+            | Material::Measured(_)
+    };
 }
 
 /// All materials of a scene with their shared textures and tables.
@@ -102,20 +125,8 @@ impl Materials {
     #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
-            Material::Diffuse(_)
-            | Material::RoughConductor(_)
-            | Material::RoughDielectric(_)
-            | Material::RoughCrystal(_)
-            | Material::Plastic(_)
-            | Material::Measured(_) => true,
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => false,
+            extended!() => true,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => false,
             composite @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
@@ -130,7 +141,7 @@ impl Materials {
             Material::Blend(m) => self.has_extended_lobe(m.a) || self.has_extended_lobe(m.b),
             Material::NormalMap(m) => self.has_extended_lobe(m.material),
             Material::PartialDepolarizer(m) => self.has_extended_lobe(m.material),
-            _ => false,
+            _ => unreachable!("plain materials are handled by the caller"),
         }
     }
 
@@ -150,14 +161,7 @@ impl Materials {
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.eval(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.eval(&self.textures, at, wo, wi),
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => None,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => None,
             rest @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
@@ -171,13 +175,15 @@ impl Materials {
     /// materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
-            Material::TwoSided(m) => m.eval(self, at, wo, wi),
+            Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
             Material::Blend(m) => m.eval(self, at, wo, wi),
-            Material::NormalMap(m) => m.eval(self, at, wo, wi),
-            Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
-            Material::RoughCrystal(m) => m.eval(&self.textures, at, wo, wi),
+            Material::NormalMap(m) => self.eval(m.material, &m.turned(self, at), wo, wi),
+            Material::PartialDepolarizer(m) => {
+                self.eval(m.material, at, wo, wi).map(|s| m.apply(self, at, &s, wo, wi))
+            }
+            Material::RoughCrystal(m) => m.faces().eval(&self.textures, at, wo, wi),
             Material::Measured(m) => m.eval(&self.tables, at, wo, wi),
-            _ => None,
+            _ => unreachable!("the common materials are handled by the caller"),
         }
     }
 
@@ -189,19 +195,12 @@ impl Materials {
             Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.pdf(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.pdf(&self.textures, at, wo, wi),
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => 0.0,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
-            Material::NormalMap(m) => m.pdf(self, at, wo, wi),
+            Material::NormalMap(m) => self.pdf(m.material, &m.turned(self, at), wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
-            Material::RoughCrystal(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::RoughCrystal(m) => m.faces().pdf(&self.textures, at, wo, wi),
             Material::Measured(m) => m.pdf(&self.tables, at, wo, wi),
         }
     }
@@ -253,8 +252,12 @@ impl Materials {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
-            Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
-            Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+            Material::NormalMap(m) => self.sample(m.material, &m.turned(self, at), wo, lanes, stream),
+            Material::PartialDepolarizer(m) => {
+                let mut s = self.sample(m.material, at, wo, lanes, stream)?;
+                s.scatter = m.apply(self, at, &s.scatter, wo, s.wi);
+                Some(s)
+            }
             Material::CoatedConductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
             Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
@@ -268,7 +271,7 @@ impl Materials {
             | Material::RoughConductor(_)
             | Material::Dielectric(_)
             | Material::RoughDielectric(_)
-            | Material::Plastic(_) => None,
+            | Material::Plastic(_) => unreachable!("the common materials are handled by the caller"),
         }
     }
 
@@ -279,22 +282,18 @@ impl Materials {
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
-            (
-                Material::Diffuse(_)
-                | Material::RoughConductor(_)
-                | Material::RoughDielectric(_)
-                | Material::RoughCrystal(_)
-                | Material::Plastic(_)
-                | Material::Measured(_),
-                _,
-            ) => None,
+            (extended!(), _) => None,
             (Material::Conductor(m), Lobe::Reflected) => m.specular(&self.textures, at, wo),
             (Material::Conductor(_), Lobe::Transmitted) => None,
             (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
             (Material::TwoSided(m), _) => self.specular(m.side(at, wo)?, at, wo, lobe, lane),
             (Material::Blend(m), _) => m.specular(self, at, wo, lobe, lane),
-            (Material::NormalMap(m), _) => m.specular(self, at, wo, lobe, lane),
-            (Material::PartialDepolarizer(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::NormalMap(m), _) => self.specular(m.material, &m.turned(self, at), wo, lobe, lane),
+            (Material::PartialDepolarizer(m), _) => {
+                let mut s = self.specular(m.material, at, wo, lobe, lane)?;
+                s.scatter = m.apply(self, at, &s.scatter, wo, s.wi);
+                Some(s)
+            }
             (Material::CoatedConductor(m), Lobe::Reflected) => m.specular(at, wo),
             (Material::CoatedConductor(_), Lobe::Transmitted) => None,
             (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
@@ -370,17 +369,12 @@ impl Materials {
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
             Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
-            Material::RoughCrystal(m) => Some(m.beyond(id, at, wo, lanes)),
+            Material::RoughCrystal(m) => Some(m.crystal.beyond(id, at, wo, lanes)),
             Material::Diffuse(_)
-            | Material::Conductor(_)
             | Material::RoughConductor(_)
             | Material::Plastic(_)
             | Material::Measured(_)
-            | Material::CoatedConductor(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Null => None,
+            | mirror_or_sheet!() => None,
         }
     }
 
@@ -418,39 +412,5 @@ impl Materials {
             Material::RoughCrystal(m) => Some(m.crystal.propagate(dir, length)),
             _ => None,
         }
-    }
-}
-
-impl Parts for Materials {
-    #[inline]
-    fn textures(&self) -> &Textures {
-        &self.textures
-    }
-
-    #[inline]
-    fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        self.eval(id, at, wo, wi)
-    }
-
-    #[inline]
-    fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        self.pdf(id, at, wo, wi)
-    }
-
-    #[inline]
-    fn sample(
-        &self,
-        id: u32,
-        at: &Surface,
-        wo: Vec3A,
-        lanes: &mut Lanes,
-        stream: &mut Stream,
-    ) -> Option<Sampled> {
-        self.sample(id, at, wo, lanes, stream)
-    }
-
-    #[inline]
-    fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
-        self.specular(id, at, wo, lobe, lane)
     }
 }
