@@ -66,7 +66,6 @@ impl<'a> Contributions<'a> {
 impl Contribution {
     /// Returns its elements, row by row, from the list of all elements.
     #[inline]
-    #[must_use]
     pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
         &elements[self.first as usize..self.first as usize + self.extent.count()]
     }
@@ -134,7 +133,6 @@ impl Kept<'_> {
 
 impl SlicePlan {
     /// Prepares a slice for a render of the given extents.
-    #[must_use]
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let [w, h] = extents.camera;
         let [rows, columns] = match &slice.camera {
@@ -200,25 +198,17 @@ impl SlicePlan {
         self.inner + self.overflow
     }
 
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.slice.name
-    }
-
-    #[must_use]
     pub fn layout(&self) -> &SliceLayout {
         &self.layout
     }
 
     /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).
-    #[must_use]
     pub fn pixels_per_element(&self) -> u32 {
         let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
     /// Returns the projector pixels that the slice keeps, if they are few enough to sample from.
-    #[must_use]
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }
@@ -237,14 +227,12 @@ impl SlicePlan {
     }
 
     /// Returns true if the slice uses [`Contribution::label`].
-    #[must_use]
-    pub fn needs_labels(&self) -> bool {
+    pub(crate) fn needs_labels(&self) -> bool {
         self.slice.labels
     }
 
     /// Returns true if the slice uses [`Contribution::epipolar_px`].
-    #[must_use]
-    pub fn needs_epipolar(&self) -> bool {
+    pub(crate) fn needs_epipolar(&self) -> bool {
         matches!(
             self.slice.projector,
             ProjectorSelect::Epipolar { .. }
@@ -255,8 +243,7 @@ impl SlicePlan {
 
     /// Returns the indices along `y`, `x` of camera pixel (x, y), or `None` if it is not kept.
     #[inline]
-    #[must_use]
-    pub fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
+    pub(crate) fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
         let at = [self.camera[0][y as usize], self.camera[1][x as usize]];
         (at[0] != DROPPED && at[1] != DROPPED).then_some(at)
     }

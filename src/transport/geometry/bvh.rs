@@ -286,8 +286,7 @@ impl Geometry {
     }
 
     /// Returns true if [`Self::facet`] identifies the triangles of this material.
-    #[must_use]
-    pub fn has_facets(&self, material: u32) -> bool {
+    pub(crate) fn has_facets(&self, material: u32) -> bool {
         self.facets.materials.contains(&material)
     }
 

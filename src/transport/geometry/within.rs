@@ -45,8 +45,7 @@ impl Geometry {
     }
 
     /// Returns every primitive of a group, in the group's coordinates, with its index in [`Hit::leaf`].
-    #[must_use]
-    pub fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
+    pub(crate) fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
         let tree = &self.groups[group as usize].tree;
         let (mut found, mut todo) = (vec![], vec![0]);
         while let Some(node) = todo.pop() {

@@ -56,8 +56,7 @@ impl Materials {
 
     /// Samples one kind by its intensity for unpolarized light, and returns it divided by its probability;
     /// `None` if there is none.
-    #[must_use]
-    pub fn draw_lobe(
+    pub(crate) fn draw_lobe(
         &self,
         id: u32,
         at: &Surface,

@@ -16,7 +16,7 @@ pub mod constants;
 pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
-pub mod double_refraction;
+mod double_refraction;
 pub mod facets;
 pub mod filling;
 mod interfaces;
@@ -25,7 +25,7 @@ pub mod lobe;
 mod lobes;
 pub mod measured;
 pub mod normal_map;
-pub mod null;
+mod null;
 pub mod partial_depolarizer;
 pub mod plastic;
 pub mod polarizer;
@@ -154,8 +154,7 @@ impl Materials {
 
     /// [`Self::eval`], always inlined. Only one loop gains enough from inlining to justify the code size.
     #[inline(always)]
-    #[must_use]
-    pub fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
@@ -306,8 +305,7 @@ impl Materials {
     }
 
     /// Returns true if some material transmits light undeflected, so that connections must test for it.
-    #[must_use]
-    pub fn any_straight(&self) -> bool {
+    pub(crate) fn any_straight(&self) -> bool {
         // Composite materials need no case: their parts are in the same list.
         self.list.iter().any(|m| {
             matches!(
@@ -318,8 +316,7 @@ impl Materials {
     }
 
     /// Returns true if some material redirects light from one direction into a single other direction.
-    #[must_use]
-    pub fn any_redirecting(&self) -> bool {
+    pub(crate) fn any_redirecting(&self) -> bool {
         self.list.iter().any(|m| {
             matches!(
                 m,
@@ -332,8 +329,7 @@ impl Materials {
     }
 
     /// Returns the probability that [`Self::sample`] transmits light without deflection.
-    #[must_use]
-    pub fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
+    pub(crate) fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
         let of = |id| self.straight_chance(id, at, wo, lanes);
         match &self.list[id as usize] {
             Material::Null | Material::Polarizer(_) | Material::Retarder(_) => 1.0,
@@ -379,20 +375,17 @@ impl Materials {
     }
 
     /// Returns true if some normal map is a bump map.
-    #[must_use]
-    pub fn any_heights(&self) -> bool {
+    pub(crate) fn any_heights(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
-    #[must_use]
-    pub fn any_null(&self) -> bool {
+    pub(crate) fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
     /// Returns true if the material is a crystal with smooth faces.
     #[inline]
-    #[must_use]
-    pub fn is_crystal(&self, id: u32) -> bool {
+    pub(crate) fn is_crystal(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::Crystal(_))
     }
 

@@ -9,7 +9,7 @@ pub mod henyey_greenstein;
 pub mod mie;
 pub mod nesting;
 pub mod presets;
-pub mod products;
+mod products;
 pub mod rayleigh;
 pub mod scattered;
 pub mod size_distribution;
@@ -154,8 +154,7 @@ impl Media {
 
     /// Returns the minimum μ_t over all lanes of a homogeneous medium; 0 for others.
     #[inline]
-    #[must_use]
-    pub fn clearest(&self, id: u32, lanes: usize) -> f32 {
+    pub(crate) fn clearest(&self, id: u32, lanes: usize) -> f32 {
         let medium = &self.list[id as usize];
         if medium.density != NO_GRID {
             return 0.0;
@@ -183,8 +182,7 @@ impl Media {
 
     /// Returns the density of [`Self::sample_direction`] per steradian of `wi` for each lane.
     #[inline]
-    #[must_use]
-    pub fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
+    pub(crate) fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
         self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
