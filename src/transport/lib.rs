@@ -22,6 +22,6 @@ pub mod scene;
 
 pub mod strategy;
 
-pub mod accumulate;
+mod accumulate;
 
 pub mod render;

@@ -82,8 +82,7 @@ impl Strategies {
 
     /// Returns true if some strategy traces paths from the emitters.
     #[inline]
-    #[must_use]
-    pub fn walk_from_light(self) -> bool {
+    pub(crate) fn walk_from_light(self) -> bool {
         self.has(Strategy::LightTracing) || self.has(Strategy::VertexConnection)
     }
 }

@@ -90,8 +90,7 @@ impl Integrator {
 
     /// Returns true if paths are also traced from the emitters.
     #[inline]
-    #[must_use]
-    pub fn walks_from_light(self) -> bool {
+    pub(crate) fn walks_from_light(self) -> bool {
         matches!(self, Self::Caustics | Self::Bidirectional)
     }
 }

@@ -74,8 +74,8 @@ fn make_cases() -> Vec<(&'static str, Media)> {
 /// Samples one of the lanes uniformly: returns the direction, and the matrix over the lanes' mean density.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
-    let (wi, scatter, densities) = media.sample_lane(0, wo, lane, stream);
-    (wi, scatter.scaled(Spectral::splat(1.0 / lanes.mean(densities))))
+    let wi = media.sample_direction(0, wo, lane, stream);
+    (wi, media.eval(0, wo, wi).scaled(Spectral::splat(1.0 / media.pdf(0, lanes, wo, wi))))
 }
 
 fn all() -> Lanes {

@@ -241,7 +241,6 @@ pub struct TileAccumulator<'a> {
 
 impl<'a> TileAccumulator<'a> {
     /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable.
-    #[must_use]
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
             plans,
@@ -282,8 +281,7 @@ impl<'a> TileAccumulator<'a> {
 
     /// Starts camera pixel (x, y). Returns false if no slice keeps it; the pixel is then already finished.
     #[inline]
-    #[must_use]
-    pub fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
+    pub(crate) fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
         self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
         self.keeping.clear();
         let kept = (0..self.plans.len()).filter(|k| self.plans[*k].camera_index(x, y).is_some());

@@ -66,7 +66,6 @@ impl<'a> Contributions<'a> {
 impl Contribution {
     /// Returns its elements, row by row, from the list of all elements.
     #[inline]
-    #[must_use]
     pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
         &elements[self.first as usize..self.first as usize + self.extent.count()]
     }
@@ -107,31 +106,43 @@ pub struct SlicePlan {
     pub(super) wavelengths: usize,
 }
 
-/// Returns the index table of a selection of `n` pixels along one axis.
-fn index_table(n: u32, list: Option<&[u32]>, first: u32, count: u32, bin: u32) -> Vec<u32> {
-    (0..n)
-        .map(|i| match list {
-            Some(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
-            None if i >= first && i - first < count => (i - first) / bin,
-            None => DROPPED,
-        })
-        .collect()
+/// The pixels that a slice keeps along one axis: first, count, and number of pixels per index; or a list.
+#[derive(Clone, Copy)]
+enum Kept<'a> {
+    Run(u32, u32, u32),
+    List(&'a [u32]),
+}
+
+impl Kept<'_> {
+    const ALL: Self = Self::binned(1);
+
+    const fn binned(bin: u32) -> Self {
+        Self::Run(0, u32::MAX, bin)
+    }
+
+    /// Returns the index of each of `n` pixels, or [`DROPPED`].
+    fn indices(&self, n: u32) -> Vec<u32> {
+        let index = |i: u32| match *self {
+            Self::List(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
+            Self::Run(first, count, bin) if i >= first && i - first < count => (i - first) / bin,
+            Self::Run(..) => DROPPED,
+        };
+        (0..n).map(index).collect()
+    }
 }
 
 impl SlicePlan {
     /// Prepares a slice for a render of the given extents.
-    #[must_use]
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let [w, h] = extents.camera;
-        let camera = match &slice.camera {
-            CameraSelect::All => [index_table(h, None, 0, h, 1), index_table(w, None, 0, w, 1)],
-            CameraSelect::Rows(r) => [index_table(h, Some(r), 0, 0, 1), index_table(w, None, 0, w, 1)],
-            CameraSelect::Columns(c) => [index_table(h, None, 0, h, 1), index_table(w, Some(c), 0, 0, 1)],
-            CameraSelect::Block(b) => [index_table(h, None, b.y, b.h, 1), index_table(w, None, b.x, b.w, 1)],
-            CameraSelect::Binned { nx, ny } => {
-                [index_table(h, None, 0, h, *ny), index_table(w, None, 0, w, *nx)]
-            }
+        let [rows, columns] = match &slice.camera {
+            CameraSelect::All => [Kept::ALL; 2],
+            CameraSelect::Rows(r) => [Kept::List(r), Kept::ALL],
+            CameraSelect::Columns(c) => [Kept::ALL, Kept::List(c)],
+            CameraSelect::Block(b) => [Kept::Run(b.y, b.h, 1), Kept::Run(b.x, b.w, 1)],
+            CameraSelect::Binned { nx, ny } => [Kept::binned(*ny), Kept::binned(*nx)],
         };
+        let camera = [rows.indices(h), columns.indices(w)];
         let count = |table: &[u32]| {
             let mut counts = Vec::new();
             for &i in table.iter().filter(|i| **i != DROPPED) {
@@ -143,19 +154,15 @@ impl SlicePlan {
         let per_index = [count(&camera[0]), count(&camera[1])];
         let [pw, ph] = extents.projector.unwrap_or([0, 0]);
         let projector = match &slice.projector {
-            ProjectorSelect::All => [index_table(ph, None, 0, ph, 1), index_table(pw, None, 0, pw, 1)],
-            ProjectorSelect::Rows(r) => [index_table(ph, Some(r), 0, 0, 1), index_table(pw, None, 0, pw, 1)],
-            ProjectorSelect::Columns(c) => {
-                [index_table(ph, None, 0, ph, 1), index_table(pw, Some(c), 0, 0, 1)]
-            }
-            ProjectorSelect::Block(b) => {
-                [index_table(ph, None, b.y, b.h, 1), index_table(pw, None, b.x, b.w, 1)]
-            }
-            ProjectorSelect::Binned { nx, ny } => {
-                [index_table(ph, None, 0, ph, *ny), index_table(pw, None, 0, pw, *nx)]
-            }
-            _ => [vec![], vec![]],
+            ProjectorSelect::All => Some([Kept::ALL; 2]),
+            ProjectorSelect::Rows(r) => Some([Kept::List(r), Kept::ALL]),
+            ProjectorSelect::Columns(c) => Some([Kept::ALL, Kept::List(c)]),
+            ProjectorSelect::Block(b) => Some([Kept::Run(b.y, b.h, 1), Kept::Run(b.x, b.w, 1)]),
+            ProjectorSelect::Binned { nx, ny } => Some([Kept::binned(*ny), Kept::binned(*nx)]),
+            _ => None,
         };
+        let indices = |[rows, columns]: [Kept; 2]| [rows.indices(ph), columns.indices(pw)];
+        let projector = projector.map_or([vec![], vec![]], indices);
         let layout = SliceLayout::new(slice, extents);
         let len = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].len());
         let (bins, bounces, components) =
@@ -191,25 +198,17 @@ impl SlicePlan {
         self.inner + self.overflow
     }
 
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.slice.name
-    }
-
-    #[must_use]
     pub fn layout(&self) -> &SliceLayout {
         &self.layout
     }
 
     /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).
-    #[must_use]
     pub fn pixels_per_element(&self) -> u32 {
         let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
     /// Returns the projector pixels that the slice keeps, if they are few enough to sample from.
-    #[must_use]
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }
@@ -228,14 +227,12 @@ impl SlicePlan {
     }
 
     /// Returns true if the slice uses [`Contribution::label`].
-    #[must_use]
-    pub fn needs_labels(&self) -> bool {
+    pub(crate) fn needs_labels(&self) -> bool {
         self.slice.labels
     }
 
     /// Returns true if the slice uses [`Contribution::epipolar_px`].
-    #[must_use]
-    pub fn needs_epipolar(&self) -> bool {
+    pub(crate) fn needs_epipolar(&self) -> bool {
         matches!(
             self.slice.projector,
             ProjectorSelect::Epipolar { .. }
@@ -246,8 +243,7 @@ impl SlicePlan {
 
     /// Returns the indices along `y`, `x` of camera pixel (x, y), or `None` if it is not kept.
     #[inline]
-    #[must_use]
-    pub fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
+    pub(crate) fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
         let at = [self.camera[0][y as usize], self.camera[1][x as usize]];
         (at[0] != DROPPED && at[1] != DROPPED).then_some(at)
     }

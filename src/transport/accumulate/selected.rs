@@ -34,7 +34,6 @@ pub enum Selected {
 
 /// Returns the probability of each pixel of a band; 0 if the band is empty.
 #[inline]
-#[must_use]
 pub fn chance_in(band: &[u32]) -> f32 {
     if band.is_empty() { 0.0 } else { 1.0 / band.len() as f32 }
 }
@@ -93,7 +92,6 @@ impl Selected {
 
     /// Draws a pixel for a camera pixel. For a slice with a band, `band` must not be empty.
     #[inline]
-    #[must_use]
     pub fn draw(&self, camera_pixel: u32, band: &[u32], stream: &mut Stream) -> u32 {
         match self {
             Self::Own => camera_pixel,
@@ -110,7 +108,6 @@ impl Selected {
 
     /// Returns the probability of drawing a kept pixel; `in_band` is that of a band's pixels ([`chance_in`]).
     #[inline]
-    #[must_use]
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
         match self {
             Self::Own => 1.0,

@@ -142,8 +142,7 @@ impl Epipolar {
 
     /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major) from a line.
     #[inline]
-    #[must_use]
-    pub fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
+    pub(crate) fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
         let [a, b, c] = line.0;
         if self.pixels.is_empty() {
             let (u, v) = (pixel % self.size[0], pixel / self.size[0]);

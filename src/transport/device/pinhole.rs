@@ -135,8 +135,7 @@ impl Pinhole {
     /// Returns the device through one point of its lens, given by two uniforms: a pinhole at that point, with
     /// the image shifted so that the focus plane stays fixed. A thin lens is the mean over its points.
     #[inline]
-    #[must_use]
-    pub fn through_lens(&self, uniforms: [f32; 2]) -> Self {
+    pub(crate) fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
         let at = DVec2::new(f64::from(r * turn.cos()), f64::from(r * turn.sin())) * self.lens.radius;
         let (x, y) = (at.x as f32, at.y as f32);
@@ -319,8 +318,7 @@ impl Pinhole {
     /// Returns the image area in pixels per solid angle about a world direction of any length: |∂(x, y)/∂n| /
     /// cos³θ, with n the normalized coordinates.
     #[inline]
-    #[must_use]
-    pub fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
+    pub(crate) fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
         let local = self.axes.transpose() * dir;
         let z = f64::from(local.z);
         let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);

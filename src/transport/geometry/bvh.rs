@@ -27,6 +27,27 @@ pub(super) fn avx2() -> bool {
     return false;
 }
 
+/// Defines a method of [`Geometry`] that is compiled twice on x86-64, with and without AVX2. The function after
+/// `=` does the work. No operations are fused, so the results are bit-identical.
+macro_rules! for_each_processor {
+    ($(#[$meta:meta])* $vis:vis fn $name:ident(&self, $($arg:ident: $type:ty),*) -> $out:ty = $work:path) => {
+        $(#[$meta])*
+        $vis fn $name(&self, $($arg: $type),*) -> $out {
+            #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+            if self.avx2 {
+                #[target_feature(enable = "avx2")]
+                fn fast(geometry: &Geometry, $($arg: $type),*) -> $out {
+                    $work(geometry, $($arg),*)
+                }
+                // SAFETY: `avx2` is set only if the processor supports AVX2.
+                return unsafe { fast(self, $($arg),*) };
+            }
+            $work(self, $($arg),*)
+        }
+    };
+}
+pub(super) use for_each_processor;
+
 /// The outline of a primitive in world space, metres, for occlusion bounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
@@ -80,6 +101,12 @@ pub struct Geometry {
     /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. A point on a large
     /// surface can have a larger rounding error than its own coordinates imply.
     pub(super) least: f32,
+}
+
+/// Returns the indices in [`Hit::leaf`] of a leaf's primitives, including unused lanes of a pack.
+pub(super) fn primitives(leaf: u32) -> std::ops::Range<u32> {
+    let index = leaf >> 1;
+    if leaf & 1 == 1 { QUADRIC | index..(QUADRIC | index) + 1 } else { 8 * index..8 * index + 8 }
 }
 
 /// Finds the nearest hit; `WORLD` if there may be instances among the leaves.
@@ -184,48 +211,30 @@ impl Geometry {
         }
     }
 
-    /// Returns the nearest hit closer than `tmax`.
+    for_each_processor! {
+        /// Returns the nearest hit closer than `tmax`.
+        #[inline(always)]
+        #[must_use]
+        pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> = Geometry::intersect_all
+    }
+
+    for_each_processor! {
+        /// Returns true if a surface is strictly between the origin and `tmax`.
+        #[inline]
+        #[must_use]
+        pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool = Geometry::occluded_all
+    }
+
     #[inline(always)]
-    #[must_use]
-    pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: `avx2` is set only if the processor supports AVX2.
-            return unsafe { self.intersect_avx2(ray, tmax) };
-        }
+    fn intersect_all(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         if !self.instances.is_empty() {
             return self.intersect_instances(ray, tmax);
         }
         self.intersect_any::<false>(ray, tmax)
     }
 
-    /// Returns true if a surface is strictly between the origin and `tmax`.
-    #[inline]
-    #[must_use]
-    pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: as above.
-            return unsafe { self.occluded_avx2(ray, tmax) };
-        }
-        if !self.instances.is_empty() {
-            return self.occluded_instances(ray, tmax);
-        }
-        self.occluded_any::<false>(ray, tmax)
-    }
-
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        if !self.instances.is_empty() {
-            return self.intersect_instances(ray, tmax);
-        }
-        self.intersect_any::<false>(ray, tmax)
-    }
-
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
+    #[inline(always)]
+    fn occluded_all(&self, ray: &Ray, tmax: f32) -> bool {
         if !self.instances.is_empty() {
             return self.occluded_instances(ray, tmax);
         }
@@ -277,8 +286,7 @@ impl Geometry {
     }
 
     /// Returns true if [`Self::facet`] identifies the triangles of this material.
-    #[must_use]
-    pub fn has_facets(&self, material: u32) -> bool {
+    pub(crate) fn has_facets(&self, material: u32) -> bool {
         self.facets.materials.contains(&material)
     }
 

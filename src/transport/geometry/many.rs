@@ -9,13 +9,11 @@ use glam::{Mat3A, Vec3A};
 /// x, y and z of `N` vectors.
 pub type Many<const N: usize> = [[f32; N]; 3];
 
-#[must_use]
 pub const fn zero<const N: usize>() -> Many<N> {
     [[0.0; N]; 3]
 }
 
 #[inline(always)]
-#[must_use]
 pub fn get<const N: usize>(v: &Many<N>, i: usize) -> Vec3A {
     Vec3A::new(v[0][i], v[1][i], v[2][i])
 }
@@ -28,7 +26,6 @@ pub fn set<const N: usize>(v: &mut Many<N>, i: usize, value: Vec3A) {
 
 /// Returns `m · v`.
 #[inline(always)]
-#[must_use]
 pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     let [a, b, c] = m.to_cols_array_2d();
     let mut out = zero();
@@ -43,7 +40,6 @@ pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
 
 /// Returns `v - w`.
 #[inline(always)]
-#[must_use]
 pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
     let w = w.to_array();
     let mut out = zero();
@@ -56,7 +52,6 @@ pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
 }
 
 #[inline(always)]
-#[must_use]
 pub fn lengths<const N: usize>(v: &Many<N>) -> [f32; N] {
     let mut out = [0.0; N];
     for i in 0..N {

@@ -13,7 +13,7 @@ mod facets;
 mod instance;
 #[cfg(test)]
 mod instance_tests;
-pub mod many;
+pub(crate) mod many;
 pub mod mesh;
 mod object;
 mod pack;

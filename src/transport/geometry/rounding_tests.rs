@@ -78,7 +78,7 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
 fn nothing_meets_itself() {
     let mut stream = Stream::new(41, 0, 0);
     let (mut left, mut again, mut lines, mut blocked) = (0, [0; 6], 0, [0; 6]);
-    for case in 0..3000 {
+    for case in 0..720 {
         let offset = OFFSETS[case % 4];
         let size = [1.0, 0.01, 0.2][case % 3];
         let centre = warp::sphere(stream.uniform2()) * offset;
@@ -146,7 +146,7 @@ fn nothing_meets_itself() {
         }
     }
     println!("{left} rays, met again {again:?}; {lines} lines, blocked {blocked:?}");
-    assert!(left > 500_000 && lines > 250_000);
+    assert!(left > 120_000 && lines > 60_000);
     assert_eq!((again, blocked), ([0; 6], [0; 6]));
 }
 
@@ -200,7 +200,7 @@ fn closed_rooms_lose_no_light() {
             }
             let g = builder.build();
             let (mut rays, mut lost, mut back) = (0, 0, 0);
-            while rays < 60_000 {
+            while rays < 5000 {
                 let mut ray = Ray { origin: centre, dir: warp::sphere(stream.uniform2()) };
                 for _ in 0..100 {
                     rays += 1;

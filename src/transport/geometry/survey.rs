@@ -1,7 +1,7 @@
 //! Computes conservative bounds for every small pyramid of directions from a point: the depths of the nearest
 //! primitive, of all others, and of the primitive that hides everything behind it.
 
-use super::bvh::{Geometry, Outline, QUADRIC};
+use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;
 use super::tree::Child;
 use arrayvec::ArrayVec;
@@ -139,14 +139,8 @@ impl Survey {
                     // Instances are entered by their own boxes.
                     Child::Leaf(leaf) if leaf & 1 == 1 && (leaf >> 1) as usize >= geometry.quadrics.len() => {
                     }
-                    Child::Leaf(leaf) if leaf & 1 == 1 => {
-                        let number = QUADRIC | leaf >> 1;
-                        if let Some(outline) = geometry.outline(number) {
-                            self.outline(geometry, number, outline, &place, near)?;
-                        }
-                    }
                     Child::Leaf(leaf) => {
-                        for number in 8 * (leaf >> 1)..8 * (leaf >> 1) + 8 {
+                        for number in primitives(leaf) {
                             if let Some(outline) = geometry.outline(number) {
                                 self.outline(geometry, number, outline, &place, near)?;
                             }
@@ -179,9 +173,8 @@ impl Survey {
                     Child::Branch(node) => todo.push(node),
                     Child::Leaf(leaf) if leaf & 1 == 1 => return None,
                     Child::Leaf(leaf) => {
-                        for place_in_pack in 0..8 {
-                            let outline = geometry.outline(8 * (leaf >> 1) + place_in_pack);
-                            if let Some(Outline::Flat { corners }) = outline {
+                        for number in primitives(leaf) {
+                            if let Some(Outline::Flat { corners }) = geometry.outline(number) {
                                 let skin = group.skin * instance.stretch() + geometry.skin();
                                 self.flat(None, corners.map(&place), near, skin)?;
                             }
@@ -196,14 +189,7 @@ impl Survey {
     /// Enters an unknown shape inside the convex hull of corners. Returns false and enters nothing if the
     /// hull is too close, or wider than `most` pyramids.
     fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
-        let all = |f: &dyn Fn(&Vec3A) -> f32| corners.iter().all(|c| f(c) > 0.0);
-        let whole = self.whole();
-        let outside = all(&|c| -c.z)
-            || all(&|c| whole.lo.x * c.z - c.x)
-            || all(&|c| c.x - whole.hi.x * c.z)
-            || all(&|c| whole.lo.y * c.z - c.y)
-            || all(&|c| c.y - whole.hi.y * c.z);
-        if outside {
+        if corners.iter().all(|c| c.z < 0.0) || self.is_beside(&corners) {
             return true;
         }
         let least = corners.iter().fold(f32::INFINITY, |m, c| m.min(c.z));
@@ -260,15 +246,8 @@ impl Survey {
         let behind = corners.iter().all(|c| c.z <= near);
         // The part between the pinhole and the near plane must be outside the image.
         if corners.iter().any(|c| c.z <= near) {
-            let whole = self.whole();
             let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
-            let outside = |f: &dyn Fn(&Vec3A) -> f32| close.iter().all(|c| f(c) > 0.0);
-            let clear = close.is_empty()
-                || outside(&|c| whole.lo.x * c.z - c.x)
-                || outside(&|c| c.x - whole.hi.x * c.z)
-                || outside(&|c| whole.lo.y * c.z - c.y)
-                || outside(&|c| c.y - whole.hi.y * c.z);
-            if !clear {
+            if !self.is_beside(&close) {
                 return None;
             }
         }
@@ -365,6 +344,16 @@ impl Survey {
             }
         }
         Some(())
+    }
+
+    /// Returns true if all points are outside one side of the image, or there are none.
+    fn is_beside(&self, points: &[Vec3A]) -> bool {
+        let all = |f: &dyn Fn(&Vec3A) -> f32| points.iter().all(|c| f(c) > 0.0);
+        let whole = self.whole();
+        all(&|c| whole.lo.x * c.z - c.x)
+            || all(&|c| c.x - whole.hi.x * c.z)
+            || all(&|c| whole.lo.y * c.z - c.y)
+            || all(&|c| c.y - whole.hi.y * c.z)
     }
 
     fn whole(&self) -> Window {

@@ -8,6 +8,25 @@ use glam::{Affine3A, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
+/// Returns `n` random triangles of about `size` around points on a sphere.
+pub(super) fn crowd(stream: &mut Stream, n: u32, (centre, radius): (Vec3A, f32), size: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for i in 0..n {
+        let c = centre + warp::sphere(stream.uniform2()) * radius;
+        for _ in 0..3 {
+            mesh.positions.push((c + warp::sphere(stream.uniform2()) * size).into());
+        }
+        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+/// Returns a ray from a random point at distance `far` from the origin to one at distance `near`.
+pub(super) fn inward(stream: &mut Stream, far: f32, near: f32) -> Ray {
+    let origin = warp::sphere(stream.uniform2()) * far;
+    Ray { origin, dir: (warp::sphere(stream.uniform2()) * near - origin).normalize() }
+}
+
 /// Returns the distance to a triangle's plane along a ray, and the smallest barycentric coordinate.
 fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     let [a, b, c] = corners.map(glam::Vec3::as_dvec3);
@@ -44,15 +63,13 @@ fn rectangles_are_one_primitive() {
     let mut stream = Stream::new(8, 0, 0);
     let mut hits = 0;
     for _ in 0..5000 {
-        let origin = warp::sphere(stream.uniform2()) * 4.0;
-        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-        let ray = Ray { origin, dir };
+        let ray = inward(&mut stream, 4.0, 1.0);
         let [a, b] = [&one, &two].map(|g| g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h)));
         let (Some(a), Some(b)) = (a, b) else {
             continue;
         };
         // Along a grazing ray, rounding errors are large.
-        if a.ng.dot(dir).abs() < 0.1 {
+        if a.ng.dot(ray.dir).abs() < 0.1 {
             continue;
         }
         hits += 1;
@@ -68,14 +85,7 @@ fn rectangles_are_one_primitive() {
 fn bvh_equals_brute_force() {
     let mut stream = Stream::new(5, 0, 0);
     let mut builder = GeometryBuilder::default();
-    let mut mesh = Mesh::default();
-    for i in 0..300 {
-        let c = warp::sphere(stream.uniform2()) * 2.0;
-        for _ in 0..3 {
-            mesh.positions.push((c + warp::sphere(stream.uniform2()) * 0.4).into());
-        }
-        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
+    let mesh = crowd(&mut stream, 300, (Vec3A::ZERO, 2.0), 0.4);
     builder.mesh(&mesh, 0);
     for _ in 0..50 {
         let c = warp::sphere(stream.uniform2()) * 2.0;
@@ -86,9 +96,8 @@ fn bvh_equals_brute_force() {
     let g = builder.build();
     let mut hits = 0;
     for _ in 0..20_000 {
-        let origin = warp::sphere(stream.uniform2()) * 3.0;
-        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-        let ray = Ray { origin, dir };
+        let ray = inward(&mut stream, 3.0, 1.0);
+        let Ray { origin, dir } = ray;
         let quadrics = g.quadrics.iter();
         let round = quadrics.map(|q| q.intersect(origin, dir, f32::INFINITY)).fold(f32::INFINITY, f32::min);
         // Triangles in double precision: those that are certainly hit, and those that may be.
@@ -167,14 +176,7 @@ fn an_empty_scene_is_hit_by_nothing() {
 #[test]
 fn every_processor_meets_the_same() {
     let mut stream = Stream::new(21, 0, 0);
-    let mut mesh = Mesh::default();
-    for i in 0..500 {
-        let c = warp::sphere(stream.uniform2()) * 2.0;
-        for _ in 0..3 {
-            mesh.positions.push((c + warp::sphere(stream.uniform2()) * 0.5).into());
-        }
-        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
+    let mesh = crowd(&mut stream, 500, (Vec3A::ZERO, 2.0), 0.5);
     let build = || {
         let mut builder = GeometryBuilder::default();
         builder.mesh(&mesh, 0);
@@ -194,9 +196,7 @@ fn every_processor_meets_the_same() {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let (mut hits, mut hidden) = (0, 0);
     for _ in 0..30_000 {
-        let origin = warp::sphere(stream.uniform2()) * 3.0;
-        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-        let ray = Ray { origin, dir };
+        let ray = inward(&mut stream, 3.0, 1.0);
         let [a, b] = [&fast, &plain].map(|g| {
             let hit = g.intersect(&ray, f32::INFINITY)?;
             let surface = g.surface(&ray, &hit);

@@ -102,8 +102,7 @@ impl View {
 
     /// [`Self::cells`] for world directions.
     #[inline(always)]
-    #[must_use]
-    pub fn cells_toward<const N: usize>(&self, dir: &Many<N>) -> [u32; N] {
+    pub(crate) fn cells_toward<const N: usize>(&self, dir: &Many<N>) -> [u32; N] {
         self.cells(&turned(&self.to_local, dir))
     }
 
@@ -132,8 +131,7 @@ impl View {
 
     /// Returns the first hit of a ray from the pinhole in pyramid `cell`, if the view determines it.
     #[inline(always)]
-    #[must_use]
-    pub fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
+    pub(crate) fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
         // A primitive that covers the pyramid in front of all others is the nearest.
         if pyramid.cover() < pyramid.others() { geometry.meet(ray, pyramid.leaf) } else { None }
@@ -145,6 +143,7 @@ mod tests {
     use super::super::builder::GeometryBuilder;
     use super::super::mesh::Mesh;
     use super::super::quadric::{Quadric, QuadricKind};
+    use super::super::tests::crowd;
     use super::*;
     use glam::{Affine3A, Quat, Vec3};
     use optics::sampling::stream::Stream;
@@ -168,16 +167,7 @@ mod tests {
             wall.transform(&(Affine3A::from_quat(turn) * back * size * place));
             builder.mesh(&wall, 0);
         }
-        let mut crowd = Mesh::default();
-        for i in 0..60 {
-            let c = Vec3A::new(-0.8, 0.7, -0.6) + warp::sphere(stream.uniform2()) * 0.6;
-            for _ in 0..3 {
-                let corner = c + warp::sphere(stream.uniform2()) * 0.3;
-                crowd.positions.push(corner.into());
-            }
-            crowd.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-        }
-        builder.mesh(&crowd, 0);
+        builder.mesh(&crowd(stream, 60, (Vec3A::new(-0.8, 0.7, -0.6), 0.6), 0.3), 0);
         for (kind, scale, at) in [
             (QuadricKind::Sphere, Vec3::splat(0.5), Vec3::new(0.8, -1.0, 0.0)),
             (QuadricKind::Sphere, Vec3::splat(0.2), Vec3::new(0.6, -0.6, 0.8)),

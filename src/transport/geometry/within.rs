@@ -9,7 +9,7 @@
 //! transformed by the inverse transpose, at each corner before interpolation, and outward surfaces stay
 //! outward in reflections.
 
-use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC};
+use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC, for_each_processor, primitives};
 use super::instance::{Instance, stretch};
 use super::pack::Wide;
 use super::quadric::{normalized_slope, similarity};
@@ -45,16 +45,14 @@ impl Geometry {
     }
 
     /// Returns every primitive of a group, in the group's coordinates, with its index in [`Hit::leaf`].
-    #[must_use]
-    pub fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
+    pub(crate) fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
         let tree = &self.groups[group as usize].tree;
         let (mut found, mut todo) = (vec![], vec![0]);
         while let Some(node) = todo.pop() {
             for (_, child) in tree.children(node) {
                 match child {
                     Child::Branch(node) => todo.push(node),
-                    Child::Leaf(leaf) if leaf & 1 == 1 => found.push(QUADRIC | leaf >> 1),
-                    Child::Leaf(leaf) => found.extend((0..8).map(|lane| 8 * (leaf >> 1) + lane)),
+                    Child::Leaf(leaf) => found.extend(primitives(leaf)),
                 }
             }
         }
@@ -62,74 +60,33 @@ impl Geometry {
         found.into_iter().filter_map(outline).collect()
     }
 
-    /// [`Geometry::intersect`] with instances. Separate, so that scenes without instances are not slower.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: `avx2` is set only if the processor supports AVX2.
-            return unsafe { self.intersect_instances_avx2(ray, tmax) };
-        }
-        self.intersect_any::<true>(ray, tmax)
+    for_each_processor! {
+        /// [`Geometry::intersect`] with instances. Separate, so that scenes without instances are not slower.
+        #[cold]
+        #[inline(never)]
+        pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>
+            = Geometry::intersect_any::<true>
     }
 
-    /// [`Geometry::occluded`] with instances.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: as above.
-            return unsafe { self.occluded_instances_avx2(ray, tmax) };
-        }
-        self.occluded_any::<true>(ray, tmax)
+    for_each_processor! {
+        /// [`Geometry::occluded`] with instances.
+        #[cold]
+        #[inline(never)]
+        pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool
+            = Geometry::occluded_any::<true>
     }
 
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn intersect_instances_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        self.intersect_any::<true>(ray, tmax)
+    for_each_processor! {
+        /// Returns the nearest hit closer than `tmax` in an instance.
+        #[inline]
+        pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit>
+            = Geometry::nearest_in_any
     }
 
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn occluded_instances_avx2(&self, ray: &Ray, tmax: f32) -> bool {
-        self.occluded_any::<true>(ray, tmax)
-    }
-
-    /// Returns the nearest hit closer than `tmax` in an instance.
-    #[inline]
-    pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: as above.
-            return unsafe { self.nearest_in_avx2(number, ray, tmax) };
-        }
-        self.nearest_in_any(number, ray, tmax)
-    }
-
-    /// Returns true if an instance intersects the ray strictly between the origin and `tmax`.
-    #[inline(never)]
-    pub(super) fn any_in(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if self.avx2 {
-            // SAFETY: as above.
-            return unsafe { self.any_in_avx2(number, ray, tmax) };
-        }
-        self.any_in_any(number, ray, tmax)
-    }
-
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn nearest_in_avx2(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
-        self.nearest_in_any(number, ray, tmax)
-    }
-
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn any_in_avx2(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
-        self.any_in_any(number, ray, tmax)
+    for_each_processor! {
+        /// Returns true if an instance intersects the ray strictly between the origin and `tmax`.
+        #[inline(never)]
+        pub(super) fn any_in(&self, number: u32, ray: &Ray, tmax: f32) -> bool = Geometry::any_in_any
     }
 
     #[inline(always)]

@@ -37,8 +37,7 @@ impl Bounds {
         Self { axis: normal, spread: 0.0, two_sided, ..Self::all_around(low, high, intensity) }
     }
 
-    #[must_use]
-    pub fn union(&self, other: &Self) -> Self {
+    pub(crate) fn union(&self, other: &Self) -> Self {
         let (axis, spread) = self.union_of_cones(other);
         Self {
             low: self.low.min(other.low),

@@ -170,8 +170,7 @@ impl Lights {
 
     /// Returns the density per steradian of [`Self::draw`] for the sky in the unit direction `dir`.
     #[inline]
-    #[must_use]
-    pub fn sky_density(&self, dir: Vec3A) -> f32 {
+    pub(crate) fn sky_density(&self, dir: Vec3A) -> f32 {
         self.sky.as_ref().map_or(0.0, |sky| self.sky_chance * sky.density(dir))
     }
 }

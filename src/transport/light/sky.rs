@@ -10,6 +10,7 @@
 
 use super::drawn::Drawn;
 use super::filter::Polarized;
+use crate::material::texture::bilinear;
 use glam::{Mat3A, Vec3A};
 use optics::spectrum::{Spectral, max_lane};
 use schemars::JsonSchema;
@@ -146,17 +147,12 @@ impl Sky {
             Rows::Centres => y - 0.5,
             Rows::Poles => y,
         };
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
         let at = |i: f32, j: f32| {
             let i = (i as i64).rem_euclid(self.width as i64) as usize;
             let j = (j as i64).clamp(0, self.height as i64 - 1) as usize;
             Spectral::new(self.texels[j * self.width + i])
         };
-        let lerp = |a: Spectral, b: Spectral, t: f32| a + (b - a) * Spectral::splat(t);
-        let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
-        let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
-        lerp(top, bottom, fy)
+        bilinear(x, y, at)
     }
 
     /// Returns the density of [`Self::sample`] per steradian.

@@ -1,6 +1,6 @@
 //! Ground-truth quantities of a material at a point: the visible plain material, its normal and its albedo.
 
-use super::{Lobe, Material, Materials, Specular};
+use super::{Lobe, Material, Materials, Specular, mirror_or_sheet};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::spectrum::Spectral;
@@ -10,8 +10,7 @@ impl Materials {
     ///
     /// Resolves composites: the side of a two-sided material that faces `wo`, the larger share of a blend,
     /// and the material under a normal map or a depolarizer. Returns `None` for an absorbing side.
-    #[must_use]
-    pub fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
+    pub(crate) fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.foremost(m.side(at, wo)?, at, wo),
             Material::Blend(m) => {
@@ -49,25 +48,19 @@ impl Materials {
             }
             Material::NormalMap(m) => self.albedo(m.material, at, wo),
             Material::PartialDepolarizer(m) => self.albedo(m.material, at, wo),
-            Material::Conductor(_)
-            | Material::RoughConductor(_)
+            mirror_or_sheet!()
             | Material::Dielectric(_)
-            | Material::RoughDielectric(_)
-            | Material::CoatedConductor(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
             | Material::Crystal(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
             | Material::RoughCrystal(_)
-            | Material::Measured(_)
-            | Material::Null => None,
+            | Material::Measured(_) => None,
         }
     }
 
     /// Returns the transmission of a smooth interface or a sheet to `wo` at the wavelength of `lane`. Returns
     /// `None` if the foremost material does not transmit or reflects all light.
-    #[must_use]
-    pub fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
+    pub(crate) fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
         let (id, at) = self.foremost(id, at, wo)?;
         self.specular(id, &at, wo, Lobe::Transmitted, lane)
     }

@@ -1,8 +1,8 @@
 //! A mixture of two materials below pixel resolution: their Mueller matrices, weighted by area.
 
+use super::Materials;
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
-use super::parts::Parts;
 use super::texture::Scalar;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
@@ -30,14 +30,14 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 
 impl Blend {
     #[inline]
-    pub(super) fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
-        let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
+    pub(super) fn shares(&self, materials: &Materials, at: &Surface) -> [(u32, f32); 2] {
+        let w = self.weight.at(&materials.textures, at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }
 
     #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let [a, b] = self.shares(materials, at).map(|(id, w)| {
             (w > 0.0).then(|| materials.eval(id, at, wo, wi)).flatten().map(|s| s.scaled(Spectral::splat(w)))
         });
@@ -46,7 +46,7 @@ impl Blend {
 
     #[inline]
     #[must_use]
-    pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
@@ -54,7 +54,7 @@ impl Blend {
     #[inline]
     pub fn sample(
         &self,
-        materials: &impl Parts,
+        materials: &Materials,
         at: &Surface,
         wo: Vec3A,
         lanes: &mut Lanes,
@@ -65,12 +65,12 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`]. If the lobes of both have different directions, only the first is returned.
+    /// See [`Materials::specular`]. If the lobes of both have different directions, only the first is returned.
     #[inline]
     #[must_use]
     pub fn specular(
         &self,
-        materials: &impl Parts,
+        materials: &Materials,
         at: &Surface,
         wo: Vec3A,
         lobe: Lobe,

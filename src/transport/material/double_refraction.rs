@@ -158,14 +158,7 @@ impl Crystal {
         if stream.uniform() < reflectance {
             return mirror.map(|m| m.chosen(reflectance));
         }
-        let mut weight = Spectral::ONE;
-        let lane = if self.faces.dispersive && lanes.count() > 1 {
-            let (lane, w) = lanes.choose_hero(stream);
-            weight = w;
-            lane
-        } else {
-            lanes.nth(0)
-        };
+        let (lane, weight) = self.faces.refracted_lane(lanes, stream);
         let lobes = self.entered(at, wo, lane, weight);
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
     }

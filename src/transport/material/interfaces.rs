@@ -7,8 +7,7 @@ use glam::Vec3A;
 impl Materials {
     /// Returns true if the material is a smooth refracting interface.
     #[inline]
-    #[must_use]
-    pub fn is_interface(&self, id: u32) -> bool {
+    pub(crate) fn is_interface(&self, id: u32) -> bool {
         self.interface(id).is_some()
     }
 
@@ -31,31 +30,26 @@ impl Materials {
         self.interface(id)?.refracted(at, wo, lane)
     }
 
-    #[must_use]
-    pub fn any_interface(&self) -> bool {
+    pub(crate) fn any_interface(&self) -> bool {
         (0..self.list.len()).any(|id| self.is_interface(id as u32))
     }
 
     #[inline]
-    #[must_use]
-    pub fn is_rough_interface(&self, id: u32) -> bool {
+    pub(crate) fn is_rough_interface(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::RoughDielectric(_) | Material::RoughCrystal(_))
     }
 
-    #[must_use]
-    pub fn any_rough_interface(&self) -> bool {
+    pub(crate) fn any_rough_interface(&self) -> bool {
         (0..self.list.len()).any(|id| self.is_rough_interface(id as u32))
     }
 
-    #[must_use]
-    pub fn any_disperses(&self) -> bool {
+    pub(crate) fn any_disperses(&self) -> bool {
         (0..self.list.len()).any(|id| self.disperses(id as u32))
     }
 
     /// Returns true if the material's interface refracts wavelengths into different directions.
     #[inline]
-    #[must_use]
-    pub fn disperses(&self, id: u32) -> bool {
+    pub(crate) fn disperses(&self, id: u32) -> bool {
         match &self.list[id as usize] {
             Material::Dielectric(m) => m.dispersive,
             Material::Crystal(m) => m.faces.dispersive,
@@ -70,8 +64,7 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    #[must_use]
-    pub fn any_splits(&self) -> bool {
+    pub(crate) fn any_splits(&self) -> bool {
         (0..self.list.len()).any(|id| self.splits(id as u32))
     }
 
@@ -87,8 +80,7 @@ impl Materials {
     }
 
     /// Returns true if a normal map changes the normals of the material or of one of its parts.
-    #[must_use]
-    pub fn is_turned(&self, id: u32) -> bool {
+    pub(crate) fn is_turned(&self, id: u32) -> bool {
         match &self.list[id as usize] {
             Material::NormalMap(_) => true,
             Material::TwoSided(m) => m.sides().any(|side| self.is_turned(side)),

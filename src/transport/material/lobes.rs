@@ -6,7 +6,7 @@
 //! no bit; transmission through facets is glossy. A measured table is not separated and sets both bits.
 
 use super::lobe::{Lobes, Sampled};
-use super::{Material, Materials};
+use super::{Material, Materials, mirror_or_sheet};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
@@ -50,21 +50,13 @@ impl Materials {
                 all.iter_mut().for_each(|(_, s)| *s = m.apply(self, at, s, wo, wi));
                 all
             }
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => Lobes::new(),
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => Lobes::new(),
         }
     }
 
     /// Samples one kind by its intensity for unpolarized light, and returns it divided by its probability;
     /// `None` if there is none.
-    #[must_use]
-    pub fn draw_lobe(
+    pub(crate) fn draw_lobe(
         &self,
         id: u32,
         at: &Surface,

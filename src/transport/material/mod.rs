@@ -16,7 +16,7 @@ pub mod constants;
 pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
-pub mod double_refraction;
+mod double_refraction;
 pub mod facets;
 pub mod filling;
 mod interfaces;
@@ -25,9 +25,8 @@ pub mod lobe;
 mod lobes;
 pub mod measured;
 pub mod normal_map;
-pub mod null;
+mod null;
 pub mod partial_depolarizer;
-pub mod parts;
 pub mod plastic;
 pub mod polarizer;
 pub mod retarder;
@@ -47,7 +46,6 @@ pub use lanes::{Lanes, varies};
 pub use lobe::{Lobe, Lobes, Sampled, Specular};
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
-use parts::Parts;
 pub use side::facing;
 use texture::Textures;
 
@@ -73,6 +71,31 @@ pub enum Material {
     Measured(measured::Measured),
     /// A boundary that does not affect light.
     Null,
+}
+
+/// Matches smooth metals and sheets, which have delta lobes only and no inside.
+macro_rules! mirror_or_sheet {
+    () => {
+        Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Null
+    };
+}
+use mirror_or_sheet;
+
+/// Matches plain materials without delta lobes.
+macro_rules! extended {
+    () => {
+        Material::Diffuse(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
+            | Material::RoughCrystal(_)
+            | Material::Plastic(_)
+            | Material::Measured(_)
+    };
 }
 
 /// All materials of a scene with their shared textures and tables.
@@ -102,20 +125,8 @@ impl Materials {
     #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
-            Material::Diffuse(_)
-            | Material::RoughConductor(_)
-            | Material::RoughDielectric(_)
-            | Material::RoughCrystal(_)
-            | Material::Plastic(_)
-            | Material::Measured(_) => true,
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => false,
+            extended!() => true,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => false,
             composite @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
@@ -130,7 +141,7 @@ impl Materials {
             Material::Blend(m) => self.has_extended_lobe(m.a) || self.has_extended_lobe(m.b),
             Material::NormalMap(m) => self.has_extended_lobe(m.material),
             Material::PartialDepolarizer(m) => self.has_extended_lobe(m.material),
-            _ => false,
+            _ => unreachable!("plain materials are handled by the caller"),
         }
     }
 
@@ -143,21 +154,13 @@ impl Materials {
 
     /// [`Self::eval`], always inlined. Only one loop gains enough from inlining to justify the code size.
     #[inline(always)]
-    #[must_use]
-    pub fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.eval(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.eval(&self.textures, at, wo, wi),
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => None,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => None,
             rest @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
@@ -171,13 +174,15 @@ impl Materials {
     /// materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
-            Material::TwoSided(m) => m.eval(self, at, wo, wi),
+            Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
             Material::Blend(m) => m.eval(self, at, wo, wi),
-            Material::NormalMap(m) => m.eval(self, at, wo, wi),
-            Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
-            Material::RoughCrystal(m) => m.eval(&self.textures, at, wo, wi),
+            Material::NormalMap(m) => self.eval(m.material, &m.turned(self, at), wo, wi),
+            Material::PartialDepolarizer(m) => {
+                self.eval(m.material, at, wo, wi).map(|s| m.apply(self, at, &s, wo, wi))
+            }
+            Material::RoughCrystal(m) => m.faces().eval(&self.textures, at, wo, wi),
             Material::Measured(m) => m.eval(&self.tables, at, wo, wi),
-            _ => None,
+            _ => unreachable!("the common materials are handled by the caller"),
         }
     }
 
@@ -189,19 +194,12 @@ impl Materials {
             Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.pdf(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.pdf(&self.textures, at, wo, wi),
-            Material::Conductor(_)
-            | Material::CoatedConductor(_)
-            | Material::Dielectric(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Crystal(_)
-            | Material::Null => 0.0,
+            mirror_or_sheet!() | Material::Dielectric(_) | Material::Crystal(_) => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
-            Material::NormalMap(m) => m.pdf(self, at, wo, wi),
+            Material::NormalMap(m) => self.pdf(m.material, &m.turned(self, at), wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
-            Material::RoughCrystal(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::RoughCrystal(m) => m.faces().pdf(&self.textures, at, wo, wi),
             Material::Measured(m) => m.pdf(&self.tables, at, wo, wi),
         }
     }
@@ -253,8 +251,12 @@ impl Materials {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
-            Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
-            Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+            Material::NormalMap(m) => self.sample(m.material, &m.turned(self, at), wo, lanes, stream),
+            Material::PartialDepolarizer(m) => {
+                let mut s = self.sample(m.material, at, wo, lanes, stream)?;
+                s.scatter = m.apply(self, at, &s.scatter, wo, s.wi);
+                Some(s)
+            }
             Material::CoatedConductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
             Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
@@ -268,7 +270,7 @@ impl Materials {
             | Material::RoughConductor(_)
             | Material::Dielectric(_)
             | Material::RoughDielectric(_)
-            | Material::Plastic(_) => None,
+            | Material::Plastic(_) => unreachable!("the common materials are handled by the caller"),
         }
     }
 
@@ -279,22 +281,18 @@ impl Materials {
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
-            (
-                Material::Diffuse(_)
-                | Material::RoughConductor(_)
-                | Material::RoughDielectric(_)
-                | Material::RoughCrystal(_)
-                | Material::Plastic(_)
-                | Material::Measured(_),
-                _,
-            ) => None,
+            (extended!(), _) => None,
             (Material::Conductor(m), Lobe::Reflected) => m.specular(&self.textures, at, wo),
             (Material::Conductor(_), Lobe::Transmitted) => None,
             (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
             (Material::TwoSided(m), _) => self.specular(m.side(at, wo)?, at, wo, lobe, lane),
             (Material::Blend(m), _) => m.specular(self, at, wo, lobe, lane),
-            (Material::NormalMap(m), _) => m.specular(self, at, wo, lobe, lane),
-            (Material::PartialDepolarizer(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::NormalMap(m), _) => self.specular(m.material, &m.turned(self, at), wo, lobe, lane),
+            (Material::PartialDepolarizer(m), _) => {
+                let mut s = self.specular(m.material, at, wo, lobe, lane)?;
+                s.scatter = m.apply(self, at, &s.scatter, wo, s.wi);
+                Some(s)
+            }
             (Material::CoatedConductor(m), Lobe::Reflected) => m.specular(at, wo),
             (Material::CoatedConductor(_), Lobe::Transmitted) => None,
             (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
@@ -307,8 +305,7 @@ impl Materials {
     }
 
     /// Returns true if some material transmits light undeflected, so that connections must test for it.
-    #[must_use]
-    pub fn any_straight(&self) -> bool {
+    pub(crate) fn any_straight(&self) -> bool {
         // Composite materials need no case: their parts are in the same list.
         self.list.iter().any(|m| {
             matches!(
@@ -319,8 +316,7 @@ impl Materials {
     }
 
     /// Returns true if some material redirects light from one direction into a single other direction.
-    #[must_use]
-    pub fn any_redirecting(&self) -> bool {
+    pub(crate) fn any_redirecting(&self) -> bool {
         self.list.iter().any(|m| {
             matches!(
                 m,
@@ -333,8 +329,7 @@ impl Materials {
     }
 
     /// Returns the probability that [`Self::sample`] transmits light without deflection.
-    #[must_use]
-    pub fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
+    pub(crate) fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
         let of = |id| self.straight_chance(id, at, wo, lanes);
         match &self.list[id as usize] {
             Material::Null | Material::Polarizer(_) | Material::Retarder(_) => 1.0,
@@ -370,35 +365,27 @@ impl Materials {
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
             Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
-            Material::RoughCrystal(m) => Some(m.beyond(id, at, wo, lanes)),
+            Material::RoughCrystal(m) => Some(m.crystal.beyond(id, at, wo, lanes)),
             Material::Diffuse(_)
-            | Material::Conductor(_)
             | Material::RoughConductor(_)
             | Material::Plastic(_)
             | Material::Measured(_)
-            | Material::CoatedConductor(_)
-            | Material::Polarizer(_)
-            | Material::Retarder(_)
-            | Material::ThinDielectric(_)
-            | Material::Null => None,
+            | mirror_or_sheet!() => None,
         }
     }
 
     /// Returns true if some normal map is a bump map.
-    #[must_use]
-    pub fn any_heights(&self) -> bool {
+    pub(crate) fn any_heights(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
-    #[must_use]
-    pub fn any_null(&self) -> bool {
+    pub(crate) fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
     /// Returns true if the material is a crystal with smooth faces.
     #[inline]
-    #[must_use]
-    pub fn is_crystal(&self, id: u32) -> bool {
+    pub(crate) fn is_crystal(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::Crystal(_))
     }
 
@@ -418,39 +405,5 @@ impl Materials {
             Material::RoughCrystal(m) => Some(m.crystal.propagate(dir, length)),
             _ => None,
         }
-    }
-}
-
-impl Parts for Materials {
-    #[inline]
-    fn textures(&self) -> &Textures {
-        &self.textures
-    }
-
-    #[inline]
-    fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        self.eval(id, at, wo, wi)
-    }
-
-    #[inline]
-    fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        self.pdf(id, at, wo, wi)
-    }
-
-    #[inline]
-    fn sample(
-        &self,
-        id: u32,
-        at: &Surface,
-        wo: Vec3A,
-        lanes: &mut Lanes,
-        stream: &mut Stream,
-    ) -> Option<Sampled> {
-        self.sample(id, at, wo, lanes, stream)
-    }
-
-    #[inline]
-    fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
-        self.specular(id, at, wo, lobe, lane)
     }
 }

@@ -7,13 +7,9 @@
 //! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal).
 //! Each coordinate c is stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
 
-use super::lanes::Lanes;
-use super::lobe::{Lobe, Sampled, Specular};
-use super::parts::Parts;
+use super::Materials;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
-use optics::polarization::scatter::Scatter;
-use optics::sampling::stream::Stream;
 
 /// Another material with perturbed normals.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +29,7 @@ const LEAST_COS: f32 = 0.02;
 impl NormalMap {
     /// Returns the surface with the perturbed normal, which stays on the side of the geometric normal.
     #[inline]
-    pub(super) fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
+    pub(super) fn turned(&self, materials: &Materials, at: &Surface) -> Surface {
         let mut n = if self.heights { self.raised(materials, at) } else { self.stored(materials, at) };
         let cos = n.dot(at.ng);
         if cos < LEAST_COS {
@@ -43,8 +39,8 @@ impl NormalMap {
     }
 
     /// Returns the normal of a bump map.
-    fn raised(&self, materials: &impl Parts, at: &Surface) -> Vec3A {
-        let slope = materials.textures().gradient(self.texture, at.uv);
+    fn raised(&self, materials: &Materials, at: &Surface) -> Vec3A {
+        let slope = materials.textures.gradient(self.texture, at.uv);
         let [u, v] = [(at.tangent, slope[0]), (at.bitangent, slope[1])]
             .map(|(along, slope)| along + at.ns * (slope * self.strength - at.ns.dot(along)));
         let n = u.cross(v).normalize_or(at.ns);
@@ -53,50 +49,13 @@ impl NormalMap {
 
     /// Returns the normal of a normal map.
     #[inline]
-    fn stored(&self, materials: &impl Parts, at: &Surface) -> Vec3A {
-        let [x, y, z, _] = materials.textures().eval(self.texture, at.uv).to_array();
+    fn stored(&self, materials: &Materials, at: &Surface) -> Vec3A {
+        let [x, y, z, _] = materials.textures.eval(self.texture, at.uv).to_array();
         let local = Vec3A::new(
             (2.0 * x - 1.0) * self.strength,
             (2.0 * y - 1.0) * self.strength,
             (2.0 * z - 1.0).max(0.0),
         );
         (at.tangent_frame() * local).normalize_or(at.ns)
-    }
-
-    #[inline]
-    #[must_use]
-    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        materials.eval(self.material, &self.turned(materials, at), wo, wi)
-    }
-
-    #[inline]
-    #[must_use]
-    pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        materials.pdf(self.material, &self.turned(materials, at), wo, wi)
-    }
-
-    #[inline]
-    pub fn sample(
-        &self,
-        materials: &impl Parts,
-        at: &Surface,
-        wo: Vec3A,
-        lanes: &mut Lanes,
-        stream: &mut Stream,
-    ) -> Option<Sampled> {
-        materials.sample(self.material, &self.turned(materials, at), wo, lanes, stream)
-    }
-
-    #[inline]
-    #[must_use]
-    pub fn specular(
-        &self,
-        materials: &impl Parts,
-        at: &Surface,
-        wo: Vec3A,
-        lobe: Lobe,
-        lane: usize,
-    ) -> Option<Specular> {
-        materials.specular(self.material, &self.turned(materials, at), wo, lobe, lane)
     }
 }

@@ -9,7 +9,6 @@ use optics::spectrum::Spectral;
 
 /// Returns the undeflected transmission to `wo`.
 #[inline]
-#[must_use]
 pub fn straight(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };
     sheet::straight(wo, block, perpendicular(wo))

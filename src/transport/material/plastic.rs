@@ -182,8 +182,7 @@ impl Plastic {
     }
 
     /// [`Self::eval`] in two parts: facet reflection and body reflection.
-    #[must_use]
-    pub fn eval_parted(
+    pub(crate) fn eval_parted(
         &self,
         textures: &Textures,
         at: &Surface,

@@ -106,17 +106,7 @@ mod tests {
     /// Compares with Mitsuba 3.9.1's `polarizer` at `theta = -30` (its angle has the opposite sign).
     #[test]
     fn tilted_polarizers_match_mitsuba() {
-        let n = Vec3A::Z;
-        let at = Surface {
-            p: Vec3A::ZERO,
-            ng: n,
-            ns: n,
-            tangent: Vec3A::X,
-            bitangent: Vec3A::ZERO,
-            uv: [0.0; 2],
-            material: 0,
-            rounding: 0.0,
-        };
+        let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };
         let sheet = Polarizer {
             axis: SheetAxis::Angle(30_f32.to_radians()),
             passes: Passes::Linear,

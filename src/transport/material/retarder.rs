@@ -93,17 +93,7 @@ mod tests {
     /// Compares with Mitsuba 3.9.1's `retarder` at `theta = 30`, `delta = 100`, from either side.
     #[test]
     fn upright_retarders_match_mitsuba() {
-        let n = Vec3A::Z;
-        let at = Surface {
-            p: Vec3A::ZERO,
-            ng: n,
-            ns: n,
-            tangent: Vec3A::X,
-            bitangent: Vec3A::ZERO,
-            uv: [0.0; 2],
-            material: 0,
-            rounding: 0.0,
-        };
+        let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };
         for tilt in [Tilt::Plate(1.5), Tilt::Constant, Tilt::Cosine] {
             let sheet = Retarder {
                 axis: SheetAxis::Angle(30_f32.to_radians()),

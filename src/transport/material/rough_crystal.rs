@@ -13,14 +13,12 @@
 
 use super::crystal::Crystal;
 use super::facets::Roughness;
-use super::filling::Filling;
 use super::lanes::Lanes;
 use super::lobe::Sampled;
 use super::rough_dielectric::RoughDielectric;
 use super::texture::Textures;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
-use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 
 /// A uniaxial crystal with joined rays and rough faces.
@@ -41,20 +39,6 @@ impl RoughCrystal {
         RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }
 
-    /// See [`super::Materials::eval`]; `wi` may be on either side.
-    #[inline]
-    #[must_use]
-    pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        self.faces().eval(textures, at, wo, wi)
-    }
-
-    /// Returns the density of [`Self::sample`], as [`RoughDielectric::pdf`].
-    #[inline]
-    #[must_use]
-    pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        self.faces().pdf(textures, at, wo, wi)
-    }
-
     /// See [`super::Materials::sample`]; `id` is this material's index.
     #[inline]
     pub fn sample(
@@ -69,12 +53,5 @@ impl RoughCrystal {
         let mut s = self.faces().sample(textures, at, wo, lanes, stream)?;
         s.filling = s.filling.map(|m| self.crystal.filling(id, at, wo, m));
         Some(s)
-    }
-
-    /// See [`super::Materials::beyond`]; `id` is this material's index.
-    #[inline]
-    #[must_use]
-    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
-        self.crystal.beyond(id, at, wo, lanes)
     }
 }

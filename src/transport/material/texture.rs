@@ -54,6 +54,19 @@ impl Image {
         Self { width, height, first, filter: Filter::default(), wrap: Wrap::default(), uv: SAME }
     }
 
+    /// Returns the continuous column and row at the surface's texture coordinates, up to whole periods.
+    #[inline]
+    fn place(&self, uv: [f32; 2]) -> (f32, f32) {
+        let [u, v] = self.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
+        let (w, h) = (self.width as f32, self.height as f32);
+        match self.wrap {
+            // Remove whole periods first: far from the origin, f32 leaves few digits for the fraction.
+            Wrap::Repeat => (u.rem_euclid(1.0) * w, (1.0 - v.rem_euclid(1.0)) * h),
+            Wrap::Mirror => (u.rem_euclid(2.0) * w, (1.0 - v.rem_euclid(2.0)) * h),
+            Wrap::Clamp => (u.clamp(-1.0, 2.0) * w, (1.0 - v.clamp(-1.0, 2.0)) * h),
+        }
+    }
+
     /// Returns the index of the texel in column `i`, row `j`, which may be beyond the edges.
     #[inline]
     fn texel(&self, i: i64, j: i64) -> usize {
@@ -71,6 +84,17 @@ impl Image {
         };
         (self.first + along(j, self.height) * self.width + along(i, self.width)) as usize
     }
+}
+
+/// Interpolates the four values around a position; `at` returns the value at whole coordinates.
+#[inline(always)]
+pub(crate) fn bilinear(x: f32, y: f32, at: impl Fn(f32, f32) -> Spectral) -> Spectral {
+    let (x0, y0) = (x.floor(), y.floor());
+    let (fx, fy) = (x - x0, y - y0);
+    let lerp = |a: Spectral, b: Spectral, t: f32| a + (b - a) * Spectral::splat(t);
+    let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
+    let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
+    lerp(top, bottom, fy)
 }
 
 /// Image index that selects the values at the corners of the mesh's own triangles ([`Textures::corners`]).
@@ -109,25 +133,12 @@ impl Textures {
             return self.at_corners(uv);
         }
         let image = &self.images[texture as usize];
-        let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
-        let (w, h) = (image.width as f32, image.height as f32);
-        let (x, y) = match image.wrap {
-            // Remove whole periods first: far from the origin, f32 leaves few digits for the fraction.
-            Wrap::Repeat => (u.rem_euclid(1.0) * w, (1.0 - v.rem_euclid(1.0)) * h),
-            Wrap::Mirror => (u.rem_euclid(2.0) * w, (1.0 - v.rem_euclid(2.0)) * h),
-            Wrap::Clamp => (u.clamp(-1.0, 2.0) * w, (1.0 - v.clamp(-1.0, 2.0)) * h),
-        };
+        let (x, y) = image.place(uv);
         let at = |i: f32, j: f32| Spectral::new(self.texels[image.texel(i as i64, j as i64)]);
         if image.filter == Filter::Nearest {
             return at(x.floor(), y.floor());
         }
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let lerp = |a: Spectral, b: Spectral, t: f32| a + (b - a) * Spectral::splat(t);
-        let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
-        let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
-        lerp(top, bottom, fy)
+        bilinear(x - 0.5, y - 0.5, at)
     }
 
     /// Returns the derivatives of the first channel, bilinearly interpolated, with respect to the surface's
@@ -135,14 +146,9 @@ impl Textures {
     #[must_use]
     pub fn gradient(&self, texture: u32, uv: [f32; 2]) -> [f32; 2] {
         let image = &self.images[texture as usize];
-        let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
         let (w, h) = (image.width as f32, image.height as f32);
-        let [x, y] = match image.wrap {
-            Wrap::Repeat => [u.rem_euclid(1.0), 1.0 - v.rem_euclid(1.0)],
-            Wrap::Mirror => [u.rem_euclid(2.0), 1.0 - v.rem_euclid(2.0)],
-            Wrap::Clamp => [u.clamp(-1.0, 2.0), 1.0 - v.clamp(-1.0, 2.0)],
-        };
-        let (x, y) = (x * w - 0.5, y * h - 0.5);
+        let (x, y) = image.place(uv);
+        let (x, y) = (x - 0.5, y - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let at = |i: f32, j: f32| self.texels[image.texel((x0 + i) as i64, (y0 + j) as i64)][0];

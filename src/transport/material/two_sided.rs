@@ -1,9 +1,7 @@
 //! One material in front, another (or none) behind. The front is the side of the geometric normal.
 
-use super::parts::Parts;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
-use optics::polarization::scatter::Scatter;
 
 /// Different materials on the two sides of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -21,17 +19,10 @@ impl TwoSided {
         [Some(self.front), self.back].into_iter().flatten()
     }
 
-    /// Returns the material on the side of `wo`.
+    /// Returns the material on the side of `wo`. No light is transmitted from one side to the other.
     #[inline]
     #[must_use]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
         if at.ng.dot(wo) > 0.0 { Some(self.front) } else { self.back }
-    }
-
-    /// See [`Parts::eval`]. No light is transmitted from one side to the other.
-    #[inline]
-    #[must_use]
-    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        materials.eval(self.side(at, wo)?, at, wo, wi)
     }
 }

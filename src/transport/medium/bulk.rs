@@ -191,8 +191,7 @@ impl Ensemble {
     }
 
     /// Returns true if there is no scattering.
-    #[must_use]
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.scattering <= 0.0
     }
 

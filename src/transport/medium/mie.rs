@@ -172,8 +172,7 @@ impl Sphere {
     }
 
     /// Returns S1 and S2 in a direction with at least [`Self::terms`] [`angular`] functions.
-    #[must_use]
-    pub fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
+    pub(crate) fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());
         for ([sum, difference], [plus, minus]) in self.sums.iter().zip(angular) {
             even += sum * *plus;

@@ -9,7 +9,7 @@ pub mod henyey_greenstein;
 pub mod mie;
 pub mod nesting;
 pub mod presets;
-pub mod products;
+mod products;
 pub mod rayleigh;
 pub mod scattered;
 pub mod size_distribution;
@@ -154,8 +154,7 @@ impl Media {
 
     /// Returns the minimum μ_t over all lanes of a homogeneous medium; 0 for others.
     #[inline]
-    #[must_use]
-    pub fn clearest(&self, id: u32, lanes: usize) -> f32 {
+    pub(crate) fn clearest(&self, id: u32, lanes: usize) -> f32 {
         let medium = &self.list[id as usize];
         if medium.density != NO_GRID {
             return 0.0;
@@ -171,44 +170,24 @@ impl Media {
     #[must_use]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
-        self.scatter(self.list[id as usize].phase, at, || plane_normal(wo, wi), Spectral::ONE)
+        self.scatter(self.list[id as usize].phase, at, || plane_normal(wo, wi))
     }
 
-    /// Returns the density of [`Self::sample_lane`] per steradian of `wi`, averaged over the live lanes.
+    /// Returns the density of [`Self::sample_direction`] per steradian of `wi`, averaged over the live lanes.
     #[inline]
     #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
         lanes.mean(self.densities_toward(id, wo, wi))
     }
 
-    /// Returns the density of [`Self::sample_lane`] per steradian of `wi` for each lane.
+    /// Returns the density of [`Self::sample_direction`] per steradian of `wi` for each lane.
     #[inline]
-    #[must_use]
-    pub fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
+    pub(crate) fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
         self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
     /// Samples the direction from which light that leaves along `wo` arrives, by the phase function of lane
-    /// `lane`. Returns the direction, [`Self::eval`] there, and the density per steradian of this direction
-    /// for each lane.
-    #[inline]
-    pub fn sample_lane(
-        &self,
-        id: u32,
-        wo: Vec3A,
-        lane: usize,
-        stream: &mut Stream,
-    ) -> (Vec3A, Scatter, Spectral) {
-        let phase = self.list[id as usize].phase;
-        let Some(at) = self.sample_angle(phase, lane, stream) else {
-            let density = Spectral::splat(ISOTROPIC);
-            return (warp::sphere(stream.uniform2()), Scatter::Depolarize(density), density);
-        };
-        let (wi, s) = at.direction(wo, stream.uniform());
-        (wi, self.scatter(phase, at, || s, Spectral::ONE), self.densities(phase, at))
-    }
-
-    /// Samples only the direction of [`Self::sample_lane`].
+    /// `lane`.
     #[inline]
     pub fn sample_direction(&self, id: u32, wo: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
         match self.sample_angle(self.list[id as usize].phase, lane, stream) {
@@ -228,25 +207,23 @@ impl Media {
         }
     }
 
-    /// Returns the interaction times a factor; `s` computes the normal of the scattering plane if needed.
+    /// Returns the interaction; `s` computes the normal of the scattering plane if needed.
     #[inline]
-    fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A, factor: Spectral) -> Scatter {
+    fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A) -> Scatter {
         match phase {
-            Phase::Isotropic => Scatter::Depolarize(Spectral::splat(ISOTROPIC) * factor),
+            Phase::Isotropic => Scatter::Depolarize(Spectral::splat(ISOTROPIC)),
             Phase::Rayleigh(p) => {
                 let e = p.elements(at).splat();
                 if p.is_pure() {
                     let block = FresnelBlock { a: e.s11, b: e.s12, c: e.s33, d: e.s34 };
-                    Scatter::Fresnel { block: block.scaled(factor), s: s() }
+                    Scatter::Fresnel { block, s: s() }
                 } else {
-                    e.scatter(s()).scaled(factor)
+                    e.scatter(s())
                 }
             }
-            Phase::HenyeyGreenstein(p) if p.depolarizes() => Scatter::Depolarize(p.intensity(at) * factor),
-            Phase::HenyeyGreenstein(p) => p.elements(at).scatter(s()).scaled(factor),
-            Phase::Table(t) => {
-                Scatter::Fresnel { block: self.tables[t as usize].block(at).scaled(factor), s: s() }
-            }
+            Phase::HenyeyGreenstein(p) if p.depolarizes() => Scatter::Depolarize(p.intensity(at)),
+            Phase::HenyeyGreenstein(p) => p.elements(at).scatter(s()),
+            Phase::Table(t) => Scatter::Fresnel { block: self.tables[t as usize].block(at), s: s() },
         }
     }
 

@@ -36,7 +36,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl Products {
     /// Averages over spheres with weights.
-    #[must_use]
     pub fn new(spheres: &[(f64, Sphere)]) -> Self {
         let terms = spheres.iter().map(|(_, s)| s.terms()).max().unwrap_or(0);
         let triangle = || (0..terms).map(|n| vec![0.0; n + 1]).collect::<Vec<_>>();
@@ -70,14 +69,8 @@ impl Products {
         Self { terms, squares, mixed }
     }
 
-    #[must_use]
-    pub fn terms(&self) -> usize {
-        self.terms
-    }
-
     /// Returns the sums of S11, S12, S33, S34 over the spheres in a direction with the given
     /// [`super::mie::angular`] functions.
-    #[must_use]
     pub fn matrix(&self, angular: &[[f64; 2]]) -> [f64; 4] {
         let functions = [0, 1].map(|which| -> Vec<f64> { angular.iter().map(|a| a[which]).collect() });
         let form = |rows: &[Vec<f64>], left: &[f64], right: &[f64]| {
@@ -110,7 +103,7 @@ mod tests {
         let products = Products::new(&spheres);
         let mut table = vec![];
         for mu in [-1.0, -0.7, 0.0, 0.4, 0.99, 1.0] {
-            angular(mu, products.terms(), &mut table);
+            angular(mu, products.terms, &mut table);
             let mut want = [0.0; 4];
             for (w, s) in &spheres {
                 let m = matrix(s.amplitudes(mu));

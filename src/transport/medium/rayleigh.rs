@@ -36,8 +36,7 @@ impl Rayleigh {
 
     /// Returns true for pure dipole scattering, so that S22 = S11 and S44 = S33.
     #[inline]
-    #[must_use]
-    pub fn is_pure(self) -> bool {
+    pub(crate) fn is_pure(self) -> bool {
         self.dipole == 1.0
     }
 

@@ -41,15 +41,13 @@ impl Angle {
 
     /// Returns the angle for a cosine in -1..1.
     #[inline]
-    #[must_use]
-    pub fn of_cos(mu: f32) -> Self {
+    pub(crate) fn of_cos(mu: f32) -> Self {
         Self { forward: 1.0 - mu, backward: 1.0 + mu }
     }
 
     /// Returns the angle for 1 - cosθ in 0..2.
     #[inline]
-    #[must_use]
-    pub fn of_forward(forward: f32) -> Self {
+    pub(crate) fn of_forward(forward: f32) -> Self {
         Self { forward, backward: 2.0 - forward }
     }
 
@@ -89,8 +87,7 @@ impl Angle {
 /// Returns the unit normal of the scattering plane. In the forward and backward directions any perpendicular
 /// is returned; the matrix is the same in all of them there.
 #[inline]
-#[must_use]
-pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
+pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     // For nearly parallel vectors, use their short sum or difference to avoid cancellation.
     let short = if wo.dot(wi) < 0.0 { wo + wi } else { wo - wi };
     let n = wo.cross(short);

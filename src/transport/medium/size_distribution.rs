@@ -88,8 +88,7 @@ impl SizeDistribution {
     }
 
     /// Returns the mean volume of a particle, m³.
-    #[must_use]
-    pub fn mean_volume(&self) -> f64 {
+    pub(crate) fn mean_volume(&self) -> f64 {
         let cube = match self {
             Self::Single { radius } => radius.powi(3),
             Self::LogNormal { median, sigma } => median.powi(3) * (4.5 * sigma * sigma).exp(),

@@ -15,7 +15,6 @@
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
-use crate::material::Lanes;
 use optics::polarization::fresnel::FresnelBlock;
 use optics::sampling::stream::Stream;
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral};
@@ -221,13 +220,6 @@ impl Table {
         let polarized = (b * b + c * c + d * d).sqrt().max(Spectral::splat(f32::MIN_POSITIVE));
         let f = (a / polarized).min(Spectral::ONE);
         FresnelBlock { a, b: b * f, c: c * f, d: d * f }
-    }
-
-    /// Returns the density of [`Self::sample`] per steradian, averaged over the live lanes.
-    #[inline]
-    #[must_use]
-    pub fn pdf(&self, at: Angle, lanes: Lanes) -> f32 {
-        lanes.mean(self.densities(at))
     }
 
     /// Returns the density of [`Self::sample`] per steradian for each lane.

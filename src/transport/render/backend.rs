@@ -1,14 +1,14 @@
-//! The interface for back ends, which turn tiles of camera pixels into sums, and the CPU back end.
+//! Turns tiles of camera pixels into sums.
 //!
-//! A back end sees only plain-data tables: those of the scene and the plans of its slices. The result of a
+//! The renderer sees only plain-data tables: those of the scene and the plans of its slices. The result of a
 //! tile depends only on scene, seed and sample count. The output is therefore bit-identical for any number of
-//! threads and after interruptions. 19 Renders tiles of one scene.
+//! threads and after interruptions.
 
 use super::path::{BATCH, Wants};
 use super::selected::Aim;
 use super::shared_light::SharedLight;
 use super::tiles;
-use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
+use super::tracer::{Pass, Prepared, TileParts, Tracer, tiles_at_once};
 use crate::accumulate::{Counted, NO_PIXEL, Selected, SlicePlan, TileAccumulator, TileSums};
 use crate::device::epipolar::{Epipolar, EpipolarLine};
 use crate::scene::Scene;
@@ -17,60 +17,37 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-pub trait TileBackend: Sync {
-    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished.
-    /// Starts no further tile after `stop` returns true or `take` fails.
-    ///
-    /// # Errors
-    /// The error that `take` returns.
-    fn render<E: Send>(
-        &self,
-        tiles: &[u32],
-        stop: impl Fn() -> bool + Sync,
-        take: impl Fn(&mut TileSums) -> Result<(), E> + Sync,
-    ) -> Result<(), E>;
-}
-
-/// The back end that runs on the threads of the current rayon pool.
-pub struct Cpu<'a> {
+/// Renders on the threads of the current rayon pool.
+pub(super) struct Cpu<'a> {
     scene: &'a Scene,
     plans: &'a [SlicePlan],
     epipolar: Option<Epipolar>,
+    /// Number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image is
+    /// rendered in as many parts as this requires; the output is bit-identical.
     walks_at_once: u64,
-    light: Option<SharedLight>,
+    /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
+    pub light: Option<SharedLight>,
+    /// Number of samples per pixel of each tile; none exceeds the scene's setting. A tile is bit-identical to
+    /// that of a render with the tile's number as its setting.
     samples: Option<&'a [u32]>,
 }
 
 impl<'a> Cpu<'a> {
-    #[must_use]
-    pub fn new(scene: &'a Scene, plans: &'a [SlicePlan]) -> Self {
+    /// Prepares to render tiles with `walks_at_once` light subpaths in memory, and `samples` per pixel of
+    /// each tile if given.
+    pub fn new(
+        scene: &'a Scene,
+        plans: &'a [SlicePlan],
+        walks_at_once: u64,
+        samples: Option<&'a [u32]>,
+    ) -> Self {
         let epipolar = match &scene.projector {
             Some(p) if plans.iter().any(SlicePlan::needs_epipolar) => {
                 Epipolar::new(&scene.camera, &p.pinhole)
             }
             _ => None,
         };
-        Self { scene, plans, epipolar, walks_at_once: WALKS_AT_ONCE, light: None, samples: None }
-    }
-
-    /// Sets the number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image
-    /// is rendered in as many parts as this requires; the output is bit-identical.
-    #[must_use]
-    pub fn walks_at_once(self, walks: u64) -> Self {
-        Self { walks_at_once: walks.max(1), ..self }
-    }
-
-    /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
-    #[must_use]
-    pub fn shared_light(self, light: Option<SharedLight>) -> Self {
-        Self { light, ..self }
-    }
-
-    /// Sets the number of samples per pixel of each tile; none may exceed the scene's setting. A tile is
-    /// bit-identical to that of a render with the tile's number as its setting.
-    #[must_use]
-    pub fn samples(self, samples: Option<&'a [u32]>) -> Self {
-        Self { samples, ..self }
+        Self { scene, plans, epipolar, walks_at_once: walks_at_once.max(1), light: None, samples }
     }
 
     /// Returns the number of samples per pixel of a tile.
@@ -164,8 +141,13 @@ impl<'a> Cpu<'a> {
     }
 }
 
-impl TileBackend for Cpu<'_> {
-    fn render<E: Send>(
+impl Cpu<'_> {
+    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished.
+    /// Starts no further tile after `stop` returns true or `take` fails.
+    ///
+    /// # Errors
+    /// The error that `take` returns.
+    pub fn render<E: Send>(
         &self,
         tiles: &[u32],
         stop: impl Fn() -> bool + Sync,

@@ -17,7 +17,7 @@
 
 use super::apparent;
 use super::emission::{Emission, Ends, Sender};
-use super::environment::{self, Met};
+use super::environment;
 use super::join::{Joiner, Scratch, Setup, most};
 use super::mirrors::Mirrors;
 use super::parting::Parting;
@@ -25,7 +25,7 @@ use super::point::Point;
 use super::roulette::Roulette;
 use super::shared_light::SharedLight;
 use super::spill::{Parts, Spill};
-use super::splats::{Counts, Splats, WalkNumber};
+use super::splats::{Counts, Splat, Splats, WalkNumber};
 use super::state::From;
 use super::strategies::strategies;
 use super::walk::{First, Limits, Walk};
@@ -86,6 +86,9 @@ pub struct Walks {
     pub elements: Vec<Spectral>,
 }
 
+/// What a thread reuses between subpaths that are traced in advance.
+type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
+
 /// Returns true if connections of `s` light vertices to `t` camera vertices are enabled.
 #[inline]
 pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
@@ -145,16 +148,10 @@ impl Plan {
         }
         plan.setup.redirected = redirected;
         if let Some(light) = light.filter(|_| plan.has_splats(scene)) {
-            let made = light.make(
-                scene,
-                plan.counts(scene),
-                stop,
-                || (Walks::default(), vec![], vec![]),
-                |(walks, list, elements), number, found| {
-                    let mut out = Contributions::new(list, elements, labelled);
-                    walks.look(scene, &plan, number, &mut out, found);
-                },
-            );
+            let made =
+                light.make(scene, plan.counts(scene), stop, Buffers::default, |buffers, number, found| {
+                    plan.look(scene, buffers, number, found)
+                });
             match made {
                 Ok(made) => {
                     made?;
@@ -169,11 +166,8 @@ impl Plan {
                 parts.count,
                 &parts.of,
                 stop,
-                || (Walks::default(), vec![], vec![]),
-                |(walks, list, elements), number, found| {
-                    let mut out = Contributions::new(list, elements, labelled);
-                    walks.look(scene, &plan, number, &mut out, found);
-                },
+                Buffers::default,
+                |buffers, number, found| plan.look(scene, buffers, number, found),
             );
             match made {
                 Ok(spill) => plan.spill = Some(spill?),
@@ -212,17 +206,23 @@ impl Plan {
                         "cannot read the stored vertices of light paths: {e}; the paths are traced again"
                     );
                 }
-                Splats::new(
-                    self.counts(scene),
-                    wanted,
-                    || (Walks::default(), vec![], vec![]),
-                    |(walks, list, elements), number, found| {
-                        let mut out = Contributions::new(list, elements, self.setup.labelled);
-                        walks.look(scene, self, number, &mut out, found);
-                    },
-                )
+                Splats::new(self.counts(scene), wanted, Buffers::default, |buffers, number, found| {
+                    self.look(scene, buffers, number, found)
+                })
             }
         };
+    }
+
+    /// Traces a light subpath and calls `found` with each vertex that the camera sees.
+    fn look(
+        &self,
+        scene: &Scene,
+        (walks, list, elements): &mut Buffers,
+        number: WalkNumber,
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let mut out = Contributions::new(list, elements, self.setup.labelled);
+        walks.look(scene, self, number, &mut out, found);
     }
 
     /// Returns the number of vertices, including the end, from which a light subpath is connected to others.
@@ -248,18 +248,15 @@ impl Plan {
         let pixels = u64::from(w) * u64::from(h);
         let samples: Vec<f32> = (0..PILOT)
             .into_par_iter()
-            .map_init(
-                || (Walks::default(), vec![], vec![]),
-                |(walks, list, elements), n| {
-                    let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
-                    let mut out = Contributions::new(list, elements, self.setup.labelled);
-                    out.list.clear();
-                    out.elements.clear();
-                    // Sample numbers that the render does not use.
-                    walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
-                    brings(&out)
-                },
-            )
+            .map_init(Buffers::default, |(walks, list, elements), n| {
+                let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
+                let mut out = Contributions::new(list, elements, self.setup.labelled);
+                out.list.clear();
+                out.elements.clear();
+                // Sample numbers that the render does not use.
+                walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
+                brings(&out)
+            })
             .collect();
         Roulette::new(&samples, scene.filled)
     }
@@ -362,22 +359,7 @@ impl Walks {
             environment::seen(scene, &left.chain, left.beam, did, left.chosen, out);
         }
         if scene.settings.strategy.is_none() && all {
-            for glow in &self.camera.glows {
-                let Some((number, light)) = scene.lights.of(glow.surface.material) else {
-                    continue;
-                };
-                let met = Met {
-                    light,
-                    number,
-                    surface: &glow.surface,
-                    facet: glow.facet,
-                    optical_m: glow.optical_m,
-                    interactions: glow.interactions,
-                    label: glow.label,
-                    chosen: glow.chosen,
-                };
-                environment::met(scene, glow.chain, glow.beam, &met, out);
-            }
+            self.camera.glows.iter().for_each(|glow| environment::met(scene, glow, out));
         }
     }
 

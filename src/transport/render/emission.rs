@@ -4,6 +4,7 @@ use super::aim::Aim;
 use super::bridge::surrounding;
 use super::point::{End, Point};
 use crate::accumulate::NO_PIXEL;
+use crate::device::emitter::PointEmitter;
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::ray::Ray;
@@ -21,6 +22,12 @@ pub(super) enum Source {
     Projector,
     /// The number of a point emitter.
     Point(usize),
+}
+
+/// The emitter of a source.
+enum Emitter<'a> {
+    Projector(&'a Projector),
+    Point(&'a PointEmitter),
 }
 
 /// All emitters from which subpaths can start, and the media around them and the camera.
@@ -176,11 +183,19 @@ impl Emission {
     }
 
     #[inline]
-    pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
+    fn emitter_of<'a>(&self, scene: &'a Scene, ends: &'a Ends, source: usize) -> Emitter<'a> {
         match (self.sources[source].0, &ends.projector) {
-            (Source::Point(i), _) => scene.points[i].position,
-            (Source::Projector, Some(p)) => p.pinhole.origin,
-            (Source::Projector, None) => Vec3A::ZERO,
+            (Source::Point(i), _) => Emitter::Point(&scene.points[i]),
+            (Source::Projector, Some(p)) => Emitter::Projector(p),
+            (Source::Projector, None) => unreachable!("the projector is a source only where there is one"),
+        }
+    }
+
+    #[inline]
+    pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
+        match self.emitter_of(scene, ends, source) {
+            Emitter::Point(point) => point.position,
+            Emitter::Projector(p) => p.pinhole.origin,
         }
     }
 
@@ -188,18 +203,16 @@ impl Emission {
     /// vectors.
     #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
-        match (self.sources[source].0, &ends.projector) {
-            (Source::Point(i), _) => {
-                let point = &scene.points[i];
+        match self.emitter_of(scene, ends, source) {
+            Emitter::Point(point) => {
                 let share = point.profile.value(dir);
                 (point.share(&scene.materials.textures, dir, share), point.axis)
             }
-            (Source::Projector, Some(p)) => {
+            Emitter::Projector(p) => {
                 let cos = dir.dot(p.pinhole.forward());
                 let factor = Spectral::splat(1.0 / (cos * cos * cos));
                 (p.irradiance * factor, p.pinhole.right())
             }
-            (Source::Projector, None) => (Spectral::ZERO, Vec3A::X),
         }
     }
 
@@ -207,22 +220,20 @@ impl Emission {
     /// emitters. Returns `None` if it does not illuminate the point.
     #[inline]
     pub fn pixel(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
-        match (self.sources[source].0, &ends.projector) {
-            (Source::Point(i), _) => {
-                let point = &scene.points[i];
+        match self.emitter_of(scene, ends, source) {
+            Emitter::Point(point) => {
                 (point.profile.value((p - point.position).normalize_or_zero()) > 0.0).then_some(NO_PIXEL)
             }
-            (Source::Projector, Some(projector)) => projector.pinhole.pixel(p),
-            (Source::Projector, None) => None,
+            Emitter::Projector(projector) => projector.pinhole.pixel(p),
         }
     }
 
     /// Returns the density per steradian with which a subpath from a source starts along `dir`.
     #[inline]
     pub fn density(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
-        match (self.sources[source].0, &ends.projector) {
-            (Source::Point(i), _) => scene.points[i].profile.density(dir),
-            (Source::Projector, Some(p)) => {
+        match self.emitter_of(scene, ends, source) {
+            Emitter::Point(point) => point.profile.density(dir),
+            Emitter::Projector(p) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
                 let even = even(&p.pinhole, dir);
                 match &self.aim {
@@ -233,7 +244,6 @@ impl Emission {
                     None => even,
                 }
             }
-            (Source::Projector, None) => 0.0,
         }
     }
 
@@ -247,8 +257,8 @@ impl Emission {
             u -= self.sources[source].1;
             source += 1;
         }
-        let (dir, pixel, density) = match (self.sources[source].0, &ends.projector) {
-            (Source::Projector, Some(p)) => {
+        let (dir, pixel, density) = match self.emitter_of(scene, ends, source) {
+            Emitter::Projector(p) => {
                 let at = self.aim.as_ref().map_or(at, |aim| aim.point(at));
                 // Evaluated at the point: from the direction, rounding might find a neighbouring cell.
                 let aimed = self.aim.as_ref().map_or(1.0, |aim| aim.density(at));
@@ -258,11 +268,10 @@ impl Emission {
                 let dir = p.pinhole.direction(at);
                 (dir, p.pinhole.number(at), aimed * even(&p.pinhole, dir))
             }
-            (Source::Point(i), _) => {
-                let dir = scene.points[i].profile.sample(at);
-                (dir, NO_PIXEL, scene.points[i].profile.density(dir))
+            Emitter::Point(point) => {
+                let dir = point.profile.sample(at);
+                (dir, NO_PIXEL, point.profile.density(dir))
             }
-            (Source::Projector, None) => return None,
         };
         let (intensity, axis) = self.intensity(scene, ends, source, dir);
         let flux = intensity * Spectral::splat(1.0 / (density * self.chance(source)));

@@ -3,7 +3,6 @@
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::geometry::ray::Surface;
-use crate::light::area::AreaLight;
 use crate::light::receiver::Receiver;
 use crate::light::{Found, share};
 use crate::scene::Scene;
@@ -37,10 +36,11 @@ impl Chosen {
 }
 
 /// An emitting surface that a path hit.
-pub(super) struct Met<'a> {
-    pub light: &'a AreaLight,
-    pub number: u32,
-    pub surface: &'a Surface,
+pub(super) struct Glow {
+    pub chain: Chain,
+    /// The light to which its product applies.
+    pub beam: Beam,
+    pub surface: Surface,
     /// Index of the triangle in its mesh, if known.
     pub facet: Option<u32>,
     /// Optical length of the path, in metres.
@@ -51,25 +51,26 @@ pub(super) struct Met<'a> {
     pub chosen: Chosen,
 }
 
-/// Appends the light of an emitting surface to a path; `beam` is the light to which `chain` applies.
-pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &mut Contributions) {
-    let Met { light, surface, .. } = *met;
+/// Appends the light of an emitting surface to a path.
+pub(super) fn met(scene: &Scene, glow: &Glow, out: &mut Contributions) {
+    let Glow { mut chain, beam, ref surface, .. } = *glow;
+    let (number, light) = scene.lights.of(surface.material).expect("the surface emits light");
     let radiance = light.toward(&scene.materials.textures, surface.ng, surface.uv, beam.travel);
     if radiance == Spectral::ZERO {
         return;
     }
     // If no connection can sample the path, its density is not computed.
-    let share = if met.chosen.density > 0.0 {
-        let found = Found { number: met.number, surface, facet: met.facet };
-        met.chosen.share(scene.lights.density(&met.chosen.from, -beam.travel, &found))
+    let share = if glow.chosen.density > 0.0 {
+        let found = Found { number, surface, facet: glow.facet };
+        glow.chosen.share(scene.lights.density(&glow.chosen.from, -beam.travel, &found))
     } else {
         1.0
     };
     chain.scale(radiance * Spectral::splat(share));
     light.polarized.end(&mut chain, beam.travel, beam.frame);
     let extent = chain.finish(out.elements);
-    let time_ps = picoseconds(met.optical_m);
-    out.push(extent, time_ps, NO_PIXEL, met.interactions, met.label);
+    let time_ps = picoseconds(glow.optical_m);
+    out.push(extent, time_ps, NO_PIXEL, glow.interactions, glow.label);
 }
 
 /// Appends the light of the environment to a path that left the scene after `bounces` interactions with label

@@ -249,7 +249,7 @@ mod tests {
         let back = Vec3A::new(0.6, 0.0, 0.8);
         let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
             let back = guide.turn(at, stream).unwrap_or(back);
-            media.sample_lane(0, back, 0, stream).0
+            media.sample_direction(0, back, 0, stream)
         };
         let own = |media: &Media, w| media.densities_toward(0, back, w);
         let most = 1.0 + 5.0 * (2.0_f64 / 512.0).sqrt();
@@ -268,7 +268,7 @@ mod tests {
     fn leaning_has_its_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
         let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
-            let to = media.sample_lane(0, back, 0, stream).0;
+            let to = media.sample_direction(0, back, 0, stream);
             let lean = guide.lean(at, back, to);
             if 2.0 * stream.uniform() < lean.factor { to } else { lean.partner }
         };

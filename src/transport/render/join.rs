@@ -5,7 +5,7 @@ use super::emission::{Emission, Ends, Sender};
 use super::flight::mean_transmittance;
 use super::guide::Guide;
 use super::mirrors::Mirrors;
-use super::point::{Point, Site};
+use super::point::{Point, Site, last};
 use super::roulette::Roulette;
 use super::state::{Beam, From};
 use super::weight::{Densities, Tries, power_heuristic};
@@ -146,9 +146,7 @@ impl<'a> Joiner<'a> {
     /// Connects the last vertex of a light subpath to the camera, with weight `factor`.
     pub fn splat(&mut self, light: &[Point], sender: Sender, factor: f32, out: &mut Contributions) {
         let camera = &self.ends[0].camera;
-        let Some(point) = light.last() else {
-            return;
-        };
+        let point = last(light);
         let dir = (point.surface.p - camera.origin).normalize_or(camera.forward());
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
         end.chain.scale(Spectral::splat(end.density / self.setup.walks as f32));
@@ -172,9 +170,7 @@ impl<'a> Joiner<'a> {
             self.join_lobes(camera, light, sender, (factor, [None; 2]), out);
             return;
         }
-        let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
-            return;
-        };
+        let (scene, z, y) = (self.scene, last(camera), last(light));
         let to = y.surface.p - z.surface.p;
         let Some(way) = to.try_normalize() else {
             return;
@@ -214,9 +210,7 @@ impl<'a> Joiner<'a> {
     /// straight between them. The connection is then blocked without tracing a ray.
     #[inline]
     fn are_parted(&self, camera: &[Point], light: &[Point]) -> bool {
-        let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
-            return false;
-        };
+        let (scene, z, y) = (self.scene, last(camera), last(light));
         if scene.sheets || !scene.filled {
             return false;
         }
@@ -243,9 +237,7 @@ impl<'a> Joiner<'a> {
         out: &mut Contributions,
     ) {
         let scene = self.scene;
-        let ([.., z], [.., y]) = (camera, light) else {
-            return;
-        };
+        let (z, y) = (last(camera), last(light));
         if z.lanes.mask & y.lanes.mask == 0 {
             return;
         }
@@ -342,7 +334,7 @@ impl<'a> Joiner<'a> {
     fn is_sole(&self, camera: &[Point], light: &[Point]) -> bool {
         // A Lambert surface reached only by specular interactions is also sampled from there.
         let lambert = |p: &Point| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
-        self.setup.redirected && camera.len() == 1 && light.last().is_some_and(lambert)
+        self.setup.redirected && camera.len() == 1 && lambert(last(light))
     }
 
     /// Returns the weight of a connection among all strategies that can sample its path.
@@ -361,7 +353,7 @@ impl<'a> Joiner<'a> {
                 particle: matches!(p.site, Site::Volume(_)),
             }));
         }
-        let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
+        let (z, y) = (last(camera), last(light));
         let [from_camera, from_light] = &mut self.scratch.densities;
         // Densities with which the other subpath would sample each end of the line and its predecessor.
         let [toward_light, toward_camera] = line.dirs;

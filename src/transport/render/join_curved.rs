@@ -10,7 +10,7 @@ use super::join::{Joiner, most};
 use super::join_manifold::Takers;
 use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
-use super::point::Point;
+use super::point::{Point, last};
 use super::traced::Traced;
 use crate::accumulate::Contributions;
 use glam::Vec3A;
@@ -32,9 +32,7 @@ impl Joiner<'_> {
     }
 
     fn join_over_one(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let setup = self.setup;
         let to = setup.emission.position(self.scene, self.ends[0], source);
         let Some(factor) = self.spin_glints(z, source, to, &setup.mirrors.glints) else {
@@ -50,9 +48,7 @@ impl Joiner<'_> {
     /// Connects by all other paths that include something curved: through curved glass, except for the path
     /// that [`Self::join_by_manifold`] finds, and over several mirrors.
     fn join_through(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
         let Some(bends) = most(scene).checked_sub(z.interactions + 1).filter(|n| *n > 0) else {
             return;
@@ -108,9 +104,7 @@ impl Joiner<'_> {
         decide: impl Fn(&mut Self, &Way) -> Option<f32>,
         out: &mut Contributions,
     ) {
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let mut found = |joiner: &mut Self, lane| {
             let way = draw(joiner, lane, true)?;
             let factor = factor * decide(joiner, &way)?;

@@ -5,7 +5,7 @@
 
 use super::emission::Sender;
 use super::join::Joiner;
-use super::point::{End, Point};
+use super::point::{End, Point, last};
 use super::state::From;
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::geometry::ray::Ray;
@@ -18,9 +18,7 @@ use optics::spectrum::Spectral;
 impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to all directional lights and to a sampled light.
     pub fn join_lights(&mut self, camera: &[Point], out: &mut Contributions) {
-        let (scene, guide, Some(point)) = (self.scene, &self.setup.guide, camera.last()) else {
-            return;
-        };
+        let (scene, guide, point) = (self.scene, &self.setup.guide, last(camera));
         let p = point.surface.p;
         let [u, v] = self.stream.uniform2();
         let mut choice = [self.scene.lights.begin(self.stream.uniform())];

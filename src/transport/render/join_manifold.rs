@@ -7,7 +7,7 @@ use super::flight::mean_transmittance;
 use super::join::{Joiner, Line, Record, behind, meet, most};
 use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
-use super::point::{Point, Site};
+use super::point::{Point, Site, last};
 use super::route::Route;
 use super::split_way::{Choice, SplitSearch};
 use super::state::Beam;
@@ -69,9 +69,7 @@ fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
 impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to an emitter through interfaces.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let (scene, emission) = (self.scene, &self.setup.emission);
         let to = emission.position(scene, self.ends[0], source);
         let Some(dir) = (to - z.surface.p).try_normalize() else {
@@ -92,9 +90,7 @@ impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to an emitter through crystals with double images. The
     /// path must not be [`Self::reached`] by other strategies.
     pub fn join_through_crystals(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let (Some(z), scene) = (camera.last(), self.scene) else {
-            return;
-        };
+        let (z, scene) = (last(camera), self.scene);
         let to = self.setup.emission.position(scene, self.ends[0], source);
         let search = self.straight(z, to).and_then(|start| SplitSearch::straight(scene, start, to));
         for waves in search.iter().flat_map(SplitSearch::waves) {
@@ -120,9 +116,7 @@ impl Joiner<'_> {
     /// three or more mirrors are tried as well. Otherwise other strategies must account for these connections
     /// in their weights ([`Mirrors::flats_weigh`]).
     pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool, out: &mut Contributions) {
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
         let chance = flats_chance(scene, z);
         if chance < 1.0 && self.stream.uniform() >= chance {
@@ -281,9 +275,7 @@ impl Joiner<'_> {
         out: &mut Contributions,
     ) {
         let scene = self.scene;
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         if !out.labelled {
             if let Some(scatter) = z.scatter(scene, z.back, way.dir) {
                 self.join_way_by(camera, source, way, takers, (&scatter, 0), out);
@@ -307,9 +299,7 @@ impl Joiner<'_> {
         out: &mut Contributions,
     ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
-        let Some(z) = camera.last() else {
-            return;
-        };
+        let z = last(camera);
         let interactions = z.interactions + 1 + way.count() as u32;
         let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;

@@ -89,6 +89,7 @@ impl Walks {
                             lineage,
                             interfaces,
                             lanes,
+                            unused: [0; 3],
                         },
                     );
                 };

@@ -308,9 +308,7 @@ impl Mirrors {
     /// Calls `f` with all sequences that end with given mirrors. `images` are the end and its successive
     /// images in these mirrors, the last mirror of the path first.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
-        let Some((last, image)) = images.last().copied() else {
-            return;
-        };
+        let (last, image) = *images.last().expect("the end of the path is in the list");
         for (group, flat) in (0..).zip(&self.flats) {
             if group == last {
                 continue;

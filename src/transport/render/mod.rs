@@ -2,7 +2,7 @@
 
 mod aim;
 mod apparent;
-pub mod backend;
+mod backend;
 mod bidirectional;
 mod bridge;
 mod connect;

@@ -11,7 +11,7 @@
 mod start;
 
 use super::connect::{Lit, LitAt, Vertex, connect_all, connect_drawn_point, connect_lights};
-use super::environment::{self, Chosen, Met};
+use super::environment::{self, Chosen, Glow};
 use super::roulette::{Odds, survives};
 use super::selected::{self, Aim, Came, LitPoint};
 use super::state::{Beam, State};
@@ -248,12 +248,8 @@ impl Paths {
                 let lit = lit.as_ref().map(|lit| LitAt { lit, place: n });
                 let before = out.list.len();
                 rays += path.connect(scene, views, bounces, lit, &mut out);
-                if MORE
-                    && !wants.aims.is_empty()
-                    && let Some(hit) = path.hit
-                {
-                    let z =
-                        Vertex { hit, surface: &path.surface, wo: -path.state.ray.dir, bounces: bounces + 1 };
+                if MORE && !wants.aims.is_empty() {
+                    let z = path.vertex(bounces);
                     let came = Came { density: path.density, lit: lit.map(|lit| lit.toward()), before };
                     rays +=
                         selected::connect(scene, &path.state, &z, came, &self.points[i as usize], &mut out);
@@ -303,7 +299,7 @@ impl Path {
     #[inline(always)]
     fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
         let Some(hit) = &self.hit else {
-            return;
+            unreachable!("paths that hit nothing have ended");
         };
         let state = &mut self.state;
         scene.geometry.surface_into(&state.ray, hit, &mut self.surface);
@@ -325,6 +321,15 @@ impl Path {
         }
     }
 
+    /// Returns the surface, after `bounces` previous interactions, as the start of connections.
+    #[inline(always)]
+    fn vertex(&self, bounces: u32) -> Vertex<'_> {
+        let Some(hit) = self.hit else {
+            unreachable!("paths that hit nothing have ended");
+        };
+        Vertex { hit, surface: &self.surface, wo: -self.state.ray.dir, bounces: bounces + 1 }
+    }
+
     /// Connects the surface, after `bounces` previous interactions, to emitters. Returns the number of rays.
     #[inline(always)]
     fn connect(
@@ -335,43 +340,39 @@ impl Path {
         lit: Option<LitAt<BATCH>>,
         out: &mut Contributions,
     ) -> u32 {
-        let (Some(hit), state, surface) = (self.hit, &self.state, &self.surface) else {
-            return 0;
-        };
-        if !scene.materials.has_extended_lobe(surface.material) {
+        if !scene.materials.has_extended_lobe(self.surface.material) {
             return 0;
         }
-        let at = Vertex { hit, surface, wo: -state.ray.dir, bounces: bounces + 1 };
-        connect_all(scene, views, state, &at, lit, out)
+        connect_all(scene, views, &self.state, &self.vertex(bounces), lit, out)
     }
 
     /// Adds the emission of a surface that the path hits after `bounces` interactions.
     #[inline(never)]
     fn glow(&self, scene: &Scene, bounces: u32, out: &mut Contributions) {
         let (Some(hit), state) = (&self.hit, &self.state) else {
-            return;
+            unreachable!("the caller has checked that a surface is hit");
         };
         let surface = scene.geometry.surface(&state.ray, hit);
-        let Some((number, light)) = scene.lights.of(surface.material) else {
+        if scene.lights.of(surface.material).is_none() {
             return;
-        };
+        }
         let (mut chain, travel) = (state.chain, -state.ray.dir);
         let mut frame = state.frame;
         if let Some(scatter) = state.crossed(scene, &surface) {
             frame = chain.push(&scatter, travel, frame).unwrap_or(frame);
         }
         let (_, length) = met(state.from, state.ray.dir, &surface);
-        let met = Met {
-            light,
-            number,
-            surface: &surface,
+        let glow = Glow {
+            chain,
+            beam: Beam { travel, frame },
+            surface,
             facet: scene.geometry.facet(hit),
             optical_m: state.optical_m + f64::from(state.filling.index) * length,
             interactions: bounces,
             label: state.label,
             chosen: self.chosen,
         };
-        environment::met(scene, chain, Beam { travel, frame }, &met, out);
+        environment::met(scene, &glow, out);
     }
 
     /// Stores the inputs for choosing lights for the surface in the rows at index `n`.
@@ -403,13 +404,9 @@ impl Path {
         n: usize,
         out: &mut Contributions,
     ) -> u32 {
-        let (Some(hit), surface) = (self.hit, &self.surface) else {
-            return 0;
-        };
-        if !scene.materials.has_extended_lobe(surface.material) {
+        if !scene.materials.has_extended_lobe(self.surface.material) {
             return 0;
         }
-        let at = Vertex { hit, surface, wo: -self.state.ray.dir, bounces: bounces + 1 };
         let drawn = scene.lights.draw(
             &scene.materials.textures,
             &rows.receivers[n],
@@ -417,7 +414,7 @@ impl Path {
             rows.places[n],
             scene.far,
         );
-        connect_lights(scene, &self.state, &at, drawn, out)
+        connect_lights(scene, &self.state, &self.vertex(bounces), drawn, out)
     }
 
     /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
@@ -429,11 +426,10 @@ impl Path {
         choice: &Choice,
         out: &mut Contributions,
     ) -> u32 {
-        let (Some(hit), Some(number)) = (self.hit, choice.light()) else {
+        let Some(number) = choice.light() else {
             return 0;
         };
-        let at = Vertex { hit, surface: &self.surface, wo: -self.state.ray.dir, bounces: bounces + 1 };
-        connect_drawn_point(scene, &self.state, &at, (number, choice.chance), out)
+        connect_drawn_point(scene, &self.state, &self.vertex(bounces), (number, choice.chance), out)
     }
 
     /// Records how the next direction `wi` was sampled; `delta` if from a delta lobe.

@@ -42,6 +42,12 @@ pub(super) enum Site {
     Volume(u32),
 }
 
+/// Returns the last vertex of a subpath.
+#[inline]
+pub(super) fn last(walk: &[Point]) -> &Point {
+    walk.last().expect("a subpath has an end")
+}
+
 /// Returns the scattering by the lobes of one kind.
 fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
     lobes.into_iter().find(|(k, _)| *k == kind).map(|(_, s)| s)

@@ -20,7 +20,7 @@ use super::bridge::unnoticed;
 use super::emission::Sender;
 use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::join::Joiner;
-use super::point::{Point, Site};
+use super::point::{Point, Site, last};
 use super::state::{From, State};
 use crate::accumulate::Contributions;
 use crate::geometry::ray::{Ray, Surface};
@@ -105,9 +105,7 @@ impl Joiner<'_> {
     /// and appends the contributions. Returns true if such an interface lies between it and every emitter.
     pub fn join_through_rough(&mut self, camera: &[Point], out: &mut Contributions) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);
-        let Some(z) = camera.last() else {
-            return false;
-        };
+        let z = last(camera);
         let Site::Volume(id) = z.site else {
             return false;
         };

@@ -1,6 +1,6 @@
 //! Schedules the work: a tile of camera pixels is done once it is complete and in the sink.
 
-use super::backend::{Cpu, TileBackend};
+use super::backend::Cpu;
 use super::job::{job, plans};
 use super::shared_light::SharedLight;
 use super::tracer::WALKS_AT_ONCE;
@@ -127,9 +127,8 @@ pub(super) fn render_in_parts<S: Sink>(
     if let Some(counts) = share.samples {
         job.attributes.insert(TILE_SAMPLES.into(), json!(counts));
     }
-    let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once).samples(share.samples);
-    let light = share.light(&job.attributes, backend.labelled());
-    let backend = backend.shared_light(light.map_err(RenderError::Part)?);
+    let mut backend = Cpu::new(scene, &plans, walks_at_once, share.samples);
+    backend.light = share.light(&job.attributes, backend.labelled()).map_err(RenderError::Part)?;
     if let Some(part) = share.part {
         job.attributes.insert(part::ATTRIBUTE.into(), part.to_json());
     }
@@ -141,7 +140,7 @@ pub(super) fn render_in_parts<S: Sink>(
 
 /// Renders those of `tiles` that have no record of completion.
 fn run<S: Sink>(
-    backend: &impl TileBackend,
+    backend: &Cpu,
     tiles: &[u32],
     records: &[TileRecord],
     sink: &S,

@@ -24,71 +24,31 @@ pub(super) struct Spill {
     pixels: u32,
 }
 
-/// A splat in the file; [`Bent`] follows if its connection is refracted.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Straight {
-    pixel: u32,
-    sample: u32,
-    walk: u32,
-    seen: f32,
-    factor: f32,
-    point: u16,
-    lineage: u8,
-    interfaces: u8,
-    lanes: u8,
-    unused: [u8; 3],
-}
-
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Bent([f32; 3]);
+/// Bytes of the pixel's number, which precedes a splat in the file, and of a splat whose connection is
+/// straight. The file omits the direction of straight connections.
+const PIXEL: usize = size_of::<u32>();
+const STRAIGHT: usize = std::mem::offset_of!(Splat, dir);
 
 fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
-    let straight = Straight {
-        pixel,
-        sample: s.walk.sample,
-        walk: s.walk.walk,
-        seen: s.seen,
-        factor: s.factor,
-        point: s.point,
-        lineage: s.lineage,
-        interfaces: s.interfaces,
-        lanes: s.lanes,
-        unused: [0; 3],
-    };
-    out.extend_from_slice(bytemuck::bytes_of(&straight));
-    if s.interfaces > 0 {
-        out.extend_from_slice(bytemuck::bytes_of(&Bent(s.dir)));
-    }
+    let bytes = bytemuck::bytes_of(s);
+    out.extend_from_slice(bytemuck::bytes_of(&pixel));
+    out.extend_from_slice(if s.interfaces > 0 { bytes } else { &bytes[..STRAIGHT] });
 }
 
 /// Parses the splats in a section of the file.
 fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
-    const STRAIGHT: usize = size_of::<Straight>();
-    const BENT: usize = size_of::<Bent>();
-    while let Some((head, rest)) = bytes.split_at_checked(STRAIGHT) {
-        let s: Straight = bytemuck::pod_read_unaligned(head);
-        let (dir, rest) = if s.interfaces == 0 {
-            ([0.0; 3], rest)
-        } else {
-            let (dir, rest) = rest.split_at_checked(BENT).ok_or(ErrorKind::UnexpectedEof)?;
-            (bytemuck::pod_read_unaligned::<Bent>(dir).0, rest)
-        };
+    while let Some((head, mut rest)) = bytes.split_at_checked(PIXEL + STRAIGHT) {
+        let (pixel, head) = head.split_at(PIXEL);
+        let mut splat = Splat::zeroed();
+        let (straight, dir) = bytemuck::bytes_of_mut(&mut splat).split_at_mut(STRAIGHT);
+        straight.copy_from_slice(head);
+        if straight[std::mem::offset_of!(Splat, interfaces)] > 0 {
+            let (read, after) = rest.split_at_checked(dir.len()).ok_or(ErrorKind::UnexpectedEof)?;
+            dir.copy_from_slice(read);
+            rest = after;
+        }
         bytes = rest;
-        found.push((
-            s.pixel,
-            Splat {
-                walk: WalkNumber { sample: s.sample, walk: s.walk },
-                seen: s.seen,
-                factor: s.factor,
-                dir,
-                point: s.point,
-                lineage: s.lineage,
-                interfaces: s.interfaces,
-                lanes: s.lanes,
-            },
-        ));
+        found.push((bytemuck::pod_read_unaligned(pixel), splat));
     }
     if bytes.is_empty() { Ok(()) } else { Err(ErrorKind::UnexpectedEof.into()) }
 }
@@ -243,6 +203,7 @@ mod tests {
                     lineage: point as u8,
                     interfaces: u8::from(bent),
                     lanes: 7,
+                    ..Splat::zeroed()
                 };
                 found((n.walk * 7 + n.sample + point) % 60, splat);
             }

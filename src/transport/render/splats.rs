@@ -5,6 +5,7 @@
 //! in the list of the pixel. The pixel then traces these subpaths again up to the vertices; they depend only
 //! on their numbers. A subpath is traced more than once, but memory stays small and tiles are independent.
 
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -15,8 +16,10 @@ pub(super) struct Splats {
     points: Vec<Splat>,
 }
 
-/// A vertex of a light subpath that the camera sees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A vertex of a light subpath that the camera sees. In this order, the fields have no gaps between them, and
+/// [`super::spill`] can omit the last one.
+#[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
+#[repr(C)]
 pub(super) struct Splat {
     pub walk: WalkNumber,
     /// Density with which light passes the interfaces at the start of the subpath, if the path would be found
@@ -24,8 +27,6 @@ pub(super) struct Splat {
     pub seen: f32,
     /// Weight after [`super::roulette`].
     pub factor: f32,
-    /// Direction in which a refracted connection to the camera leaves the vertex.
-    pub dir: [f32; 3],
     /// Index of the vertex in its subpath.
     pub point: u16,
     /// The branch of the subpath that contains it ([`super::parting`]).
@@ -34,10 +35,14 @@ pub(super) struct Splat {
     pub interfaces: u8,
     /// Bit mask of the wavelengths that use the connection.
     pub lanes: u8,
+    pub unused: [u8; 3],
+    /// Direction in which a refracted connection to the camera leaves the vertex; 0 for a straight one.
+    pub dir: [f32; 3],
 }
 
 /// A light subpath: its sample and its index in the sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct WalkNumber {
     pub sample: u32,
     pub walk: u32,
@@ -164,6 +169,7 @@ mod tests {
             lineage: 5,
             interfaces: 2,
             lanes: 7,
+            ..Splat::zeroed()
         };
         let splats = Splats::new(
             Counts { samples, walks, pixels },

@@ -5,7 +5,7 @@ use super::emission::Sender;
 use super::join::{Joiner, Line, Record, meet, most};
 use super::join_manifold::Takers;
 use super::manifold::{self, Goal, Way};
-use super::point::Point;
+use super::point::{Point, last};
 use super::route::Route;
 use super::state::Beam;
 use crate::accumulate::Contributions;
@@ -19,9 +19,7 @@ impl Joiner<'_> {
     /// Searches for specular paths through interfaces from the last vertex of a light subpath to the camera.
     /// Calls `f` with each path, its pixel and its wavelengths.
     pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
-        let Some(y) = light.last() else {
-            return;
-        };
+        let y = last(light);
         let camera = self.ends[0].camera;
         let Some(dir) = (camera.origin - y.surface.p).try_normalize() else {
             return;
@@ -65,9 +63,7 @@ impl Joiner<'_> {
         out: &mut Contributions,
     ) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);
-        let Some(y) = light.last() else {
-            return;
-        };
+        let y = last(light);
         let interactions = y.interactions + 1 + way.count() as u32;
         let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;

@@ -1,7 +1,7 @@
 //! Random walks through surfaces and media, from the camera or from an emitter: vertices ([`super::point`])
 //! joined by flights ([`super::flight`]).
 
-use super::environment::Chosen;
+use super::environment::{Chosen, Glow};
 use super::flight::{Flight, Landing, mean_transmittance};
 use super::guide::Guide;
 use super::onward::{Onward, Progress, scatter_in, scatter_on};
@@ -9,7 +9,7 @@ use super::parting::{Branch, Parting};
 use super::point::{End, Point, Site};
 use super::roulette::{Odds, survives};
 use super::state::{Beam, From};
-use crate::geometry::ray::{Ray, Surface};
+use crate::geometry::ray::Ray;
 use crate::scene::Scene;
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
@@ -25,6 +25,7 @@ pub(super) struct Walk {
     pub points: Vec<Point>,
     /// Its state when it leaves the scene.
     pub escape: Option<Escape>,
+    /// The emitting surfaces that it hit.
     pub glows: Vec<Glow>,
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with previous branches.
@@ -40,22 +41,6 @@ pub(super) struct Escape {
     pub chain: Chain,
     /// The light to which its product applies.
     pub beam: Beam,
-    /// Number of previous interactions, and their label.
-    pub interactions: u32,
-    pub label: u8,
-    pub chosen: Chosen,
-}
-
-/// An emitting surface that a subpath hit.
-pub(super) struct Glow {
-    pub chain: Chain,
-    /// The light to which its product applies.
-    pub beam: Beam,
-    pub surface: Surface,
-    /// Index of the triangle in its mesh, if known.
-    pub facet: Option<u32>,
-    /// Optical length so far, in metres.
-    pub optical_m: f64,
     /// Number of previous interactions, and their label.
     pub interactions: u32,
     pub label: u8,
@@ -173,7 +158,7 @@ impl Walk {
     ) -> bool {
         // Vertices are large, so they are modified in place.
         let [.., before, point] = &mut self.points[..] else {
-            return false;
+            unreachable!("the end of the subpath is before its vertices");
         };
         let onward = match point.site {
             Site::Volume(id) => scatter_in(scene, guide, id, [before, point], progress, stream),
@@ -248,7 +233,7 @@ impl Walk {
         }
         self.points.push(flight.landed(site, surface, *interactions));
         let [.., before, point] = &mut self.points[..] else {
-            return false;
+            unreachable!("the end of the subpath is before its vertices");
         };
         let distance2 = (surface.p - before.surface.p).length_squared().max(f32::MIN_POSITIVE);
         let passed = mean_transmittance(scene, flight.depth) / distance2;
@@ -368,11 +353,11 @@ mod tests {
         let (_, guide, _) = milk();
         let mut variances = [0.0; 2];
         for (parting, variance) in [Parting::Never, Parting::All].into_iter().zip(&mut variances) {
-            let (found, spread) = means(40_000, LAST, parting, &guide);
+            let (found, spread) = means(10_000, LAST, parting, &guide);
             *variance = spread;
             let wanted = [1.0, f64::from(G).powi(LAST as i32 - 1)];
             for ((mean, error), wanted) in found.into_iter().zip(wanted) {
-                assert!(error < 0.05, "{error}");
+                assert!(error < 0.08, "{error}");
                 assert!((mean - wanted).abs() < 5.0 * error, "{mean} +- {error}, not {wanted}");
             }
         }
@@ -383,10 +368,10 @@ mod tests {
     #[test]
     fn long_walks_count_for_one() {
         let (_, guide, _) = milk();
-        let ([(mean, error), _], _) = means(4000, 200, Parting::All, &guide);
+        let ([(mean, error), _], _) = means(1500, 200, Parting::All, &guide);
         println!("{mean} +- {error}");
         // With guiding in all events: 0.50 +- 0.13.
-        assert!(error < 0.08, "{mean} +- {error}");
+        assert!(error < 0.13, "{mean} +- {error}");
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 

@@ -106,14 +106,11 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
         }
         for (bands, (materials, id)) in cell.chunks_mut(MAX_WAVELENGTHS).zip(sources) {
             let at = Surface {
-                p: Vec3A::ZERO,
                 ng: Vec3A::Z,
                 ns: Vec3A::Z,
                 tangent: Vec3A::X,
-                bitangent: Vec3A::ZERO,
-                uv: [0.0; 2],
                 material: *id,
-                rounding: 0.0,
+                ..Surface::default()
             };
             let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
                 continue;
