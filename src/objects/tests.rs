@@ -1,14 +1,12 @@
 //! Tests with object stores in memory: reads, repeated requests, refusals.
 
-pub(crate) mod flaky;
+pub(crate) mod faulty;
 
 use super::*;
-use bytes::Bytes;
 use object_store::ObjectStoreExt;
 use object_store::memory::InMemory;
 use std::collections::HashMap;
 use std::sync::Mutex;
-use store::objects::{Ask, Condition, ObjectClient, Put};
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 
@@ -29,7 +27,7 @@ fn objects_are_read_and_listed_below_their_address() {
     for key in ["a/s.zarr/zarr.json", "a/s.zarr/x/c.0.0", "a/s.zarr2/zarr.json"] {
         put(&store, key, key.as_bytes().to_vec());
     }
-    let objects = below("memory://listed/a/s.zarr/");
+    let objects = Objects::open("memory", Path::new("memory://listed/a/s.zarr/")).expect("an address");
     assert_eq!(objects.list().expect("lists"), [("x/c.0.0".to_owned(), 16), ("zarr.json".to_owned(), 18)]);
     let keys = ["x/c.0.0", "nothing", "zarr.json"].map(str::to_owned);
     let found = whole(&objects, &keys);
@@ -41,9 +39,9 @@ fn objects_are_read_and_listed_below_their_address() {
 #[test]
 fn another_runtime_is_not_in_the_way() {
     put(&memory("within"), "a", vec![1]);
-    let objects = below("memory://within");
+    let objects = Objects::open("memory", Path::new("memory://within")).expect("an address");
     let outer = Builder::new_current_thread().build().expect("a runtime");
-    let found = outer.block_on(async { objects.get_version("a") });
+    let found = outer.block_on(async { objects.read_version("a") });
     assert_eq!(found.expect("reads").expect("is there").0, vec![1]);
 }
 

@@ -243,16 +243,19 @@ mod tests {
         use crate::zarr::TensorStore;
         use tensor::axes::{Extents, SliceLayout};
         use tensor::field::Field;
-        use tensor::slice::{Polarization, Slice, TimeSelect};
+        use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
         let dir = tempfile::tempdir().unwrap();
         let wavelengths_nm = vec![450.0, 550.0, 660.0];
         let extents = Extents { camera: [3, 2], projector: None, wavelengths_nm, max_depth: 2, tile: 2 };
         let slice = Slice {
             name: "s".into(),
+            camera: CameraSelect::All,
+            projector: ProjectorSelect::Sum,
             time: TimeSelect::Bins { start_ps: 0.0, bin_ps: 1.0, bins: 4 },
             polarization: Polarization::Mueller,
+            bounces: false,
             split_first_bounce: true,
-            ..Slice::default()
+            labels: false,
         };
         let none = serde_json::Map::new();
         let slices = [(SliceLayout::new(&slice, &extents), none.clone())];

@@ -15,14 +15,5 @@ pub mod shard;
 pub mod sink;
 pub mod zarr;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Locks a value. It is valid even after the panic of another thread, because locked values change in one step.
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 #[cfg(test)]
 mod damage;
-#[cfg(test)]
-pub(crate) mod fixture;

@@ -24,7 +24,7 @@ impl MatchingStores {
         }
         let inputs = merge::open_inputs(paths, false)?;
         for name in inputs[0].store.slice_names() {
-            merge::slice_inputs(&inputs, name)?;
+            merge::parts(&inputs, name)?;
         }
         Ok(Self { inputs })
     }

@@ -27,6 +27,7 @@ pub mod rounds;
 mod totals;
 
 pub use error::MergeError;
+pub use join::JoinError;
 use pool::Pool;
 
 use std::collections::BTreeSet;
@@ -36,15 +37,12 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::denoised;
-use crate::zarr::{AccessError, New, SampleGrid, StoredSlice, TensorStore};
+use crate::zarr::{AccessError, SampleGrid, StoredSlice, TensorStore};
 use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 use tensor::target::ATTRIBUTE;
-
-/// The program's version, which the values of a new store depend on.
-pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A store to merge, with the number of its samples.
 pub(crate) struct Input {
@@ -74,7 +72,7 @@ impl Input {
 type Ranges = Vec<(u32, u32)>;
 
 /// One slice of one input.
-struct SliceInput<'a> {
+struct Part<'a> {
     slice: StoredSlice,
     input: &'a Input,
     /// Pixels of the entries of the axes y and x, if sample counts per pixel determine the samples of an
@@ -83,8 +81,8 @@ struct SliceInput<'a> {
 }
 
 /// One slice of all inputs.
-pub(crate) struct SliceInputs<'a> {
-    parts: Vec<SliceInput<'a>>,
+pub(crate) struct Parts<'a> {
+    parts: Vec<Part<'a>>,
     /// Whether each element belongs to one camera pixel.
     equal: bool,
 }
@@ -113,19 +111,18 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
 fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     if let Some(part) = inputs.iter().find(|input| join::is_part(input)) {
         if options.partial {
-            return Err(MergeError::Partial { path: part.clone() });
+            return Err(JoinError::Partial { path: part.clone() }.into());
         }
-        return join::join(inputs, out, options.replace);
+        return Ok(join::join(inputs, out, options.replace)?);
     }
     let inputs = open_inputs(inputs, options.partial)?;
     let names = inputs[0].store.slice_names();
-    let slices: Vec<SliceInputs> =
-        names.iter().map(|name| slice_inputs(&inputs, name)).collect::<Result<_, _>>()?;
+    let slices: Vec<Parts> = names.iter().map(|name| parts(&inputs, name)).collect::<Result<_, _>>()?;
     let pooled = Pooled {
         inputs: &inputs,
         slices: &slices,
         attributes: &merged_attributes(&inputs),
-        origin: &origin_of(&inputs, options),
+        origin: &origin(&inputs, options),
     };
     pool_into(out, &pooled, options.replace, options.partial)
 }
@@ -133,7 +130,7 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
 /// The inputs and the attributes of the output.
 struct Pooled<'a> {
     inputs: &'a [Input],
-    slices: &'a [SliceInputs<'a>],
+    slices: &'a [Parts<'a>],
     attributes: &'a Map<String, Value>,
     /// Identifies everything that the values depend on.
     origin: &'a str,
@@ -161,9 +158,16 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
         merge_samples(pooled.inputs, merged)?;
         Ok(merged.finish()?)
     };
-    let samples = common_grid(pooled.inputs);
-    let new = New { slices: &layouts, attributes: pooled.attributes, samples, shardings: None };
-    TensorStore::create_from(out, new, replace, Some(pooled.origin), fill).map(drop)
+    TensorStore::create_from(
+        out,
+        &layouts,
+        pooled.attributes,
+        common_grid(pooled.inputs),
+        replace,
+        Some(pooled.origin),
+        fill,
+    )
+    .map(drop)
 }
 
 /// Options of [`merge()`].
@@ -175,26 +179,26 @@ pub struct Options {
     pub partial: bool,
 }
 
-fn origin_of(inputs: &[Input], options: Options) -> String {
-    let operation = format!("merge by {VERSION}, partial: {}", options.partial);
-    origin(&operation, inputs.iter().map(|input| &input.store))
-}
-
-/// Returns a text that identifies everything that the values of a new store depend on: the operation, the
-/// stores and their contents.
-pub(crate) fn origin<'a>(operation: &str, stores: impl IntoIterator<Item = &'a TensorStore>) -> String {
-    let mut origin = format!("{operation}\n");
-    for store in stores {
-        origin += &format!("{} {}\n", store.path().display(), store.fingerprint());
+/// Returns a text that identifies everything that the merged values depend on: the stores and their contents.
+fn origin(inputs: &[Input], options: Options) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    let mut origin = format!("merge by {version}, partial: {}\n", options.partial);
+    for input in inputs {
+        let content = input.store.fingerprint();
+        origin += &format!("{} {content}\n", input.store.path().display());
     }
     origin
 }
 
 /// Returns the grid of the sample counts that all inputs have.
 pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
-    let mut grids = inputs.iter().map(|i| i.store.sample_grid());
-    let first = grids.next()??;
-    grids.all(|grid| grid.is_some_and(|grid| grid.camera == first.camera)).then_some(first)
+    let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
+    let (shape, chunk) = shapes.next()??;
+    let same = shapes.all(|s| s.is_some_and(|s| s.0 == shape));
+    same.then_some(SampleGrid {
+        camera: [shape[1] as u32, shape[0] as u32],
+        tile: chunk[0].max(chunk[1]) as u32,
+    })
 }
 
 /// Sums the sample counts per pixel, if the merged store keeps them.
@@ -215,7 +219,7 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
 }
 
 /// Opens a slice in all stores, and checks that the slices match.
-pub(crate) fn slice_inputs<'a>(inputs: &'a [Input], name: &str) -> Result<SliceInputs<'a>, MergeError> {
+pub(crate) fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     let first = inputs[0].store.slice(name)?;
     let size = pixels_per_element(&first)?;
     let equal = size == 1;
@@ -234,9 +238,9 @@ pub(crate) fn slice_inputs<'a>(inputs: &'a [Input], name: &str) -> Result<SliceI
             return Err(fault());
         }
         let pixels = pixels(input, &slice, equal)?;
-        parts.push(SliceInput { slice, input, pixels });
+        parts.push(Part { slice, input, pixels });
     }
-    Ok(SliceInputs { parts, equal })
+    Ok(Parts { parts, equal })
 }
 
 fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
@@ -246,7 +250,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
         .ok_or_else(|| MergeError::Attribute { path: slice.path().to_owned(), key: "pixels_per_element" })
 }
 
-/// Returns [`SliceInput::pixels`].
+/// Returns [`Part::pixels`].
 fn pixels(input: &Input, slice: &StoredSlice, equal: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
     let layout = slice.layout();
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
@@ -265,7 +269,14 @@ fn pixels(input: &Input, slice: &StoredSlice, equal: bool) -> Result<Option<[Ran
             axis: layout.axes[axis].kind.name(),
             coordinate,
         };
-        let all = axes::pixels(coords, equal).map_err(fault)?;
+        let all = if equal {
+            match coords.iter().find(|c| c.fract() != 0.0) {
+                Some(bad) => return Err(fault(*bad)),
+                None => coords.iter().map(|&c| (c as u32, c as u32)).collect(),
+            }
+        } else {
+            axes::boxes(coords).map_err(fault)?
+        };
         // The boxes are sorted, so checking the last one is enough.
         match all.last() {
             Some((_, last)) if u64::from(*last) >= shape[axis] => Err(fault(coords[coords.len() - 1])),
@@ -350,7 +361,7 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     attributes
 }
 
-fn merge_slice(parts: &SliceInputs, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
+fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let equal = parts.equal;
     for (mean, error) in [(Field::Mean, Field::StdError), (Field::Overflow, Field::OverflowStdError)] {
         if !merged.has(mean) {
@@ -387,7 +398,7 @@ fn merge_slice(parts: &SliceInputs, merged: &StoredSlice, partial: bool) -> Resu
 }
 
 /// Writes the errors of the totals of all samples, if the merged slice keeps them.
-fn merge_totals(parts: &SliceInputs, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
+fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let field = Field::TotalStdError;
     if !merged.has(field) {
         return Ok(());
@@ -422,7 +433,7 @@ fn merge_totals(parts: &SliceInputs, merged: &StoredSlice, partial: bool) -> Res
 
 /// Returns the number of samples of every camera element (y, x) of a region, row-major; a single number if
 /// the slice has no camera axes or the counts are equal everywhere.
-fn element_counts(part: &SliceInput, start: &[u64], shape: &[u64]) -> Result<Vec<f64>, MergeError> {
+fn element_counts(part: &Part, start: &[u64], shape: &[u64]) -> Result<Vec<f64>, MergeError> {
     let Some([rows, columns]) = &part.pixels else {
         return Ok(vec![part.input.samples_per_pixel.unwrap_or(0.0)]);
     };

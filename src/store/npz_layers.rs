@@ -46,8 +46,8 @@ pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
             let shape: Vec<usize> = set.shape(layer).iter().map(|n| *n as usize).collect();
             zip.start_file(format!("{}.npy", layer.name), options)?;
             match &layer.values {
-                LayerValues::Real(values) => write(&mut zip, &shape, values)?,
-                LayerValues::Number(values) => write(&mut zip, &shape, values)?,
+                LayerValues::Real(values) => write(&mut zip, &shape, values.iter().copied())?,
+                LayerValues::Number(values) => write(&mut zip, &shape, values.iter().copied())?,
             }
             if let Some(labels) = &layer.labels {
                 zip.start_file(format!("{}_names.npy", layer.name), options)?;
@@ -56,7 +56,7 @@ pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
         }
         zip.start_file("wavelengths_nm.npy", options)?;
         let nm = &set.wavelengths_nm;
-        write(&mut zip, &[nm.len()], nm)?;
+        write(&mut zip, &[nm.len()], nm.iter().copied())?;
         zip.finish()?.flush()
     })
 }

@@ -6,7 +6,7 @@ use base::{positioned, whole_file};
 use bytes::{Bytes, row_major};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tensor::number::Number;
 use thiserror::Error;
@@ -234,8 +234,8 @@ impl NumpyArray {
 
     fn write(&self, writer: &mut impl Write) -> io::Result<()> {
         match &self.values {
-            Values::Single(values) => write(writer, &self.shape, values),
-            Values::Double(values) => write(writer, &self.shape, values),
+            Values::Single(values) => write(writer, &self.shape, values.iter().copied()),
+            Values::Double(values) => write(writer, &self.shape, values.iter().copied()),
         }
     }
 }
@@ -243,15 +243,21 @@ impl NumpyArray {
 /// Writes values in `.npy` format, row-major.
 ///
 /// # Errors
-/// If the writer fails.
-pub fn write<T: npyz::AutoSerialize + bytemuck::Pod>(
-    mut writer: impl Write,
+/// If the writer fails, or the number of values does not match the shape.
+pub fn write<T: npyz::AutoSerialize>(
+    writer: impl Write,
     shape: &[usize],
-    values: &[T],
+    values: impl IntoIterator<Item = T>,
 ) -> io::Result<()> {
-    debug_assert_eq!(values.len(), shape.iter().product::<usize>(), "one value per element");
-    begin::<T>(&mut writer, shape)?;
-    append(&mut writer, values)
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    // The iterator yields elements one by one, so they are buffered.
+    let mut buffered = BufWriter::with_capacity(1 << 20, writer);
+    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
+    let mut npy = options.writer(&mut buffered).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    // Dropping the buffer would ignore write errors.
+    buffered.flush()
 }
 
 /// Writes the header of an array; its elements follow in row-major order with [`append`].
@@ -292,7 +298,10 @@ pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
     shape: &[usize],
     values: &[T],
 ) -> io::Result<()> {
-    whole_file::write_with(path, |file| write(file, shape, values))
+    whole_file::write_with(path, |file| {
+        begin::<T>(file, shape)?;
+        append(file, values)
+    })
 }
 
 /// Writes named arrays as an uncompressed `.npz` like numpy.savez, atomically.

@@ -77,67 +77,49 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// `None` if there is no object.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal>;
-
-    /// Reads whole objects, in their order.
-    ///
-    /// # Errors
-    /// If the store refuses or cannot be reached.
-    fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
-        let found = self.ask(keys.iter().map(|key| (key.clone(), Ask::Whole)).collect())?;
-        Ok(found.into_iter().map(|f| f.map(|(bytes, _)| bytes)).collect())
-    }
-
-    /// Reads a whole object.
-    ///
-    /// # Errors
-    /// If the store refuses or cannot be reached.
-    fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
-        Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
-    }
 
     /// Lists the keys and sizes of all objects, sorted by key.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
 
     /// Returns an error if the store is read-only.
     ///
     /// # Errors
+    ///
     /// If the store is read-only.
     fn may_be_written(&self) -> Result<(), Refusal>;
 
     /// Writes objects, and replaces existing ones. Each is written atomically.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal>;
-
-    /// Writes one object.
-    ///
-    /// # Errors
-    /// If the store refuses or cannot be reached.
-    fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
-        self.put_many(vec![(key.to_owned(), bytes)])
-    }
 
     /// Writes an object if the condition holds.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
     /// Reads an object with its version; `None` if there is no object.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal>;
 
     /// Removes objects. Objects that do not exist are ignored.
     ///
     /// # Errors
+    ///
     /// If the store refuses or cannot be reached.
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
 }
@@ -153,19 +135,57 @@ pub fn install(open: Open) {
 }
 
 /// The objects below an address.
-pub(crate) type Objects = Arc<dyn ObjectClient>;
+#[derive(Clone, Debug)]
+pub(crate) struct Objects(Arc<dyn ObjectClient>);
 
-/// Returns the objects below an address. Sends no request.
-pub(crate) fn open(scheme: &str, address: &Path) -> Result<Objects, Refusal> {
-    #[cfg(test)]
-    if let Some(client) = fake::open(scheme, address) {
-        return Ok(client);
+impl Objects {
+    /// Returns the objects below an address. Sends no request.
+    pub(crate) fn open(scheme: &str, address: &Path) -> Result<Self, Refusal> {
+        #[cfg(test)]
+        if let Some(client) = fake::open(scheme, address) {
+            return Ok(Self(client));
+        }
+        let open = OPEN.get().ok_or_else(|| {
+            Refusal::new(
+                format!("this program was built without support for object stores and cannot open {scheme}://"),
+                "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
+            )
+        })?;
+        open(scheme, address).map(Self)
     }
-    let open = OPEN.get().ok_or_else(|| {
-        Refusal::new(
-            format!("this program was built without support for object stores and cannot open {scheme}://"),
-            "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
-        )
-    })?;
-    open(scheme, address)
+
+    /// Reads a whole object.
+    pub(crate) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
+        Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
+    }
+
+    /// Reads whole objects, in their order.
+    pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
+        let asks = keys.iter().map(|key| (key.clone(), Ask::Whole)).collect();
+        let found = self.0.ask(asks)?;
+        Ok(found.into_iter().map(|f| f.map(|(bytes, _)| bytes)).collect())
+    }
+
+    /// Writes one object.
+    pub(crate) fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
+        self.0.put_many(vec![(key.to_owned(), bytes)])
+    }
+
+    /// Writes an object if none exists.
+    pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
+        self.0.put_if(key, bytes, Condition::Absent)
+    }
+
+    /// Replaces one version of an object.
+    pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: Version) -> Result<Put, Refusal> {
+        self.0.put_if(key, bytes, Condition::Is(old))
+    }
+}
+
+impl std::ops::Deref for Objects {
+    type Target = dyn ObjectClient;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
 }

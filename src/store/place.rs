@@ -4,13 +4,13 @@
 //! A path that begins with a scheme is an address; every other path is a folder. Errors of object stores are
 //! a [`Refusal`].
 
-use crate::objects;
 use crate::refusal::Refusal;
 use bytes::Bytes;
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub(crate) use crate::objects::{Ask, Objects};
+pub(crate) use crate::objects::Ask;
+pub(crate) use crate::objects::Objects;
 
 /// Returns the scheme of an address, at least two characters before `://`; `None` for a path.
 #[must_use]
@@ -38,7 +38,7 @@ impl Place {
     pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
         match scheme(path) {
             None => Ok(Self::Folder(path.to_owned())),
-            Some(scheme) => Ok(Self::Objects(objects::open(scheme, path)?)),
+            Some(scheme) => Ok(Self::Objects(Objects::open(scheme, path)?)),
         }
     }
 

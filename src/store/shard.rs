@@ -4,7 +4,7 @@
 //! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
 //! object stores work best with few large objects and reads of byte ranges ([`crate::zarr`]).
 
-use crate::merge::{self, VERSION, at_once};
+use crate::merge::at_once;
 use crate::zarr::{AccessError, CreateError, Limits, OpenError, TensorStore};
 use base::whole_file;
 use std::path::{Path, PathBuf};
@@ -74,6 +74,7 @@ pub(crate) fn shard_to(input: &Path, out: &Path, replace: bool, limits: Limits) 
     if store.is_sharded()? {
         return Err(ShardError::Already { path: path() });
     }
-    let origin = merge::origin(&format!("shards by {VERSION}"), [&store]);
+    let version = env!("CARGO_PKG_VERSION");
+    let origin = format!("shards by {version}\n{} {}\n", input.display(), store.fingerprint());
     at_once::many(&[path()], out, || TensorStore::create_sharded(out, &store, replace, &origin, limits))
 }

@@ -5,7 +5,7 @@
 //! one SIMD register.
 
 use super::label;
-use super::slice::{CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
+use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
 /// Maximum number of elements in a chunk (8 MiB of f32), so that the tile size bounds the memory used.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
@@ -173,18 +173,6 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     Ok(all)
 }
 
-/// Returns first and last pixel of each entry of a pixel axis: of single pixels, or of [`boxes`].
-///
-/// # Errors
-/// The first coordinate that is not the centre of whole pixels.
-pub fn pixels(coords: &[f64], single: bool) -> Result<Vec<(u32, u32)>, f64> {
-    if !single {
-        return boxes(coords);
-    }
-    let pixel = |&c: &f64| if c >= 0.0 && c.fract() == 0.0 { Ok((c as u32, c as u32)) } else { Err(c) };
-    coords.iter().map(pixel).collect()
-}
-
 /// Sizes that determine the axes of a [`Slice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extents {
@@ -241,35 +229,64 @@ impl SliceLayout {
         };
         let [w, h] = extents.camera;
         let tile = u64::from(extents.tile);
-        let (rows, columns, chunk) = match &slice.camera {
-            CameraSelect::All => (indices(h), indices(w), [tile; 2]),
-            CameraSelect::Rows(rows) => (listed(rows), indices(w), [1, tile]),
-            CameraSelect::Columns(columns) => (indices(h), listed(columns), [tile, 1]),
-            CameraSelect::Block(b) => (span(b.y, b.h), span(b.x, b.w), [tile; 2]),
-            CameraSelect::Binned { nx, ny } => {
-                (binned(h, *ny), binned(w, *nx), [ny, nx].map(|n| tile / u64::from(*n)))
+        match &slice.camera {
+            CameraSelect::All => {
+                push(AxisKind::Y, indices(h), tile);
+                push(AxisKind::X, indices(w), tile);
             }
-        };
-        push(AxisKind::Y, rows, chunk[0]);
-        push(AxisKind::X, columns, chunk[1]);
-        if let Some([w, h]) = extents.projector {
-            let (rows, columns) = match &slice.projector {
-                ProjectorSelect::All => (Some(indices(h)), Some(indices(w))),
-                ProjectorSelect::Rows(rows) => (Some(listed(rows)), Some(indices(w))),
-                ProjectorSelect::Columns(columns) => (Some(indices(h)), Some(listed(columns))),
-                ProjectorSelect::Block(b) => (Some(span(b.y, b.h)), Some(span(b.x, b.w))),
-                ProjectorSelect::Binned { nx, ny } => (Some(binned(h, *ny)), Some(binned(w, *nx))),
-                ProjectorSelect::EpipolarAlong { along: ProjectorAxis::V, .. } => (Some(indices(h)), None),
-                ProjectorSelect::EpipolarAlong { along: ProjectorAxis::U, .. } => (None, Some(indices(w))),
+            CameraSelect::Rows(rows) => {
+                push(AxisKind::Y, listed(rows), 1);
+                push(AxisKind::X, indices(w), tile);
+            }
+            CameraSelect::Columns(columns) => {
+                push(AxisKind::Y, indices(h), tile);
+                push(AxisKind::X, listed(columns), 1);
+            }
+            CameraSelect::Block(b) => {
+                push(AxisKind::Y, span(b.y, b.h), tile);
+                push(AxisKind::X, span(b.x, b.w), tile);
+            }
+            CameraSelect::Binned { nx, ny } => {
+                push(AxisKind::Y, binned(h, *ny), tile / u64::from(*ny));
+                push(AxisKind::X, binned(w, *nx), tile / u64::from(*nx));
+            }
+        }
+        if let Some([pw, ph]) = extents.projector {
+            let whole = u64::MAX;
+            match &slice.projector {
+                ProjectorSelect::All => {
+                    push(AxisKind::V, indices(ph), whole);
+                    push(AxisKind::U, indices(pw), whole);
+                }
+                ProjectorSelect::Rows(rows) => {
+                    push(AxisKind::V, listed(rows), whole);
+                    push(AxisKind::U, indices(pw), whole);
+                }
+                ProjectorSelect::Columns(columns) => {
+                    push(AxisKind::V, indices(ph), whole);
+                    push(AxisKind::U, listed(columns), whole);
+                }
+                ProjectorSelect::Block(Block { x, y, w, h }) => {
+                    push(AxisKind::V, span(*y, *h), whole);
+                    push(AxisKind::U, span(*x, *w), whole);
+                }
+                ProjectorSelect::Binned { nx, ny } => {
+                    push(AxisKind::V, binned(ph, *ny), whole);
+                    push(AxisKind::U, binned(pw, *nx), whole);
+                }
+                ProjectorSelect::EpipolarAlong { along, .. } => {
+                    let size = match along {
+                        ProjectorAxis::U => pw,
+                        ProjectorAxis::V => ph,
+                    };
+                    push(along.kind(), indices(size), whole);
+                }
                 ProjectorSelect::Sum
                 | ProjectorSelect::Mask { .. }
                 | ProjectorSelect::Epipolar { .. }
                 | ProjectorSelect::NonEpipolar { .. }
                 | ProjectorSelect::Coaxial
-                | ProjectorSelect::Ambient => (None, None),
-            };
-            for (kind, coords) in [(AxisKind::V, rows), (AxisKind::U, columns)] {
-                coords.into_iter().for_each(|coords| push(kind, coords, u64::MAX));
+                | ProjectorSelect::Ambient => {}
             }
         }
         let mut time = None;
@@ -381,13 +398,14 @@ mod tests {
 
     fn slice() -> Slice {
         Slice {
+            name: "s".into(),
+            camera: CameraSelect::All,
             projector: ProjectorSelect::All,
             time: TimeSelect::Bins { start_ps: 100.0, bin_ps: 25.0, bins: 256 },
             polarization: Polarization::Mueller,
             bounces: true,
             split_first_bounce: true,
             labels: true,
-            ..Slice::default()
         }
     }
 
@@ -413,7 +431,14 @@ mod tests {
         for bad in [f64::NAN, -1.0, 0.3, 1e300, f64::INFINITY] {
             assert!(boxes(&[1.5, bad]).is_err(), "{bad}");
         }
-        let s = Slice { camera: CameraSelect::Binned { nx: 2, ny: 4 }, ..Slice::default() };
+        let mut s = slice();
+        s.camera = CameraSelect::Binned { nx: 2, ny: 4 };
+        s.projector = ProjectorSelect::Sum;
+        s.time = TimeSelect::Sum;
+        s.bounces = false;
+        s.split_first_bounce = false;
+        s.labels = false;
+        s.polarization = Polarization::Intensity;
         let l = SliceLayout::new(&s, &extents());
         assert_eq!(l.shape(), [12, 32, 3]);
         assert_eq!(l.chunk_shape(), [4, 8, 3]);

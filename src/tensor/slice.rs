@@ -3,10 +3,9 @@
 //! A [`Slice`] is plain data, already resolved against the scene. All slices are filled in the same pass.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum CameraSelect {
     /// All pixels.
-    #[default]
     All,
     /// Whole rows (increasing y indices): axes `y` (listed rows) and `x`.
     Rows(Vec<u32>),
@@ -24,10 +23,9 @@ pub enum CameraSelect {
 }
 
 /// Selection of projector pixels s' (axes `v` row and `u` column, if resolved).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ProjectorSelect {
     /// Σ over all s', including light that has no s', such as that of a point emitter. No axis.
-    #[default]
     Sum,
     /// All s'.
     All,
@@ -93,10 +91,9 @@ pub struct Block {
 }
 
 /// Selection of travel time t.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TimeSelect {
     /// Steady state: Σ over all t. No axis.
-    #[default]
     Sum,
     /// `bins` bins of `bin_ps` picoseconds from `start_ps`; the overflow array stores light outside the bins.
     Bins {
@@ -110,18 +107,16 @@ pub enum TimeSelect {
 }
 
 /// Selection of the Stokes dimensions p, p'.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarization {
     /// All 16 Mueller elements: axes `stokes_out`, `stokes_in`.
     Mueller,
     /// M00 only: unpolarized light in, intensity out. No axis.
-    #[default]
     Intensity,
 }
 
-/// One slice of the tensor: a choice for every axis, and optional axes that no real camera can measure. The
-/// default is a steady intensity image.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// One slice of the tensor: a choice for every axis, and optional axes that no real camera can measure.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Slice {
     /// Name of the group in the store.
     pub name: String,

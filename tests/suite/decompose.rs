@@ -34,7 +34,7 @@ fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
 /// Saves numbers as `NAME.npy`.
 pub fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
     let file = File::create(folder.join(format!("{name}.npy"))).expect("a file");
-    numpy::write(file, shape, values).expect("space");
+    numpy::write(file, shape, values.iter().copied()).expect("space");
 }
 
 pub fn values(array: &NumpyArray) -> Vec<f64> {

@@ -163,10 +163,7 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
 
 fn npy(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {
     let shape = [&part.shape[..], &[4, 4]].concat();
-    whole_file::write_with(path, |file| {
-        numpy::begin::<f32>(file, &shape)?;
-        part.entries(table).try_for_each(|(_, m)| numpy::append(file, &m))
-    })
+    whole_file::write_with(path, |file| numpy::write(file, &shape, part.entries(table).flat_map(|(_, m)| m)))
 }
 
 fn csv(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {

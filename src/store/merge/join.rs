@@ -4,12 +4,13 @@
 //! parts (a block of pixels that is not aligned with tiles) is assembled from elements, each of which belongs
 //! to one part.
 
+mod error;
 mod set;
 
+pub use error::JoinError;
 use set::Set;
 
-use super::{MergeError, VERSION, origin};
-use crate::zarr::{New, StoredSlice, TensorStore};
+use crate::zarr::{SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ pub(super) fn is_part(path: &Path) -> bool {
 }
 
 /// Joins parts into a new store `out`; an existing store is replaced only with `replace`.
-pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeError> {
+pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
     let set = Set::open(inputs)?;
     let parts = set.stores();
     let first = parts[0];
@@ -33,30 +34,46 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         .map(|name| parts.iter().map(|store| store.slice(name)).collect())
         .collect::<Result<Vec<Vec<StoredSlice>>, _>>()?;
     let layouts: Vec<_> =
-        slices.iter().map(|of| (of[0].layout().clone(), of[0].attributes().clone())).collect();
-    let fill = |whole: &TensorStore| -> Result<(), MergeError> {
+        slices.iter().map(|of| (of[0].layout().clone(), written_attributes(&of[0]))).collect();
+    let grid = first.samples_shape().map(|(shape, chunk)| SampleGrid {
+        camera: [shape[1] as u32, shape[0] as u32],
+        tile: chunk[0].max(chunk[1]) as u32,
+    });
+    let fill = |whole: &TensorStore| -> Result<(), JoinError> {
         for of in &slices {
             join_slice(of, &whole.slice(of[0].name())?)?;
         }
         join_samples(&parts, whole)?;
         Ok(whole.finish()?)
     };
-    let origin = origin(&format!("join by {VERSION}"), parts.iter().copied());
-    let new = New {
-        slices: &layouts,
-        attributes: &attributes(&parts),
-        samples: first.sample_grid(),
-        shardings: None,
-    };
-    TensorStore::create_from(out, new, replace, Some(&origin), fill).map(drop)
+    let origin = origin(&parts);
+    TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
+}
+
+/// Returns the attributes of a slice without those that its layout generates.
+fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
+    without(slice.attributes(), &["time_start_ps", "time_bin_ps"])
+}
+
+/// Returns the attributes without `keys`, in the order of the file.
+fn without(attributes: &Map<String, Value>, keys: &[&str]) -> Map<String, Value> {
+    let kept = attributes.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
+    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
+/// Returns a text that identifies everything that the joined values depend on.
+fn origin(parts: &[&TensorStore]) -> String {
+    let mut origin = format!("join by {}\n", env!("CARGO_PKG_VERSION"));
+    for store in parts {
+        origin += &format!("{} {}\n", store.path().display(), store.fingerprint());
+    }
+    origin
 }
 
 /// Returns the attributes of the whole render: the common ones, and sums over the parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
-    let mut whole = all[0].clone();
-    // Attributes keep their order.
-    whole.shift_remove(part::ATTRIBUTE);
+    let mut whole = without(&all[0], &[part::ATTRIBUTE]);
     whole.insert("status".into(), json!("complete"));
     for key in ["discarded_samples", "rays"] {
         let sum = all.iter().filter_map(|a| a.get(key)?.as_u64()).fold(0, u64::saturating_add);
@@ -67,10 +84,10 @@ fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     whole
 }
 
-fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), MergeError> {
+fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinError> {
     for field in Field::ALL.into_iter().filter(|field| whole.has(*field)) {
         let chunks: Vec<_> = whole.chunks(field)?.collect();
-        chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), MergeError> {
+        chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), JoinError> {
             // A chunk with a file is complete: an interrupted merge resumes here.
             if whole.is_stored(field, start)? {
                 return Ok(());
@@ -98,14 +115,14 @@ fn put_together(
     field: Field,
     start: &[u64],
     shape: &[u64],
-) -> Result<(), MergeError> {
+) -> Result<(), JoinError> {
     let mut values = parts[0].read(field, start, shape)?;
     for (n, part) in parts.iter().enumerate().skip(1) {
         for (value, other) in values.iter_mut().zip(part.read(field, start, shape)?) {
             if value.to_bits() == 0 {
                 *value = other;
             } else if other.to_bits() != 0 {
-                return Err(MergeError::Twice {
+                return Err(JoinError::Twice {
                     first: parts[..n].iter().map(|p| p.path().to_owned()).collect(),
                     second: part.path().to_owned(),
                     field: field.name(),
@@ -116,7 +133,7 @@ fn put_together(
     Ok(whole.write(field, start, shape, &values)?)
 }
 
-fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), MergeError> {
+fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), JoinError> {
     let Some((shape, chunk)) = whole.samples_shape() else {
         return Ok(());
     };

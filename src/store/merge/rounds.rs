@@ -5,8 +5,8 @@
 //! independent, and each has its own error.
 
 use super::{
-    Input, MergeError, Pooled, SliceInputs, VERSION, common_grid, element_counts, merged_attributes, origin,
-    pool_into, slice_inputs, totals,
+    Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, parts, pool_into,
+    totals,
 };
 use crate::denoised;
 use crate::merge::pool::Pool;
@@ -30,8 +30,8 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
 }
 
 /// Opens a slice in all rounds; samples are identically distributed only within a round.
-fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<SliceInputs<'a>, MergeError> {
-    Ok(SliceInputs { equal: false, ..slice_inputs(inputs, name)? })
+fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
+    Ok(Parts { equal: false, ..parts(inputs, name)? })
 }
 
 /// Returns the samples of each tile's pixels, summed over rounds.
@@ -148,7 +148,10 @@ pub fn pool(
     let rays = inputs.iter().filter_map(|i| i.attributes.get("rays")?.as_u64());
     attributes.insert("rays".into(), json!(rays.fold(0, u64::saturating_add)));
     attributes.extend(extra.clone());
-    let origin = origin(&format!("rounds by {VERSION}"), inputs.iter().map(|input| &input.store));
+    let mut origin = format!("rounds by {}\n", env!("CARGO_PKG_VERSION"));
+    for input in &inputs {
+        origin += &format!("{} {}\n", input.store.path().display(), input.store.fingerprint());
+    }
     let pooled = Pooled { inputs: &inputs, slices: &slices, attributes: &attributes, origin: &origin };
     pool_into(out, &pooled, replace, false)
 }

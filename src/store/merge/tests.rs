@@ -1,9 +1,8 @@
 //! Compares pooled values with those of all samples together.
 
 use super::*;
-use crate::fixture::{copy, files, table, write_numbers};
 use tensor::axes::Extents;
-use tensor::slice::{CameraSelect, Slice, TimeSelect};
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 const SAMPLES: [usize; 3] = [5, 1, 11];
 
@@ -18,8 +17,12 @@ fn layout(camera: CameraSelect) -> SliceLayout {
     let slice = Slice {
         name: "s".into(),
         camera,
+        projector: ProjectorSelect::Sum,
         time: TimeSelect::Bins { start_ps: 0.0, bin_ps: 1.0, bins: 3 },
-        ..Slice::default()
+        polarization: Polarization::Intensity,
+        bounces: false,
+        split_first_bounce: false,
+        labels: false,
     };
     SliceLayout::new(&slice, &extents)
 }
@@ -38,11 +41,12 @@ fn statistics(values: &[f64]) -> (f32, f32) {
 
 /// Writes a store whose elements contain the samples `from..from + n`.
 fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
-    let attributes = table(json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
-        "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"}));
+    let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
+        "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
     let grid = counted.then_some(SampleGrid { camera: [5, 3], tile: 2 });
-    let slices = [(layout(CameraSelect::All), table(json!({"pixels_per_element": 1})))];
-    let store = TensorStore::create(path, &slices, &attributes, grid, false).unwrap();
+    let group = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
+    let slices = [(layout(CameraSelect::All), group)];
+    let store = TensorStore::create(path, &slices, attributes.as_object().unwrap(), grid, false).unwrap();
     let slice = store.slice("s").unwrap();
     for (offset, mean, error) in
         [(0, Field::Mean, Field::StdError), (1000, Field::Overflow, Field::OverflowStdError)]
@@ -191,7 +195,11 @@ fn rows_that_do_not_rise_are_refused() {
     let at = |name: &str| dir.path().join(name);
     for (i, name) in ["a", "b"].into_iter().enumerate() {
         part(&at(name), i as u64, 4 * i, 4, "a", true);
-        write_numbers(&at(name).join("s/y/c.0"), &[2.0, 1.0, 0.0]);
+        let rows: [f64; 3] = [2.0, 1.0, 0.0];
+        let bytes: Vec<u8> = rows.iter().flat_map(|c| c.to_le_bytes()).collect();
+        let mut frame = zstd::bulk::compress(&bytes, 1).unwrap();
+        frame.extend(crc32c::crc32c(&frame).to_le_bytes());
+        std::fs::write(at(name).join("s/y/c.0"), frame).unwrap();
         crate::zarr::reseal(&at(name));
     }
     let error = merge(&[at("a"), at("b")], &at("out"), Options::default()).unwrap_err().to_string();
@@ -221,17 +229,17 @@ fn a_merge_that_was_cut_off_goes_on() {
         left(&at("whole"));
         let _ = std::fs::remove_file(rest.join(missing));
         let opened = open_inputs(&inputs, false).unwrap();
-        std::fs::write(rest.join(".sunstone-origin"), origin_of(&opened, Options::default())).unwrap();
+        std::fs::write(rest.join(".sunstone-origin"), origin(&opened, Options::default())).unwrap();
         merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
         assert!(!rest.exists());
-        assert_eq!(files(&at("out")), files(&at("whole")));
+        assert_eq!(contents(&at("out")), contents(&at("whole")));
         assert!(crate::zarr::verify(&at("out")).unwrap().faults.is_empty());
     }
     // With another origin, the merge starts again, so damaged files do not matter.
     left(&at("a"));
     std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
     merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
-    assert_eq!(files(&at("out")), files(&at("whole")));
+    assert_eq!(contents(&at("out")), contents(&at("whole")));
     // The output is an input, also through a link.
     std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
     for out in ["a", "link"] {
@@ -239,4 +247,34 @@ fn a_merge_that_was_cut_off_goes_on() {
         assert!(matches!(error, MergeError::Itself { .. }), "{error}");
     }
     assert!(crate::zarr::verify(&at("a")).unwrap().faults.is_empty());
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// Returns the files of a store with their bytes.
+fn contents(root: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                all.insert(path.strip_prefix(root).unwrap().to_owned(), std::fs::read(path).unwrap());
+            }
+        }
+    }
+    all
 }

@@ -22,17 +22,15 @@ fn example() -> NumpyArray {
     }
 }
 
-/// Returns a file with this header.
-fn npy(kind: &str, fortran_order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let head = format!("{{'descr': '{kind}', 'fortran_order': {fortran_order}, 'shape': {shape}, }}");
-    [b"\x93NUMPY\x01\x00\x76\x00", format!("{head:<117}\n").as_bytes(), data].concat()
-}
-
 /// Like numpy.save for a transpose: the first index varies fastest in the file.
 #[test]
 fn column_major_arrays_are_read_by_their_indices() {
     let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
-    let mut all = npy("<f8", "True", "(2, 3, 4)", &[]);
+    let mut header = "{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3, 4), }".to_owned();
+    header.push_str(&" ".repeat(127 - 10 - header.len()));
+    header.push('\n');
+    let mut all = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    all.extend_from_slice(header.as_bytes());
     for (k, j, i) in (0..4).flat_map(|k| (0..3).flat_map(move |j| (0..2).map(move |i| (k, j, i)))) {
         all.extend_from_slice(&value(i, j, k).to_le_bytes());
     }
@@ -55,15 +53,30 @@ fn what_is_written_is_read() {
 /// Other number types are read, and other types refused with a fix.
 #[test]
 fn kinds_of_numbers() {
-    let of = |kind: &str, data: &[u8]| NumpyArray::read(file(&npy(kind, "False", "(2, 2)", data)).path());
+    let of = |kind: &str, order: &str, data: &[u8]| {
+        let mut head = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 2), }}");
+        head.push_str(&" ".repeat(118 - head.len() - 1));
+        head.push('\n');
+        let mut all = b"\x93NUMPY\x01\x00".to_vec();
+        all.extend((head.len() as u16).to_le_bytes());
+        all.extend(head.bytes());
+        all.extend(data);
+        NumpyArray::read(file(&all).path())
+    };
     let is = |got: Result<NumpyArray, NumpyError>| got.expect("an array").values;
-    assert_eq!(is(of("|u1", &[1, 2, 3, 255])), Values::Single(vec![1.0, 2.0, 3.0, 255.0]));
-    assert_eq!(is(of("<u2", &[1, 0, 0, 1, 3, 0, 255, 255])), Values::Single(vec![1.0, 256.0, 3.0, 65535.0]));
+    assert_eq!(is(of("|u1", "False", &[1, 2, 3, 255])), Values::Single(vec![1.0, 2.0, 3.0, 255.0]));
+    assert_eq!(
+        is(of("<u2", "False", &[1, 0, 0, 1, 3, 0, 255, 255])),
+        Values::Single(vec![1.0, 256.0, 3.0, 65535.0])
+    );
     let big: Vec<u8> = [1.5_f32, -2.0, 0.0, 4.0].iter().flat_map(|v| v.to_be_bytes()).collect();
-    assert_eq!(is(of(">f4", &big)), Values::Single(vec![1.5, -2.0, 0.0, 4.0]));
+    assert_eq!(is(of(">f4", "False", &big)), Values::Single(vec![1.5, -2.0, 0.0, 4.0]));
     let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
-    assert!(message(of("<c8", &[0; 32])).contains("real numbers"));
-    assert!(message(of("<f4", &[0; 15])).contains("ends before"));
+    assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
+    // Column by column.
+    let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    assert_eq!(is(of("<f4", "True", &columns)), Values::Single(vec![1.0, 2.0, 3.0, 4.0]));
+    assert!(message(of("<f4", "False", &[0; 15])).contains("ends before"));
     assert!(message(NumpyArray::read(file(b"PK").path())).contains("numpy.save"));
 }
 

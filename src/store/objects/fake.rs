@@ -2,13 +2,12 @@
 //! conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
-use crate::fixture::files;
 use crate::refusal::Refusal;
 use bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
-use std::sync::{Arc, LazyLock, Mutex};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 /// The objects of a bucket, with their versions.
 #[derive(Debug, Default)]
@@ -24,7 +23,7 @@ static BUCKETS: LazyLock<Mutex<HashMap<String, Arc<Bucket>>>> = LazyLock::new(Mu
 
 /// Returns the bucket of a name.
 pub(crate) fn memory(name: &str) -> Arc<Bucket> {
-    let mut all = crate::lock(&BUCKETS);
+    let mut all = BUCKETS.lock().unwrap_or_else(PoisonError::into_inner);
     all.entry(name.to_owned()).or_default().clone()
 }
 
@@ -45,14 +44,23 @@ pub(crate) fn put(bucket: &Bucket, key: &str, bytes: Vec<u8>) {
 
 /// Removes one object of a bucket.
 pub(crate) fn remove(bucket: &Bucket, key: &str) {
-    crate::lock(&bucket.objects).remove(key);
+    bucket.objects().remove(key);
 }
 
 /// Writes the files of a folder below `memory://NAME/PATH`.
 pub(crate) fn upload(folder: &Path, name: &str, path: &str) {
     let bucket = memory(name);
-    for (file, bytes) in files(folder) {
-        put(&bucket, &format!("{path}/{}", file.display()), bytes);
+    let mut folders = vec![folder.to_owned()];
+    while let Some(at) = folders.pop() {
+        for entry in std::fs::read_dir(at).expect("a folder") {
+            let file = entry.expect("an entry").path();
+            if file.is_dir() {
+                folders.push(file);
+                continue;
+            }
+            let key = format!("{path}/{}", file.strip_prefix(folder).expect("below").display());
+            put(&bucket, &key, std::fs::read(&file).expect("reads"));
+        }
     }
 }
 
@@ -71,9 +79,13 @@ pub(super) fn open(scheme: &str, address: &Path) -> Option<Arc<dyn ObjectClient>
 }
 
 impl Bucket {
+    fn objects(&self) -> MutexGuard<'_, BTreeMap<String, (Bytes, u64)>> {
+        self.objects.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn set(&self, key: &str, bytes: Bytes) -> u64 {
         let version = self.version.fetch_add(1, Ordering::Relaxed);
-        crate::lock(&self.objects).insert(key.to_owned(), (bytes, version));
+        self.objects().insert(key.to_owned(), (bytes, version));
         version
     }
 }
@@ -117,7 +129,7 @@ impl ObjectClient for Fake {
         asks.into_iter()
             .map(|(key, ask)| {
                 self.request(0)?;
-                let found = crate::lock(&self.bucket.objects).get(&self.key(&key)).cloned();
+                let found = self.bucket.objects().get(&self.key(&key)).cloned();
                 Ok(found.map(|(whole, _)| (ask.of(&whole), whole.len() as u64)))
             })
             .collect()
@@ -125,7 +137,7 @@ impl ObjectClient for Fake {
 
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
         self.request(0)?;
-        let all = crate::lock(&self.bucket.objects);
+        let all = self.bucket.objects();
         Ok(all
             .iter()
             .filter_map(|(key, (bytes, _))| {
@@ -149,7 +161,7 @@ impl ObjectClient for Fake {
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         self.request(1)?;
         let key = self.key(key);
-        let old = crate::lock(&self.bucket.objects).get(&key).map(|(_, number)| version(*number));
+        let old = self.bucket.objects().get(&key).map(|(_, number)| version(*number));
         let holds = match condition {
             Condition::Absent => old.is_none(),
             Condition::Is(wanted) => old == Some(wanted),
@@ -166,14 +178,14 @@ impl ObjectClient for Fake {
 
     fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal> {
         self.request(0)?;
-        let found = crate::lock(&self.bucket.objects).get(&self.key(key)).cloned();
+        let found = self.bucket.objects().get(&self.key(key)).cloned();
         Ok(found.map(|(bytes, number)| (bytes, version(number))))
     }
 
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal> {
         for key in keys {
             self.request(1)?;
-            crate::lock(&self.bucket.objects).remove(&self.key(&key));
+            self.bucket.objects().remove(&self.key(&key));
         }
         Ok(())
     }

@@ -6,13 +6,13 @@
 //! of different machines are never compared. A holder whose last renewal began more than a lease ago does not
 //! write.
 
-use super::{Condition, Objects, Put, Version};
+use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
 use base::lock::holder_name;
 use bytes::Bytes;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -59,7 +59,7 @@ pub(crate) struct Hold(Mutex<Option<Instant>>);
 impl Hold {
     /// Returns how long the lock is certainly held from now.
     fn left(&self) -> Duration {
-        let until = *crate::lock(&self.0);
+        let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()))
     }
 
@@ -69,7 +69,7 @@ impl Hold {
     }
 
     fn set(&self, until: Option<Instant>) {
-        *crate::lock(&self.0) = until;
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = until;
     }
 }
 
@@ -125,7 +125,7 @@ impl ObjectLock {
         let owner = Owner::new(lease);
         let (version, held) = acquire(objects, &owner)?;
         // Some servers ignore the condition of a put.
-        if let Put::Done(_) = objects.put_if(FILE, owner.text(), Condition::Absent)? {
+        if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
             let _ = objects.delete(vec![FILE.into()]);
             return Err(NoLock::Refused(Refusal::new(
                 "the server ignores the condition of a put (If-None-Match), so two processes could write one store",
@@ -146,24 +146,23 @@ impl ObjectLock {
         self.hold.clone()
     }
 
-    fn end_renewal(&mut self) {
+    /// Ends the renewal without removing the lock, like a killed process.
+    #[cfg(test)]
+    pub(crate) fn abandon(mut self) {
         self.stop.take();
         if let Some(renewal) = self.renewal.take() {
             let _ = renewal.join();
         }
-    }
-
-    /// Ends the renewal without removing the lock, like a killed process.
-    #[cfg(test)]
-    pub(crate) fn abandon(mut self) {
-        self.end_renewal();
         self.hold.set(None);
     }
 }
 
 impl Drop for ObjectLock {
     fn drop(&mut self) {
-        self.end_renewal();
+        self.stop.take();
+        if let Some(renewal) = self.renewal.take() {
+            let _ = renewal.join();
+        }
         // A lock that could expire before the request arrives is left to its lease.
         if self.hold.left() > self.lease / 3 {
             let _ = self.objects.delete(vec![FILE.into()]);
@@ -176,7 +175,7 @@ impl Drop for ObjectLock {
 fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLock> {
     'free: loop {
         let begun = Instant::now();
-        if let Put::Done(version) = objects.put_if(FILE, owner.text(), Condition::Absent)? {
+        if let Put::Done(version) = objects.put_new(FILE, owner.text())? {
             return Ok((version, begun));
         }
         let Some((bytes, seen)) = objects.get_version(FILE)? else {
@@ -193,8 +192,8 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLoc
             "the store is locked by {holder}: waiting {} s to see whether the lock is renewed",
             lease.as_secs_f64()
         );
-        // If this process stalls, the holder gets more than a lease for its renewal.
-        for _ in 0..LOOKS {
+        let begun = Instant::now();
+        while begun.elapsed() < lease {
             std::thread::sleep(lease / LOOKS);
             match objects.get_version(FILE)? {
                 None => continue 'free,
@@ -203,7 +202,7 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLoc
             }
         }
         let begun = Instant::now();
-        return match objects.put_if(FILE, owner.text(), Condition::Is(seen))? {
+        return match objects.put_over(FILE, owner.text(), seen)? {
             Put::Done(version) => Ok((version, begun)),
             Put::Other => match objects.get_version(FILE)? {
                 Some((bytes, version)) if owner.wrote(&bytes) => Ok((version, begun)),
@@ -226,7 +225,7 @@ fn renew(
     while let Err(mpsc::RecvTimeoutError::Timeout) = stopped.recv_timeout(pause) {
         owner.renewed += 1;
         let begun = Instant::now();
-        let renewed = match objects.put_if(FILE, owner.text(), Condition::Is(version.clone())) {
+        let renewed = match objects.put_over(FILE, owner.text(), version.clone()) {
             Ok(Put::Done(now)) => Some(now),
             Ok(Put::Other) => match objects.get_version(FILE) {
                 Ok(Some((bytes, now))) if owner.wrote(&bytes) => Some(now),

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 fn below(address: &str) -> Objects {
     let scheme = crate::place::scheme(Path::new(address)).expect("a scheme");
-    open(scheme, Path::new(address)).expect("an address")
+    Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
 /// Long enough for a busy machine to renew the lock.
-const LEASE: Duration = Duration::from_secs(1);
+const LEASE: Duration = Duration::from_secs(3);
 
 #[test]
 fn a_lock_has_one_holder_and_ends_with_it() {

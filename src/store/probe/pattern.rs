@@ -1,6 +1,6 @@
 //! Drive images for the projector, and the projector pixels of an entry of the axes v and u.
 
-use tensor::axes;
+use tensor::axes::boxes;
 
 /// Drive of every projector pixel, 0..1.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,14 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
         None => false,
     };
     let centre = |c: f64| format!("projector coordinate {c} is not the centre of whole pixels");
-    let all = axes::pixels(coords, single).map_err(centre)?;
+    let all = if single {
+        if let Some(&bad) = coords.iter().find(|c| !(**c >= 0.0 && c.fract() == 0.0)) {
+            return Err(centre(bad));
+        }
+        coords.iter().map(|&c| (c as u32, c as u32)).collect()
+    } else {
+        boxes(coords).map_err(centre)?
+    };
     if let Some((_, last)) = all.iter().find(|(_, last)| *last >= total) {
         return Err(format!(
             "the slice contains projector pixel {last}: use a pattern of the projector's resolution"

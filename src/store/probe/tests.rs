@@ -1,7 +1,6 @@
 //! Compares probes with brute-force loops.
 
 use super::*;
-use crate::fixture::table;
 use crate::zarr::StoredSlice;
 use crate::zarr::TensorStore;
 use nalgebra::{Matrix4, Vector4};
@@ -11,7 +10,7 @@ use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::axes::{Extents, SliceLayout};
 use tensor::field::Field;
-use tensor::slice::{Polarization, ProjectorSelect, Slice, TimeSelect};
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 const SIZE: [u32; 2] = [10, 7];
 
@@ -27,18 +26,20 @@ fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polar
     let bin = if let ProjectorSelect::Binned { nx, ny } = projector { [nx, ny] } else { [1, 1] };
     let slice = Slice {
         name: "full".into(),
+        camera: CameraSelect::All,
         projector,
         time: TimeSelect::Bins { start_ps: 1000.0, bin_ps: 50.0, bins: 5 },
         polarization,
+        bounces: false,
         split_first_bounce: true,
-        ..Slice::default()
+        labels: false,
     };
     let mut layout = SliceLayout::new(&slice, &extents);
     layout.totals = false;
     for axis in layout.axes.iter_mut().filter(|a| "vut".contains(a.kind.name())) {
         axis.chunk = axis.chunk.div_ceil(2);
     }
-    let attributes = table(json!({"projector_bin": bin, "projector_size": SIZE}));
+    let attributes = json!({"projector_bin": bin, "projector_size": SIZE}).as_object().unwrap().clone();
     let store =
         TensorStore::create(&dir.join("s.zarr"), &[(layout, attributes)], &Map::new(), None, true).unwrap();
     let slice = store.slice("full").unwrap();

@@ -13,7 +13,6 @@ use base::whole_file;
 use tensor::array::Tensor;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
-use tensor::region;
 
 fn failed(path: &Path, cause: impl ToString) -> ProbeError {
     ProbeError::Write { path: path.to_owned(), cause: cause.to_string() }
@@ -67,13 +66,19 @@ impl ProbeResult {
             write!(file, "{},", axis.kind.name())?;
         }
         writeln!(file, "mean,std_error")?;
-        let shape = self.layout().shape();
-        let elements = self.mean.data.iter().zip(&self.std_error.data);
-        for (index, (mean, error)) in region::indices(&vec![0; shape.len()], &shape).zip(elements) {
-            for (axis, i) in self.mean.axes.iter().zip(index) {
-                write!(file, "{},", axis.coords[i as usize])?;
+        let mut index = vec![0; self.mean.axes.len()];
+        for (mean, error) in self.mean.data.iter().zip(&self.std_error.data) {
+            for (axis, &i) in self.mean.axes.iter().zip(&index) {
+                write!(file, "{},", axis.coords[i])?;
             }
             writeln!(file, "{mean},{error}")?;
+            for (axis, i) in self.mean.axes.iter().zip(&mut index).rev() {
+                *i += 1;
+                if *i < axis.coords.len() {
+                    break;
+                }
+                *i = 0;
+            }
         }
         Ok(())
     }
@@ -121,5 +126,6 @@ impl ProbeResult {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_npy(tensor: &Tensor, path: &Path) -> Result<(), ProbeError> {
-    numpy::save(path, &tensor.shape(), &tensor.data).map_err(|e| failed(path, e))
+    whole_file::write_with(path, |file| numpy::write(file, &tensor.shape(), tensor.data.iter().copied()))
+        .map_err(|e| failed(path, e))
 }

@@ -2,7 +2,7 @@
 //! features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs of
 //! [`super::coding`]. Other features are refused.
 
-use super::coding::{self, Coding, lengths, name};
+use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};
 
 /// Known keys of the metadata. Other keys are allowed if they are marked `must_understand: false`.
@@ -65,6 +65,8 @@ impl Array {
     /// Parses the metadata of the array at `node`, such as `/steady/mean`. Returns the fault if it is
     /// invalid.
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
+        let lengths =
+            |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
         let keys = json.as_object().ok_or("it is not a JSON object")?;
         for (key, value) in keys {
             if !KEYS.contains(&key.as_str()) && value["must_understand"] != false {

@@ -49,18 +49,15 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
 
 /// The content of a new store.
 #[derive(Clone, Copy)]
-pub(crate) struct New<'a> {
-    pub(crate) slices: &'a [(SliceLayout, Map<String, Value>)],
-    pub(crate) attributes: &'a Map<String, Value>,
-    pub(crate) samples: Option<SampleGrid>,
-    /// `None` for one file per chunk.
-    pub(crate) shardings: Option<&'a Shardings>,
+pub(super) struct New<'a> {
+    pub(super) slices: &'a [(SliceLayout, Map<String, Value>)],
+    pub(super) attributes: &'a Map<String, Value>,
+    pub(super) samples: Option<SampleGrid>,
+    pub(super) shardings: &'a Shardings,
 }
 
 pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
     let New { slices, attributes, samples, shardings } = new;
-    let none = Shardings::new();
-    let shardings = shardings.unwrap_or(&none);
     let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
     describe::create_root(path, &names, attributes)?;
     let storage = Arc::new(AtomicDirectory::new(path));

@@ -11,14 +11,10 @@ impl<T: Number> ChunkedArray<T> {
         start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect()
     }
 
-    /// Returns the key of the chunk that begins at `start`.
-    fn key_of(&self, start: &[u64]) -> String {
-        self.array.chunk_key(&self.index_of(start))
-    }
-
     /// Returns the path of the chunk that begins at `start`.
     pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
-        self.storage.root().join(self.key_of(start))
+        let key = self.array.chunk_key(&self.index_of(start));
+        self.storage.root().join(&key)
     }
 
     /// Copies the chunk file that begins at `start` from an array with the same metadata, after checking its
@@ -43,16 +39,20 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Returns whether the chunk that begins at `start` should have a file.
     pub(super) fn is_listed(&self, start: &[u64]) -> bool {
-        self.storage.lists(&self.key_of(start)).unwrap_or_else(|| self.is_stored(start))
+        let key = self.array.chunk_key(&self.index_of(start));
+        let listed = self.storage.lists(&key);
+        listed.unwrap_or_else(|| self.is_stored(start))
     }
 
     /// Returns whether the chunk that begins at `start` has a file.
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
-        self.storage.is_stored(&self.key_of(start))
+        let key = self.array.chunk_key(&self.index_of(start));
+        self.storage.is_stored(&key)
     }
 
     /// Returns the file size of the chunk that begins at `start` from the manifest; 0 without a file.
     pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
-        self.storage.size(&self.key_of(start)).unwrap_or(0)
+        let key = self.array.chunk_key(&self.index_of(start));
+        self.storage.size(&key).unwrap_or(0)
     }
 }

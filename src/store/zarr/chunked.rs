@@ -9,7 +9,7 @@
 
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Map, Value, json};
 
@@ -95,18 +95,6 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(failed)
     }
 
-    /// Creates an array with these values, row-major.
-    pub(super) fn create_with(
-        storage: &Arc<AtomicDirectory>,
-        node: &str,
-        description: Description,
-        values: &[T],
-    ) -> Result<(), CreateError> {
-        let array = Self::create(storage, node, description)?;
-        let written = array.write(&vec![0; array.shape().len()], array.shape(), values, None);
-        written.map_err(|e| CreateError::Write { path: array.path, cause: e.to_string() })
-    }
-
     /// Opens an existing array and checks its data type, dimension names, chunk grid and codecs.
     pub(super) fn open(storage: &Arc<AtomicDirectory>, node: &str) -> Result<Self, OpenError> {
         let damaged = |reason: String| OpenError::Damaged { path: node_path(storage, node), reason };
@@ -129,7 +117,9 @@ impl<T: Number> ChunkedArray<T> {
         let (chunk, sharded) = match &array.inner {
             None => (stored, None),
             Some(inner) => {
-                let chunk = array.attributes.get(coding::CHUNK).and_then(coding::lengths).unwrap_or_default();
+                let chunk = array.attributes.get(coding::CHUNK).and_then(Value::as_array);
+                let chunk: Option<Vec<u64>> = chunk.and_then(|list| list.iter().map(Value::as_u64).collect());
+                let chunk = chunk.unwrap_or_default();
                 let sharded = Sharded::of(inner.clone(), &chunk, stored, &array.shape);
                 (chunk, Some(sharded.ok_or("its chunks do not fit into its shards")?))
             }
@@ -348,7 +338,7 @@ impl<T: Number> ChunkedArray<T> {
     fn lock(&self, index: &[u64]) -> MutexGuard<'_, ()> {
         let hash = index.iter().fold(0_u64, |h, &i| h.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
         let stripe = (hash ^ (hash >> 29)) as usize % STRIPES;
-        crate::lock(&self.locks[stripe])
+        self.locks[stripe].lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -120,11 +120,6 @@ pub(super) fn name(json: &Value) -> Option<&str> {
     json["name"].as_str().or(json.as_str())
 }
 
-/// Returns a list of nonnegative integers, such as a shape.
-pub(super) fn lengths(json: &Value) -> Option<Vec<u64>> {
-    json.as_array()?.iter().map(Value::as_u64).collect()
-}
-
 fn names(codecs: &Value) -> Vec<&str> {
     codecs.as_array().into_iter().flatten().filter_map(name).collect()
 }
@@ -147,7 +142,8 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
         ["bytes"] => Frame::Plain,
         [CODEC] => {
             let how = &codecs[0]["configuration"];
-            let chunk = lengths(&how["chunk_shape"]);
+            let chunk = how["chunk_shape"].as_array();
+            let chunk: Option<Vec<u64>> = chunk.and_then(|list| list.iter().map(Value::as_u64).collect());
             let ours = names(&how["codecs"]) == ["bytes", "zstd", "crc32c"]
                 && names(&how["index_codecs"]) == ["bytes", "crc32c"]
                 && how.get("index_location").is_none_or(|at| at == "end")

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::atomic::AtomicDirectory;
 use super::check;
-use super::chunked::{ChunkedArray, Description, Number};
+use super::chunked::{ChunkedArray, Description};
 use super::coordinates;
 use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
@@ -153,32 +153,16 @@ fn create_coordinates(
         attributes,
         sharding: None,
     };
+    let path = storage.root().join(slice).join(kind.name());
+    let failed = |e: super::error::AccessError| CreateError::Write { path, cause: e.to_string() };
     if is_index(kind) {
         let values: Vec<i64> = axis.coords.iter().map(|&c| c as i64).collect();
-        ChunkedArray::create_with(storage, &node, description, &values)
+        let array = ChunkedArray::<i64>::create(storage, &node, description)?;
+        array.write(&[0], &[axis.len()], &values, None).map_err(failed)
     } else {
-        ChunkedArray::create_with(storage, &node, description, &axis.coords)
+        let array = ChunkedArray::<f64>::create(storage, &node, description)?;
+        array.write(&[0], &[axis.len()], &axis.coords, None).map_err(failed)
     }
-}
-
-/// Reads the coordinates of an axis of `expected` entries.
-fn read_coordinates<T: Number>(
-    storage: &Arc<AtomicDirectory>,
-    node: &str,
-    expected: u64,
-    to_f64: impl Fn(T) -> f64,
-) -> Result<Vec<f64>, OpenError> {
-    let array = ChunkedArray::<T>::open(storage, node)?;
-    let damaged = |reason: String| OpenError::Damaged { path: array.path().to_owned(), reason };
-    let shape = array.shape();
-    if shape != [expected] || !(1..=MAX_AXIS).contains(&expected) {
-        return Err(damaged(format!("its shape is {shape:?}, but the axis has {expected} entries")));
-    }
-    if let Some(coords) = array.describe(expected) {
-        return Ok(coords);
-    }
-    let values = array.read(&[0], shape).map_err(|e| damaged(e.to_string()))?;
-    Ok(values.into_iter().map(to_f64).collect())
 }
 
 /// Reads and checks the coordinates of an axis of `expected` entries.
@@ -189,18 +173,36 @@ fn read_axis(
     [expected, chunk]: [u64; 2],
 ) -> Result<Axis, OpenError> {
     let node = format!("/{slice}/{}", kind.name());
-    let coords = if is_index(kind) {
-        read_coordinates(storage, &node, expected, |v: i64| v as f64)?
-    } else {
-        read_coordinates(storage, &node, expected, |v: f64| v)?
-    };
-    let axis = Axis { kind, coords, chunk };
-    match check::coordinates_fault(&axis) {
-        Some(reason) => {
-            Err(OpenError::Damaged { path: storage.root().join(slice).join(kind.name()), reason })
+    let damaged =
+        |reason: String| OpenError::Damaged { path: storage.root().join(slice).join(kind.name()), reason };
+    let checked = |coords: Vec<f64>| {
+        let axis = Axis { kind, coords, chunk };
+        match check::coordinates_fault(&axis) {
+            Some(reason) => Err(damaged(reason)),
+            None => Ok(axis),
         }
-        None => Ok(axis),
-    }
+    };
+    let length = |shape: &[u64]| match shape {
+        [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
+        _ => Err(damaged(format!("its shape is {shape:?}, but the axis has {expected} entries"))),
+    };
+    let coords: Vec<f64> = if is_index(kind) {
+        let array = ChunkedArray::<i64>::open(storage, &node)?;
+        let n = length(array.shape())?;
+        if let Some(coords) = array.describe(n) {
+            return checked(coords);
+        }
+        let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
+        values.into_iter().map(|v| v as f64).collect()
+    } else {
+        let array = ChunkedArray::<f64>::open(storage, &node)?;
+        let n = length(array.shape())?;
+        if let Some(coords) = array.describe(n) {
+            return checked(coords);
+        }
+        array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?
+    };
+    checked(coords)
 }
 
 /// Reconstructs the layout of a slice from its `mean` array, its coordinate arrays and its attributes.

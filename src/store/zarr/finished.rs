@@ -7,6 +7,7 @@ use super::manifest::{self, Manifest};
 use super::{State, TensorStore, describe, part};
 use crate::place::Place;
 use std::path::Path;
+use std::sync::PoisonError;
 
 impl TensorStore {
     /// Returns whether the store was written completely, including the manifest.
@@ -64,7 +65,7 @@ impl TensorStore {
     /// # Errors
     /// If a metadata file cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let held = crate::lock(&self.attributes);
+        let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(remote) = self.storage.remote() {
             // At an address, the consolidated metadata is that of the creation.
             let finished = remote.finish(part::manifest_of(&held));

@@ -132,7 +132,7 @@ fn coordinate<T: Number>(
         attributes: describe(units, long_name, labels),
         sharding: None,
     };
-    ChunkedArray::create_with(storage, &format!("/{name}"), description, values)
+    put(storage, name, description, values)
 }
 
 fn array<T: Number>(
@@ -155,5 +155,19 @@ fn array<T: Number>(
         attributes: describe(layer.units, layer.long_name, layer.labels.as_ref().map(|l| json!(l))),
         sharding: None,
     };
-    ChunkedArray::create_with(storage, &format!("/{}", layer.name), description, values)
+    put(storage, layer.name, description, values)
+}
+
+fn put<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    name: &str,
+    description: Description,
+    values: &[T],
+) -> Result<(), CreateError> {
+    let shape = description.shape.clone();
+    let array = ChunkedArray::<T>::create(storage, &format!("/{name}"), description)?;
+    let start = vec![0; shape.len()];
+    array
+        .write(&start, &shape, values, None)
+        .map_err(|e| CreateError::Write { path: storage.root().join(name), cause: e.to_string() })
 }

@@ -62,26 +62,12 @@ impl Entry {
 
     /// Returns the entry of a complete file, which may be a shard.
     pub(super) fn of_any(path: &str, bytes: &[u8], shards: &Shards) -> Self {
+        let Some(frames) = shards.frames(path) else {
+            return Self::of(path, bytes);
+        };
         let size = bytes.len() as u64;
-        let end = (size - Self::end_len(path, size, shards)) as usize;
-        Self::of_end(path, size, &bytes[end..], shards)
-    }
-
-    /// Returns how many of the last bytes of a file of `size` bytes determine its entry.
-    pub(super) fn end_len(path: &str, size: u64, shards: &Shards) -> u64 {
-        match shards.frames(path) {
-            Some(frames) => shard::tail_len(frames).min(size),
-            None if is_plain(path) => size,
-            None => size.min(4),
-        }
-    }
-
-    /// Returns the entry of a file of `size` bytes with this end of [`Self::end_len`] bytes.
-    pub(super) fn of_end(path: &str, size: u64, end: &[u8], shards: &Shards) -> Self {
-        match shards.frames(path) {
-            Some(_) => Self::of_tail(size, end),
-            None => Self { crc: checksum(path, end), size },
-        }
+        let tail = size.saturating_sub(shard::tail_len(frames)) as usize;
+        Self::of_tail(size, &bytes[tail..])
     }
 
     /// Returns the entry of a shard of `size` bytes with this tail.
@@ -90,14 +76,31 @@ impl Entry {
         Self { crc, size }
     }
 
+    /// Returns the entry of a file of `size` bytes that ends with its checksum.
+    pub(super) fn sealed(size: u64, seal: &[u8]) -> Self {
+        let crc = seal.try_into().map_or(0, u32::from_le_bytes);
+        Self { crc, size }
+    }
+
     /// Reads the entry of a file on disk; only the end of the file if that is enough.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
-        let mut end = Vec::new();
-        file.seek(SeekFrom::Start(size - Self::end_len(path, size, shards)))?;
-        file.read_to_end(&mut end)?;
-        Ok(Self::of_end(path, size, &end, shards))
+        if let Some(frames) = shards.frames(path) {
+            let mut tail = Vec::new();
+            file.seek(SeekFrom::Start(size.saturating_sub(shard::tail_len(frames))))?;
+            file.read_to_end(&mut tail)?;
+            return Ok(Self::of_tail(size, &tail));
+        }
+        if is_plain(path) || size < 4 {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            return Ok(Self::of(path, &bytes));
+        }
+        let mut seal = [0; 4];
+        file.seek(SeekFrom::End(-4))?;
+        file.read_exact(&mut seal)?;
+        Ok(Self { crc: u32::from_le_bytes(seal), size })
     }
 }
 

@@ -48,12 +48,12 @@ use base::lock::Lock;
 use base::{staging, whole_file};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Map, Value};
 
 use self::atomic::AtomicDirectory;
-use self::build::{ORIGIN, build, check_slices};
+use self::build::{New, ORIGIN, build, check_slices};
 use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
@@ -62,7 +62,6 @@ use crate::place::Place;
 use tensor::axes::SliceLayout;
 use tensor::part::Part;
 
-pub(crate) use self::build::New;
 pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
@@ -136,14 +135,29 @@ impl TensorStore {
         replace: bool,
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let new = New { slices, attributes, samples, shardings: None };
-        Self::create_from(path, new, replace, None, fill)
+        Self::create_from(path, slices, attributes, samples, replace, None, fill)
     }
 
     /// Does the same as [`Self::create_filled`] with support for resuming. If a killed process left an
     /// unfinished store of the same `origin` (everything that the values depend on), `fill` gets that store,
     /// in which every existing chunk file is complete ([`StoredSlice::is_stored`]).
-    pub(crate) fn create_from<E: From<CreateError>>(
+    ///
+    /// # Errors
+    /// As [`Self::create_filled`].
+    pub fn create_from<E: From<CreateError>>(
+        path: &Path,
+        slices: &[(SliceLayout, Map<String, Value>)],
+        attributes: &Map<String, Value>,
+        samples: Option<SampleGrid>,
+        replace: bool,
+        origin: Option<&str>,
+        fill: impl FnOnce(&Self) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let new = New { slices, attributes, samples, shardings: &HashMap::new() };
+        Self::create_new(path, new, replace, origin, fill)
+    }
+
+    fn create_new<E: From<CreateError>>(
         path: &Path,
         new: New,
         replace: bool,
@@ -349,7 +363,7 @@ impl TensorStore {
 
     /// Releases the lock of the store.
     pub fn unlock(&self) {
-        crate::lock(&self.lock).take();
+        self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
     #[must_use]
@@ -375,7 +389,7 @@ impl TensorStore {
                 available: self.names.join(", "),
             });
         }
-        let mut slices = crate::lock(&self.slices);
+        let mut slices = self.slices.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(slice) = slices.get(name) {
             return Ok(slice.clone());
         }
@@ -393,7 +407,7 @@ impl TensorStore {
     /// Returns a copy of the root group's attributes, without the store's list of slices.
     #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
-        crate::lock(&self.attributes).clone()
+        self.attributes.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Replaces the attributes of the root group.
@@ -401,7 +415,7 @@ impl TensorStore {
     /// # Errors
     /// If the root's metadata cannot be read or written.
     pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
-        let mut held = crate::lock(&self.attributes);
+        let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         describe::set_root_attributes(&self.storage, &attributes)?;
         *held = attributes;
         Ok(())

@@ -33,7 +33,11 @@ pub(super) fn hide(
     };
     let pixels = |axis: usize| {
         let coords = &layout.axes[axis].coords;
-        let all = axes::pixels(coords, single).unwrap_or_default();
+        let all = if single {
+            coords.iter().map(|&c| (c as u32, c as u32)).collect()
+        } else {
+            axes::boxes(coords).unwrap_or_default()
+        };
         let part = start[axis] as usize..(start[axis] + shape[axis]) as usize;
         all.get(part).map(<[_]>::to_vec).unwrap_or_default()
     };

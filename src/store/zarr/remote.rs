@@ -5,14 +5,14 @@
 //! reading.
 
 use super::manifest::{self, Entry, Manifest};
-use super::shard::Shards;
+use super::shard::{self, Shards};
 use crate::objects::lock::Hold;
 use crate::place::{Ask, Objects};
 use crate::refusal::Refusal;
 use bytes::Bytes;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Limits of one concurrent fetch: files, and their total bytes if the manifest contains them.
 const AHEAD_FILES: usize = 64;
@@ -61,16 +61,20 @@ impl Remote {
         let metadata = root["consolidated_metadata"]["metadata"].as_object();
         let file =
             |(node, json): (&String, &Value)| (format!("{node}/zarr.json"), Bytes::from(json.to_string()));
-        crate::lock(&self.descriptions).extend(metadata.into_iter().flatten().map(file));
+        self.descriptions().extend(metadata.into_iter().flatten().map(file));
     }
 
     /// Keeps metadata that has been read.
     pub(super) fn keep_description(&self, file: String, bytes: Bytes) {
-        crate::lock(&self.descriptions).insert(file, bytes);
+        self.descriptions().insert(file, bytes);
+    }
+
+    fn descriptions(&self) -> MutexGuard<'_, HashMap<String, Bytes>> {
+        self.descriptions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn description(&self, file: &str) -> Option<Bytes> {
-        crate::lock(&self.descriptions).get(file).cloned()
+        self.descriptions().get(file).cloned()
     }
 
     /// Returns whether metadata of a group or an array exists.
@@ -87,7 +91,7 @@ impl Remote {
     /// Returns a part of a file, which is fetched unless it was fetched ahead.
     pub(super) fn get_part(&self, key: &str, ask: Ask) -> Result<Option<Bytes>, Refusal> {
         let wanted = (key.to_owned(), ask);
-        let fetched = crate::lock(&self.ahead).remove(&wanted);
+        let fetched = self.ahead().remove(&wanted);
         match fetched {
             Some(bytes) => Ok(bytes),
             None => Ok(self.objects.ask(vec![wanted])?.pop().flatten().map(|(bytes, _)| bytes)),
@@ -114,7 +118,7 @@ impl Remote {
                 if bytes + size > AHEAD_BYTES && !wanted.is_empty() {
                     break;
                 }
-                let has = crate::lock(&self.ahead).contains_key(&(key.clone(), ask.clone()));
+                let has = self.ahead().contains_key(&(key.clone(), ask.clone()));
                 if !has && !wanted.last_mut().is_some_and(|last| last.takes(key, ask)) {
                     if wanted.len() == AHEAD_FILES {
                         break;
@@ -130,7 +134,7 @@ impl Remote {
             let found = self.objects.ask(all)?;
             let answers = wanted.into_iter().zip(found);
             let parts = answers.flat_map(|(request, found)| request.parts(found.map(|(bytes, _)| bytes)));
-            crate::lock(&self.ahead).extend(parts);
+            self.ahead().extend(parts);
         }
         Ok(passed)
     }
@@ -138,16 +142,24 @@ impl Remote {
     /// Keeps files that will be read next, or the fact that they do not exist.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
         let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
-        crate::lock(&self.ahead).extend(files.into_iter().map(whole));
+        self.ahead().extend(files.into_iter().map(whole));
+    }
+
+    fn ahead(&self) -> MutexGuard<'_, HashMap<(String, Ask), Option<Bytes>>> {
+        self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn writing(&self) -> MutexGuard<'_, Option<Writing>> {
+        self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Starts writing a store with the files `known`, as long as its lock is held.
     pub(super) fn begin_writing(&self, known: BTreeMap<String, Known>, hold: Arc<Hold>) {
-        *crate::lock(&self.writing) = Some(Writing { known, hold });
+        *self.writing() = Some(Writing { known, hold });
     }
 
     fn may_write(&self) -> Result<(), Refusal> {
-        match &*crate::lock(&self.writing) {
+        match &*self.writing() {
             Some(writing) if writing.hold.is_sure() => Ok(()),
             Some(_) => Err(Refusal::new(
                 "the lock of the store was lost (removed, or not renewed in time); another process may be writing the store",
@@ -166,11 +178,11 @@ impl Remote {
     pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
         self.may_write()?;
         self.objects.put(key, bytes.clone())?;
-        crate::lock(&self.ahead).remove(&(key.to_owned(), Ask::Whole));
+        self.ahead().remove(&(key.to_owned(), Ask::Whole));
         if key.ends_with("zarr.json") {
             self.keep_description(key.to_owned(), bytes);
         }
-        if let Some(writing) = &mut *crate::lock(&self.writing) {
+        if let Some(writing) = &mut *self.writing() {
             writing.known.insert(key.to_owned(), Known::Put(entry));
         }
         Ok(())
@@ -181,7 +193,7 @@ impl Remote {
         self.may_write()?;
         keys.retain(|key| self.is_stored(key));
         self.objects.delete(keys.clone())?;
-        if let Some(writing) = &mut *crate::lock(&self.writing) {
+        if let Some(writing) = &mut *self.writing() {
             for key in &keys {
                 writing.known.remove(key);
             }
@@ -191,19 +203,19 @@ impl Remote {
 
     /// Returns whether the store is being written and a file of it does not exist yet.
     pub(super) fn lacks(&self, key: &str) -> bool {
-        let writing = crate::lock(&self.writing);
+        let writing = self.writing();
         writing.as_ref().is_some_and(|w| !w.known.contains_key(key))
     }
 
     /// Returns whether a file of the store that is being written exists.
     pub(super) fn is_stored(&self, key: &str) -> bool {
-        let writing = crate::lock(&self.writing);
+        let writing = self.writing();
         writing.as_ref().is_some_and(|w| w.known.contains_key(key))
     }
 
     /// Returns the files in a folder of the store that is being written.
     pub(super) fn stored_below(&self, folder: &str) -> Vec<String> {
-        let writing = crate::lock(&self.writing);
+        let writing = self.writing();
         let all = writing.iter().flat_map(|w| w.known.keys());
         all.filter(|key| key.starts_with(folder)).cloned().collect()
     }
@@ -211,8 +223,8 @@ impl Remote {
     /// Writes the manifest of the existing files under this name. For files of an earlier process, their ends
     /// are read.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
-        let known = crate::lock(&self.writing).as_ref().map(|w| w.known.clone()).unwrap_or_default();
-        let shards = Shards::of(crate::lock(&self.descriptions).iter().filter_map(|(path, bytes)| {
+        let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
+        let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {
             let json = serde_json::from_slice(bytes).ok()?;
             Some((path.as_str(), json))
         }));
@@ -225,16 +237,21 @@ impl Remote {
                 }
                 Known::Found(size) => size,
             };
-            let ask = match Entry::end_len(&key, size, &shards) {
-                end if end == size => Ask::Whole,
-                end => Ask::End(end, Some(size)),
+            let ask = match shards.frames(&key) {
+                Some(frames) => Ask::End(shard::tail_len(frames), Some(size)),
+                None if size < 4 || manifest::is_plain(&key) => Ask::Whole,
+                None => Ask::End(4, Some(size)),
             };
-            asks.push((key.clone(), ask));
-            found.push((key, size));
+            asks.push((key.clone(), ask.clone()));
+            found.push((key, size, ask));
         }
-        for ((key, size), bytes) in found.into_iter().zip(self.objects.ask(asks)?) {
+        for ((key, size, ask), bytes) in found.into_iter().zip(self.objects.ask(asks)?) {
             let bytes = bytes.map(|(bytes, _)| bytes).unwrap_or_default();
-            let entry = Entry::of_end(&key, size, &bytes, &shards);
+            let entry = match ask {
+                Ask::End(4, _) => Entry::sealed(size, &bytes),
+                Ask::End(..) => Entry::of_tail(size, &bytes),
+                _ => Entry::of(&key, &bytes),
+            };
             entries.insert(key, entry);
         }
         self.put(name, manifest::text(&entries).into())

@@ -133,19 +133,18 @@ impl Making<'_> {
         mark: Bytes,
     ) -> Result<(), Refusal> {
         self.objects.put(ORIGIN, mark)?;
-        delete(&self.objects, known.keys().cloned())?;
+        // First the objects that mark the store as finished and as a store.
+        let (heads, rest) = known
+            .keys()
+            .filter(|name| *name != ORIGIN)
+            .cloned()
+            .partition(|name| [manifest::FILE, manifest::OF_PART, ROOT].contains(&name.as_str()));
+        self.objects.delete(heads)?;
+        self.objects.delete(rest)?;
         let (root, others) = files.clone().into_iter().partition(|(name, _)| name == ROOT);
         self.objects.put_many(others)?;
         self.objects.put_many(root)
     }
-}
-
-/// Removes objects except the mark, first those that mark the store as finished and as a store.
-pub(super) fn delete(objects: &Objects, names: impl Iterator<Item = String>) -> Result<(), Refusal> {
-    let heads = [manifest::FILE, manifest::OF_PART, ROOT];
-    let (heads, rest) = names.filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
-    objects.delete(heads)?;
-    objects.delete(rest)
 }
 
 /// Returns the metadata files that `describe` writes to a folder.

@@ -4,6 +4,7 @@ use super::build::ORIGIN;
 use super::describe::slice_names_of;
 use super::description;
 use super::error::{CreateError, OpenError};
+use super::manifest;
 use super::remote_store::{self, Held, ROOT};
 use crate::place::Objects;
 use crate::refusal::Refusal;
@@ -111,7 +112,11 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     }
     // With the mark, it is recognized as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
-    remote_store::delete(objects, names.into_iter())?;
+    let heads = [manifest::FILE, manifest::OF_PART, ROOT];
+    let (heads, rest) =
+        names.into_iter().filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
+    objects.delete(heads)?;
+    objects.delete(rest)?;
     objects.delete(vec![ORIGIN.to_owned()])?;
     Ok(Ok(true))
 }

@@ -1,8 +1,8 @@
 //! The sample counts per camera pixel of a store.
 
+use super::TensorStore;
 use super::chunked::ChunkedArray;
 use super::error::AccessError;
-use super::{SampleGrid, TensorStore};
 use std::sync::Arc;
 
 impl TensorStore {
@@ -13,12 +13,6 @@ impl TensorStore {
         let array = self.samples.as_ref()?;
         let pair = |v: &[u64]| [v[0], v[1]];
         Some((pair(array.shape()), pair(array.chunk())))
-    }
-
-    /// Returns the grid of the sample counts; `None` if the store has none.
-    pub(crate) fn sample_grid(&self) -> Option<SampleGrid> {
-        let ([rows, columns], chunk) = self.samples_shape()?;
-        Some(SampleGrid { camera: [columns as u32, rows as u32], tile: chunk[0].max(chunk[1]) as u32 })
     }
 
     pub(super) fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {

@@ -8,7 +8,6 @@
 //! and one frame are enough to detect a frame that was exchanged for another valid one. The index alone is
 //! not enough: incompressible frames give equal indices in all shards.
 
-use super::coding::lengths;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -160,6 +159,8 @@ impl Shards {
     pub(super) fn of<'a>(descriptions: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
         let found = descriptions.into_iter().filter_map(|(path, json)| {
             let folder = path.strip_suffix("/zarr.json")?;
+            let lengths =
+                |value: &Value| -> Option<Vec<u64>> { value.as_array()?.iter().map(Value::as_u64).collect() };
             let codec = json["codecs"].get(0)?;
             let shard = lengths(&json["chunk_grid"]["configuration"]["chunk_shape"])?;
             let chunk = lengths(&codec["configuration"]["chunk_shape"])?;

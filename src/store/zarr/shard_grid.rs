@@ -3,13 +3,13 @@
 use super::shard::{self, Piece};
 use bytes::Bytes;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Maximum number of tails in the cache of an array, about 10 kB each.
 const KEPT: usize = 256;
 /// The shapes of shards and chunks of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Sharding {
+pub(super) struct Sharding {
     /// Shape of a chunk in a shard.
     pub(super) inner: Vec<u64>,
     /// Shape of the block that is read together ([`ChunkedArray::chunk`]).
@@ -18,7 +18,7 @@ pub(crate) struct Sharding {
 }
 
 /// Shardings of arrays by node, such as `steady/mean`.
-pub(crate) type Shardings = HashMap<String, Sharding>;
+pub(super) type Shardings = HashMap<String, Sharding>;
 
 /// The parsed tail of a shard.
 #[derive(Debug)]
@@ -35,12 +35,16 @@ pub(super) struct Sharded {
     /// Number of chunks per shard.
     pub(super) frames: usize,
     /// Contents by index of the shard; `None` for a shard of zeros.
-    pub(super) kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
+    kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
 }
 
 impl Sharded {
-    /// Returns the shards of an array of this shape; `None` unless chunks of shape `inner` divide `chunk` and
-    /// `chunk` divides shards.
+    pub(super) fn new(inner: Vec<u64>, shard: Vec<u64>) -> Option<Self> {
+        Some(Self { frames: shard::frames(&shard, &inner)?, inner, shard, kept: Mutex::default() })
+    }
+
+    /// Does the same as [`Self::new`] for an array of this shape, if chunks divide `chunk` and `chunk`
+    /// divides shards.
     pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
         let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];
         let fits = axes
@@ -48,8 +52,7 @@ impl Sharded {
                 let (i, c, s) = (inner[a], chunk[a], shard[a]);
                 i > 0 && c > 0 && c % i == 0 && s % c == 0 && s < shape[a].saturating_add(c)
             });
-        let frames = shard::frames(&shard, &inner).filter(|_| fits)?;
-        Some(Self { inner, shard, frames, kept: Mutex::default() })
+        if fits { Self::new(inner, shard) } else { None }
     }
 
     /// Returns the index of the shard of a chunk, and the chunk's number in it.
@@ -64,8 +67,12 @@ impl Sharded {
         (shard, number)
     }
 
+    pub(super) fn kept(&self) -> MutexGuard<'_, HashMap<Vec<u64>, Option<Arc<Contents>>>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     pub(super) fn keep(&self, index: Vec<u64>, contents: Option<Arc<Contents>>) {
-        let mut kept = crate::lock(&self.kept);
+        let mut kept = self.kept();
         if kept.len() >= KEPT {
             kept.clear();
         }

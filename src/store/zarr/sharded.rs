@@ -24,7 +24,7 @@ impl<T: Number> ChunkedArray<T> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
             let twice = wanted.iter().any(|w| std::ptr::eq(w.0, *array) && w.2 == *index);
-            if !twice && !crate::lock(&sharded.kept).contains_key(index) {
+            if !twice && !sharded.kept().contains_key(index) {
                 wanted.push(one);
             }
         }
@@ -52,11 +52,11 @@ impl<T: Number> ChunkedArray<T> {
     }
 
     fn contents(&self, sharded: &Sharded, shard: &[u64]) -> Result<Option<Arc<Contents>>, AccessError> {
-        if let Some(kept) = crate::lock(&sharded.kept).get(shard) {
+        if let Some(kept) = sharded.kept().get(shard) {
             return Ok(kept.clone());
         }
         Self::open_shards(&[(self, sharded, shard.to_vec())])?;
-        Ok(crate::lock(&sharded.kept).get(shard).cloned().flatten())
+        Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
     /// Reads the bytes of a chunk of a shard; `None` if it is not stored (all zero).

@@ -3,7 +3,7 @@
 //! A shard is assembled in memory and written atomically, so an existing shard is complete, and an
 //! interrupted copy resumes with the next.
 
-use super::build::New;
+use super::build::{New, SampleGrid};
 use super::chunked::{ChunkedArray, Number};
 use super::coding::{self, Frame};
 use super::error::{AccessError, CreateError, OpenError};
@@ -13,6 +13,7 @@ use super::shard_shape::{self, Limits};
 use super::sparse_frame::{self, Content};
 use super::{StoredSlice, TensorStore};
 use rayon::prelude::*;
+use serde_json::{Map, Value};
 use std::path::Path;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -50,7 +51,7 @@ impl TensorStore {
         let slices: Vec<StoredSlice> =
             of.slice_names().iter().map(|name| of.slice(name)).collect::<Result<_, _>>()?;
         let layouts: Vec<_> =
-            slices.iter().map(|slice| (slice.layout().clone(), slice.attributes().clone())).collect();
+            slices.iter().map(|slice| (slice.layout().clone(), written_attributes(slice))).collect();
         let mut shardings = Shardings::new();
         for slice in &slices {
             let camera = camera_axes(slice.layout());
@@ -59,15 +60,16 @@ impl TensorStore {
                 shardings.insert(node, chosen(&slice.field(field)?.1, camera, limits));
             }
         }
-        if let Some(samples) = &of.samples {
+        let samples = of.samples.as_deref().map(|samples| {
             shardings.insert("samples".into(), chosen(samples, 2, limits));
-        }
-        let new = New {
-            slices: &layouts,
-            attributes: &of.attributes(),
-            samples: of.sample_grid(),
-            shardings: Some(&shardings),
-        };
+            let length = |n: &u64| u32::try_from(*n).unwrap_or(u32::MAX);
+            let (shape, chunk) = (samples.shape(), samples.chunk());
+            SampleGrid {
+                camera: [length(&shape[1]), length(&shape[0])],
+                tile: length(&chunk[0].max(chunk[1])),
+            }
+        });
+        let new = New { slices: &layouts, attributes: &of.attributes(), samples, shardings: &shardings };
         let fill = |store: &Self| -> Result<(), E> {
             for slice in &slices {
                 let target = store.slice(slice.name())?;
@@ -81,7 +83,7 @@ impl TensorStore {
             }
             Ok(store.finish()?)
         };
-        Self::create_from(path, new, replace, Some(origin), fill).map(drop)
+        Self::create_new(path, new, replace, Some(origin), fill).map(drop)
     }
 }
 
@@ -91,6 +93,13 @@ impl StoredSlice {
     pub fn is_sharded(&self) -> bool {
         self.field(Field::Mean).is_ok_and(|(_, mean)| mean.sharded.is_some())
     }
+}
+
+/// Returns the attributes of a slice, in order, without those that its layout generates.
+fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
+    let made = ["time_start_ps", "time_bin_ps"];
+    let kept = slice.attributes().iter().filter(|(key, _)| !made.contains(&key.as_str()));
+    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
 fn camera_axes(layout: &SliceLayout) -> usize {
@@ -109,7 +118,7 @@ fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> 
 /// Writes all missing shards of an array.
 fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result<(), AccessError> {
     let Some(sharded) = &target.sharded else {
-        unreachable!("all arrays of a sharded copy but the coordinates are sharded");
+        return Ok(());
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();

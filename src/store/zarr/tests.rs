@@ -1,14 +1,12 @@
 //! Tests of stores: layout, atomicity, sparse chunks, refusals.
 
 use super::*;
-use crate::fixture::{files, table};
 use proptest::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
 use tensor::axes::{AxisKind, Extents};
 use tensor::field::Field;
-use tensor::region;
-use tensor::slice::{Polarization, ProjectorSelect, Slice, TimeSelect};
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 fn extents(tile: u32) -> Extents {
     Extents {
@@ -23,18 +21,20 @@ fn extents(tile: u32) -> Extents {
 fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
     Slice {
         name: name.into(),
+        camera: CameraSelect::All,
         projector,
         time,
         polarization: Polarization::Mueller,
+        bounces: false,
         split_first_bounce: true,
-        ..Slice::default()
+        labels: false,
     }
 }
 
 /// Returns a slice with every kind of array, a plain image, and sample counts, with tiles of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
     let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 5 };
-    let attributes = table(json!({"pixels_per_element": 1}));
+    let attributes = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
     [
         slice("timed", ProjectorSelect::Binned { nx: 4, ny: 2 }, bins),
         slice("steady", ProjectorSelect::Sum, TimeSelect::Sum),
@@ -45,13 +45,30 @@ fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
 }
 
 fn create(path: &Path) -> TensorStore {
-    let attributes = table(json!({"scene_sha256": "abc", "seeds": [7]}));
+    let attributes = json!({"scene_sha256": "abc", "seeds": [7]}).as_object().unwrap().clone();
     let samples = SampleGrid { camera: [11, 7], tile: 4 };
     TensorStore::create(path, &layouts(), &attributes, Some(samples), false).unwrap()
 }
 
 fn ramp(n: usize) -> Vec<f32> {
     (0..n).map(|i| (i as f32 * 0.37).sin() + 2.0).collect()
+}
+
+/// Returns all files below a directory with their bytes.
+fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    let mut todo = vec![path.to_owned()];
+    while let Some(next) = todo.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let file = entry.unwrap().path();
+            if file.is_dir() {
+                todo.push(file);
+            } else {
+                all.insert(file.strip_prefix(path).unwrap().to_owned(), std::fs::read(&file).unwrap());
+            }
+        }
+    }
+    all
 }
 
 #[test]
@@ -87,6 +104,8 @@ fn layout_attributes_and_values_come_back() {
     let error = steady.read_all(Field::Overflow).unwrap_err().to_string();
     assert!(error.contains("steady") && error.contains("overflow"), "{error}");
 }
+
+use tensor::region;
 
 #[test]
 fn a_region_may_lie_anywhere() {
@@ -321,7 +340,7 @@ fn consolidated_metadata_lists_every_array() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(100))]
+    #![proptest_config(ProptestConfig::with_cases(400))]
     /// Any damage of a chunk file gives an error or values, never a panic or a huge allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {

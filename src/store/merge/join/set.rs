@@ -1,6 +1,6 @@
 //! The complete set of parts of one render, each part once.
 
-use super::MergeError;
+use super::error::JoinError;
 use crate::zarr::{AccessError, TensorStore};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -18,7 +18,7 @@ pub(super) struct Set(Vec<(Part, TensorStore)>);
 impl Set {
     /// Opens parts and checks that they are a complete set. A part may occur twice if both copies are
     /// bit-identical.
-    pub(super) fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
+    pub(super) fn open(paths: &[PathBuf]) -> Result<Self, JoinError> {
         let mut set: Vec<(Part, TensorStore)> = Vec::new();
         for path in paths {
             let (part, store) = open(path, paths)?;
@@ -42,16 +42,16 @@ impl Set {
     }
 }
 
-fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), MergeError> {
+fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> {
     let found = TensorStore::open(path)?;
     let Some(part) = found.part() else {
         let mut others = all.iter().filter_map(|p| Some((p, TensorStore::open(p).ok()?.part()?)));
         return Err(match others.next() {
-            Some((of, part)) => MergeError::Mixed { part: of.clone(), of: part, other: path.to_owned() },
-            None => MergeError::NoPart { path: path.to_owned() },
+            Some((of, part)) => JoinError::Mixed { part: of.clone(), of: part, other: path.to_owned() },
+            None => JoinError::NoPart { path: path.to_owned() },
         });
     };
-    let unfinished = || MergeError::Unfinished { path: path.to_owned(), part };
+    let unfinished = || JoinError::Unfinished { path: path.to_owned(), part };
     let store = if base::journal::exists(path) { None } else { TensorStore::open_part(path)? };
     let store = store.ok_or_else(unfinished)?;
     crate::denoised::refuse(&store)?;
@@ -59,16 +59,16 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), MergeError>
 }
 
 /// Returns the number of tiles of the render.
-fn tiles(store: &TensorStore) -> Result<u32, MergeError> {
+fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
         return Err(AccessError::NoSamples { path: store.path().to_owned() }.into());
     };
     Ok((shape[0].div_ceil(chunk[0]) * shape[1].div_ceil(chunk[1])) as u32)
 }
 
-fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), MergeError> {
-    let differs = |what: &str, theirs: String, ours: String| -> Result<(), MergeError> {
-        Err(MergeError::Renders {
+fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), JoinError> {
+    let differs = |what: &str, theirs: String, ours: String| -> Result<(), JoinError> {
+        Err(JoinError::Renders {
             first: first.path().to_owned(),
             second: second.path().to_owned(),
             what: what.to_owned(),
@@ -113,10 +113,10 @@ fn shown(value: Option<&Value>) -> String {
     }
 }
 
-fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<(), MergeError> {
+fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<(), JoinError> {
     match first.first_difference(second) {
         None => Ok(()),
-        Some(file) => Err(MergeError::Differ {
+        Some(file) => Err(JoinError::Differ {
             first: first.path().to_owned(),
             second: second.path().to_owned(),
             part,
@@ -126,13 +126,13 @@ fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<
 }
 
 /// Checks that every tile is in exactly one part.
-fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), MergeError> {
+fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinError> {
     let mut owners: Vec<Option<usize>> = vec![None; tiles as usize];
     for (n, (part, store)) in set.iter().enumerate() {
         for tile in part.tiles(tiles) {
             if let Some(owner) = owners[tile as usize].replace(n) {
                 let (other, first) = &set[owner];
-                return Err(MergeError::Overlap {
+                return Err(JoinError::Overlap {
                     first: first.path().to_owned(),
                     part: *other,
                     second: store.path().to_owned(),
@@ -151,7 +151,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), MergeEr
 }
 
 /// Returns the error for missing shares, if all parts are shares of one number, otherwise for missing tiles.
-fn describe(parts: &[Part], missing: &[u32]) -> MergeError {
+fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
     {
@@ -165,7 +165,7 @@ fn describe(parts: &[Part], missing: &[u32]) -> MergeError {
             [one] => format!("part {one} of {of} is"),
             several => format!("parts {} of {of} are", listed(several.iter().map(u32::to_string))),
         };
-        return MergeError::Missing { missing, option };
+        return JoinError::Missing { missing, option };
     }
     let mut ranges: Vec<(u32, u32)> = Vec::new();
     for &tile in missing {
@@ -178,7 +178,7 @@ fn describe(parts: &[Part], missing: &[u32]) -> MergeError {
     let names = ranges
         .iter()
         .map(|(first, last)| if first == last { first.to_string() } else { format!("{first} to {last}") });
-    MergeError::Missing {
+    JoinError::Missing {
         missing: match missing {
             [one] => format!("tile {one} is"),
             _ => format!("tiles {} are", listed(names)),

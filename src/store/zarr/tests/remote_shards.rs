@@ -2,7 +2,7 @@
 //! processes.
 
 use super::remote_writing::{address, kill_everywhere, objects_of};
-use super::shards::{SMALL, both, damage_is_found, same, shards};
+use super::shards::{SMALL, both, same, shards};
 use super::*;
 use crate::objects::fake::{memory, put, remove, requests, upload};
 use crate::shard::{ShardError, shard_to};
@@ -92,14 +92,46 @@ fn sharding_may_be_killed_anywhere() {
 
 #[test]
 fn damage_is_found_by_ranges() {
-    let (_dir, [_, sharded]) = both();
+    let (_dir, [plain, sharded]) = both();
     upload(&sharded, "shardfaults", "s.zarr");
+    let address = address("memory", "shardfaults");
+    let all: Vec<_> =
+        shards(&sharded).into_iter().filter(|(name, _)| name.starts_with("timed/mean")).collect();
+    let read = || {
+        let store = TensorStore::open(&address).expect("opens");
+        let slice = store.slice("timed").expect("a slice");
+        slice.read_all(Field::Mean).map(drop).map_err(|e| e.to_string())
+    };
     let objects = memory("shardfaults");
-    damage_is_found(&address("memory", "shardfaults"), &sharded, |name, bytes| {
-        let key = format!("s.zarr/{}", name.display());
-        match bytes {
-            Some(bytes) => put(&objects, &key, bytes),
-            None => remove(&objects, &key),
-        }
-    });
+    let place = |n: usize| format!("s.zarr/{}", all[n].0.display());
+    let file = |n: usize| std::fs::read(sharded.join(&all[n].0)).expect("reads");
+    let sound = file(0);
+    let tail = sound.len() - shard::tail_len(all[0].1) as usize;
+    let changed = |at: usize| {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 1;
+        bytes
+    };
+    for (what, bytes) in [
+        ("a byte of a frame", changed(tail / 2)),
+        ("a byte of the seals", changed(tail + 1)),
+        ("a byte of the index", changed(sound.len() - 30)),
+        ("a byte of its checksum", changed(sound.len() - 2)),
+        ("a truncated shard", sound[..sound.len() - 7].to_vec()),
+        ("a stub", sound[..20].to_vec()),
+        ("another shard", file(1)),
+    ] {
+        put(&objects, &place(0), bytes);
+        let message = read().expect_err(what);
+        assert!(message.contains("timed/mean") && message.contains("cannot read"), "{what}: {message}");
+        let faults = verify(&address).expect("a store").faults;
+        assert!(
+            faults.len() == 1 && faults[0].starts_with(all[0].0.to_str().expect("text")),
+            "{what}: {faults:?}"
+        );
+    }
+    remove(&objects, &place(0));
+    assert!(read().expect_err("lost").contains("missing"));
+    put(&objects, &place(0), sound);
+    same(&plain, &address);
 }

@@ -167,8 +167,7 @@ fn a_merge_may_be_killed_anywhere() {
             store.finish().map_err(|e| CreateError::Write { path: path.to_owned(), cause: e.to_string() })
         };
         let none = Map::new();
-        let new = New { slices: &layouts(), attributes: &none, samples: None, shardings: None };
-        TensorStore::create_from(path, new, false, Some(origin), fill)
+        TensorStore::create_from(path, &layouts(), &none, None, false, Some(origin), fill)
     };
     let expected = in_folder(|path| drop(make(path, "a b").expect("makes")));
     let is_there = |e| matches!(e, CreateError::Exists { .. });

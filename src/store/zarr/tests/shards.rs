@@ -1,7 +1,6 @@
 //! Sharded stores are bit-identical to their source, and damage is reported.
 
 use super::*;
-use crate::fixture::copy;
 use crate::merge::{Options, merge};
 use crate::shard::{ShardError, shard, shard_to};
 
@@ -11,9 +10,10 @@ pub(super) const SMALL: Limits = Limits { piece: 900, enough: 20 << 10, most: 60
 /// Writes a finished store with dark tiles, negative zeros and NaN.
 pub(super) fn finished(path: &Path, seed: u64) {
     let attributes =
-        table(json!({"scene_sha256": "abc", "seeds": [seed], "samples_per_pixel": 9, "wall_time_s": 0.5}));
+        json!({"scene_sha256": "abc", "seeds": [seed], "samples_per_pixel": 9, "wall_time_s": 0.5});
     let samples = SampleGrid { camera: [11, 7], tile: 4 };
-    let store = TensorStore::create(path, &layouts(), &attributes, Some(samples), false).expect("makes");
+    let attributes = attributes.as_object().expect("a table");
+    let store = TensorStore::create(path, &layouts(), attributes, Some(samples), false).expect("makes");
     for (layout, _) in layouts() {
         let slice = store.slice(&layout.name).expect("a slice");
         for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
@@ -150,63 +150,57 @@ fn what_cannot_be_sharded_is_refused() {
     assert!(!out.exists());
 }
 
-/// Checks that any changed byte of the shards of `path`, whose files are those of `sound`, is detected by
-/// `verify`, which names the file, and by reads that depend on it. `put` replaces or removes a file.
-pub(super) fn damage_is_found(path: &Path, sound: &Path, put: impl Fn(&Path, Option<Vec<u8>>)) {
-    let read = || -> Result<Vec<u32>, String> {
+/// Any changed byte is detected by `verify`, which names the file, and by reads that depend on it.
+#[test]
+fn damage_is_found_and_named() {
+    let (_dir, [plain, sharded]) = both();
+    let read = |path: &Path| -> Result<Vec<u32>, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
         let slice = store.slice("timed").map_err(|e| e.to_string())?;
         let all = slice.read_all(Field::Mean).map_err(|e| e.to_string())?;
         Ok(all.data.into_iter().map(f32::to_bits).collect())
     };
-    let expected = read();
-    let mut all = shards(sound);
-    all.retain(|(name, _)| name.starts_with("timed/mean"));
-    let files = files(sound);
-    let found = |name: &Path, bytes: Option<Vec<u8>>, what: &str| {
-        put(name, bytes);
-        let message = read().expect_err(what);
+    let expected = read(&plain);
+    let all: Vec<_> =
+        shards(&sharded).into_iter().filter(|(name, _)| name.starts_with("timed/mean")).collect();
+    let found = |name: &Path, what: &str| {
+        let message = read(&sharded).expect_err(what);
         assert!(message.contains("timed/mean") && message.contains("cannot read"), "{what}: {message}");
-        let faults = verify(path).expect("a store").faults;
+        let faults = verify(&sharded).expect("a store").faults;
         assert_eq!(faults.len(), 1, "{what}: {faults:?}");
         assert!(faults[0].starts_with(name.to_str().expect("text")), "{what}: {faults:?}");
         message
     };
     for (name, frames) in &all {
-        let sound = &files[name];
+        let file = sharded.join(name);
+        let sound = std::fs::read(&file).expect("reads");
         let tail = sound.len() - shard::tail_len(*frames) as usize;
         for at in (0..tail).step_by(tail / 7).chain((tail..sound.len()).step_by(97)).chain([sound.len() - 1])
         {
             let mut bytes = sound.clone();
             bytes[at] ^= 4;
-            let message = found(name, Some(bytes), &format!("byte {at} of {}, tail at {tail}", sound.len()));
+            std::fs::write(&file, bytes).expect("writes");
+            let message = found(name, &format!("byte {at} of {}, tail at {tail}", sound.len()));
             assert!(at < tail || message.contains("shard ["), "{message}");
         }
         for length in [0, 3, tail / 2, sound.len() - 1] {
-            found(name, Some(sound[..length].to_vec()), "a truncated shard");
+            std::fs::write(&file, &sound[..length]).expect("writes");
+            found(name, "a truncated shard");
         }
-        found(name, Some([&sound[..], &[0]].concat()), "a longer shard");
-        assert!(found(name, None, "a lost shard").contains("missing"));
-        put(name, Some(sound.clone()));
+        std::fs::write(&file, [&sound[..], &[0]].concat()).expect("writes");
+        found(name, "a longer shard");
+        std::fs::remove_file(&file).expect("is there");
+        assert!(found(name, "a lost shard").contains("missing"));
+        std::fs::write(&file, &sound).expect("writes");
     }
-    assert_eq!(read(), expected);
+    assert_eq!(read(&sharded), expected);
     // Two valid shards are exchanged.
-    let [a, b] = [&all[0].0, &all[1].0];
-    put(a, Some(files[b].clone()));
-    put(b, Some(files[a].clone()));
-    assert!(read().expect_err("exchanged").contains("cannot read"));
-    assert_eq!(verify(path).expect("a store").faults.len(), 2);
-}
-
-#[test]
-fn damage_is_found_and_named() {
-    let (_dir, [plain, sharded]) = both();
-    let harmed = plain.with_file_name("harmed");
-    copy(&sharded, &harmed);
-    damage_is_found(&harmed, &sharded, |name, bytes| match bytes {
-        Some(bytes) => std::fs::write(harmed.join(name), bytes).expect("writes"),
-        None => std::fs::remove_file(harmed.join(name)).expect("is there"),
-    });
+    let [a, b] = [0, 1].map(|n| sharded.join(&all[n].0));
+    let [of_a, of_b] = [&a, &b].map(|path| std::fs::read(path).expect("reads"));
+    std::fs::write(&a, &of_b).expect("writes");
+    std::fs::write(&b, &of_a).expect("writes");
+    assert!(read(&sharded).expect_err("exchanged").contains("cannot read"));
+    assert_eq!(verify(&sharded).expect("a store").faults.len(), 2);
 }
 
 /// A frame replaced by another valid one of the same size, with an unchanged index, is detected by the

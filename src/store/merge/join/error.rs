@@ -1,0 +1,97 @@
+//! Errors of joining parts of a render.
+
+use crate::denoised::Denoised;
+use crate::zarr::{AccessError, CreateError, OpenError};
+use std::path::PathBuf;
+use tensor::part::Part;
+
+#[derive(Debug, thiserror::Error)]
+pub enum JoinError {
+    #[error(
+        "{part} is {of} of a render, but {other} is a whole render: join the parts of each render first, then merge the renders"
+    )]
+    Mixed { part: PathBuf, of: Part, other: PathBuf },
+    /// Parts can only be joined when all are finished.
+    #[error(
+        "{path} is a part of a render, and only complete sets of parts can be joined: remove `--partial`"
+    )]
+    Partial { path: PathBuf },
+    #[error("{path} ({part} of a render) is not finished: resume it with `sunstone render --resume`")]
+    Unfinished { path: PathBuf, part: Part },
+    #[error(
+        "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); pass the parts of one render"
+    )]
+    Renders {
+        first: PathBuf,
+        second: PathBuf,
+        /// The attribute that differs.
+        what: String,
+        /// Its value in the first.
+        theirs: String,
+        /// Its value in the second.
+        ours: String,
+    },
+    #[error("{first} ({part}) and {second} ({other}) both contain tile {tile}: remove one of them")]
+    Overlap {
+        first: PathBuf,
+        part: Part,
+        second: PathBuf,
+        other: Part,
+        /// The first tile of both.
+        tile: u32,
+    },
+    /// Two stores are the same part but have different values.
+    #[error(
+        "{first} and {second} are both {part} but differ in {file}: one of them is damaged; render it again"
+    )]
+    Differ {
+        first: PathBuf,
+        second: PathBuf,
+        part: Part,
+        /// The first file that differs.
+        file: String,
+    },
+    #[error("{missing} missing: render with `sunstone render {option}`, then join again")]
+    Missing {
+        /// The missing parts or tiles, with a verb.
+        missing: String,
+        /// Option of `sunstone render` that renders them.
+        option: String,
+    },
+    /// An element has values in two parts.
+    #[error(
+        "{second} has values in `{field}` that another part also has ({}): one of them is damaged; render it again",
+        first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
+    )]
+    Twice {
+        /// The slices that were combined before.
+        first: Vec<PathBuf>,
+        /// The slice with a duplicate value.
+        second: PathBuf,
+        field: &'static str,
+    },
+    /// A store is not a part of a render.
+    #[error("{path} is not a part of a render: pass only parts of one render")]
+    NoPart { path: PathBuf },
+    /// An input is denoised.
+    #[error(transparent)]
+    Denoised(#[from] Denoised),
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+impl JoinError {
+    /// Returns whether a system error is the cause, rather than the parts.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            Self::Create(e) => e.is_of_system(),
+            Self::Access(e) => e.is_of_system(),
+            _ => false,
+        }
+    }
+}
