@@ -2,6 +2,7 @@
 //! are reused.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
 use sunstone::render::{Summary, Unwatched, Watch};
@@ -103,21 +104,15 @@ fn faults_are_told_at_their_place() {
 /// Unknown methods and variants of an application are reported before anything is rendered.
 #[test]
 fn applications_are_checked_before_they_are_run() {
+    let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
-    refused(
-        figure,
-        "view.apply",
-        &[("\"RGB\"", "\"CMYK\"", "epipolar RGB"), ("variant = 8", "variant = 3", "use one of: 8, 9")],
-    );
-}
-
-/// Checks that each replacement in a figure is refused at its view.
-fn refused(figure: &str, at: &str, cases: &[(&str, &str, &str)]) {
-    let scenes = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes");
-    let arguments = ["figure", "f.toml", "--preview", "-o", "out.png", "--scenes", scenes];
-    for &(from, to, says) in cases {
+    let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
+    for (from, to, says) in
+        [("\"RGB\"", "\"CMYK\"", "epipolar RGB"), ("variant = 8", "variant = 3", "use one of: 8, 9")]
+    {
         let folder = tempfile::tempdir().expect("a folder");
-        let case = (says, from, to, at, says);
+        let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
+        let case = (says, from, to, "view.apply", says);
         assert_eq!(fault(folder.path(), "f.toml", figure, &case, &arguments), None);
     }
 }
@@ -125,12 +120,16 @@ fn refused(figure: &str, at: &str, cases: &[(&str, &str, &str)]) {
 /// Faults of curves are reported before anything is rendered.
 #[test]
 fn curves_are_checked_before_they_are_run() {
-    let chain = concat!(env!("CARGO_MANIFEST_DIR"), "/../../rigs/chains/sweep.toml");
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let scenes = root.join("scenes");
+    let chain = root.join("rigs/chains/sweep.toml");
     let figure = format!(
-        "columns = 1\n[[panels]]\nview.curves = {{ name = \"metamerism\", chain = \"{chain}\", sweep = \"photons=10,100\", methods = [\"RGB\"], \
-         metric = \"area under the curve\", limits = [0, 1] }}\n"
+        "columns = 1\n[[panels]]\nview.curves = {{ name = \"metamerism\", chain = \"{}\", sweep = \"photons=10,100\", methods = [\"RGB\"], \
+         metric = \"area under the curve\", limits = [0, 1] }}\n",
+        chain.display()
     );
-    let cases = [
+    let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
+    for (from, to, says) in [
         ("\"metamerism\"", "\"alchemy\"", "use one of: analysis"),
         ("\"metamerism\"", "\"ellipsometry\"", "captures its own input"),
         ("[\"RGB\"]", "[\"CMYK\"]", "use some of: -(2,2) epipolar"),
@@ -148,8 +147,12 @@ fn curves_are_checked_before_they_are_run() {
             "exactly one of `sweep` and `captures`",
         ),
         ("limits = [0, 1]", "belief = \"exact\"", "use one of: nominal"),
-    ];
-    refused(&figure, "view.curves", &cases);
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
+        let case = (says, from, to, "view.curves", says);
+        assert_eq!(fault(folder.path(), "f.toml", &figure, &case, &arguments), None);
+    }
 }
 
 #[test]
