@@ -2,7 +2,7 @@
 //! process.
 
 use super::memory;
-use crate::Key;
+use super::super::Key;
 use futures_util::stream::{self, BoxStream, StreamExt, TryStreamExt};
 use object_store::memory::InMemory;
 use object_store::{
