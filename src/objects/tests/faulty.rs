@@ -1,8 +1,8 @@
 //! In-memory object stores that fail temporarily, like servers and networks, or permanently, like a killed
 //! process.
 
-use super::memory;
 use super::super::Key;
+use super::memory;
 use futures_util::stream::{self, BoxStream, StreamExt, TryStreamExt};
 use object_store::memory::InMemory;
 use object_store::{
