@@ -6,8 +6,7 @@
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
 use super::learning::Route;
-use super::methods::{Code, Light, Method as Way};
-use super::phase_shift::PeriodsError;
+use super::methods::{Code, Light, Method as Way, ShapeError};
 use super::seen::Seen;
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
 use crate::error::ApplyError;
@@ -63,7 +62,7 @@ fn sprayed(variant: u64) -> u64 {
     variant + 1
 }
 
-fn unsolved(method: &'static str) -> impl Fn(PeriodsError) -> ApplyError {
+fn unsolved(method: &'static str) -> impl Fn(ShapeError) -> ApplyError {
     move |e| ApplyError::Unsolved { method, cause: e.to_string() }
 }
 
@@ -125,8 +124,8 @@ impl Application for ShapeScan {
 }
 
 fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
-    let n = angular(&surface.normals, &seen.normals);
-    let z = depth_errors(&surface.depth, &seen.depth);
+    let n = angular(&surface.normals, &seen.normals, None);
+    let z = depth_errors(&surface.depth, &seen.depth, None);
     let known = |e: Errors, value: f64| if e.coverage > 0.0 { value } else { f64::NAN };
     let values =
         [known(n, n.mean), known(n, n.median), known(z, 1e3 * z.mean), known(z, 1e3 * z.median), n.coverage];

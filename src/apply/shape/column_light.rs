@@ -5,6 +5,7 @@
 //! epipolar line of s (O'Toole et al. 2012, 2014).
 
 use crate::map::Map;
+use thiserror::Error;
 
 /// The light from every projector column to every camera pixel, radiance per unit drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,8 @@ pub struct ColumnLight {
 /// Patterns of columns: drives in 0..1, one list per capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patterns {
+    /// Number of projector columns.
+    pub columns: usize,
     /// Drive of every column, for each capture.
     pub drives: Vec<Vec<f64>>,
 }
@@ -24,8 +27,35 @@ impl Patterns {
     /// Returns patterns from a function of capture and column.
     #[must_use]
     pub fn from_fn(captures: usize, columns: usize, drive: impl Fn(usize, usize) -> f64) -> Self {
-        Self { drives: (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect()).collect() }
+        let drives = (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect());
+        Self { columns, drives: drives.collect() }
     }
+}
+
+/// The reason why captures cannot be made or decoded.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum CodeError {
+    /// The light and the patterns have different numbers of columns.
+    #[error(
+        "the light has {light} projector columns, but the patterns have {patterns}: use one projector for both"
+    )]
+    Columns {
+        /// Number of columns of the light.
+        light: usize,
+        /// Number of columns of the patterns.
+        patterns: usize,
+    },
+    /// The number of captures does not match the code.
+    #[error("got {got} captures, but the code has {want}: capture all of its patterns")]
+    Captures {
+        /// Given number.
+        got: usize,
+        /// Required number.
+        want: usize,
+    },
+    /// The periods are invalid for the code.
+    #[error("{0}")]
+    Periods(String),
 }
 
 impl ColumnLight {
@@ -47,18 +77,19 @@ impl ColumnLight {
 
     /// Returns the captures under patterns, one per channel.
     ///
-    /// # Panics
+    /// # Errors
     /// If the patterns have another number of columns.
-    #[must_use]
-    pub fn capture(&self, patterns: &Patterns) -> Map {
-        let light = &self.light;
-        assert!(patterns.drives.iter().all(|d| d.len() == light.channels), "patterns of these columns");
-        Map::from_fn(light.width, light.height, patterns.drives.len(), |x, y, out| {
+    pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
+        let (light, columns) = (&self.light, patterns.columns);
+        if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {
+            return Err(CodeError::Columns { light: light.channels, patterns: columns });
+        }
+        Ok(Map::from_fn(light.width, light.height, patterns.drives.len(), |x, y, out| {
             let t = light.at(x, y);
             for (out, drive) in out.iter_mut().zip(&patterns.drives) {
                 *out = t.iter().zip(drive).map(|(t, p)| t * p).sum();
             }
-        })
+        }))
     }
 }
 
@@ -72,16 +103,22 @@ pub struct Decoded {
 }
 
 impl Decoded {
-    /// Decodes each pixel with a function from the `count` captures to column and confidence.
-    pub(super) fn by_pixel(captures: &Map, count: usize, decode: impl Fn(&[f64]) -> (f64, f64)) -> Self {
-        assert_eq!(captures.channels, count, "captures of all patterns");
+    /// Decodes each pixel with a function from captures to column and confidence.
+    pub(super) fn by_pixel(
+        captures: &Map,
+        want: usize,
+        decode: impl Fn(&[f64]) -> (f64, f64),
+    ) -> Result<Self, CodeError> {
+        if captures.channels != want {
+            return Err(CodeError::Captures { got: captures.channels, want });
+        }
         let mut confidence = Map::from_fn(captures.width, captures.height, 1, |_, _, _| {});
         let column = Map::from_fn(captures.width, captures.height, 1, |x, y, out| {
             let (column, clear) = decode(captures.at(x, y));
             out[0] = column;
             confidence.data[y * captures.width + x] = clear;
         });
-        Self { column, confidence }
+        Ok(Self { column, confidence })
     }
 }
 
@@ -90,15 +127,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn captures_are_sums() {
+    fn captures_are_sums_and_misfits_are_refused() {
         let light = ColumnLight {
             light: Map::from_fn(2, 1, 3, |x, _, out| out.copy_from_slice(&[1.0, 2.0, x as f64])),
         };
         let patterns = Patterns::from_fn(2, 3, |k, u| if k == 0 { 1.0 } else { u as f64 / 2.0 });
-        let captures = light.capture(&patterns);
+        let captures = light.capture(&patterns).expect("of three columns");
         assert_eq!(captures.at(0, 0), [3.0, 1.0]);
         assert_eq!(captures.at(1, 0), [4.0, 2.0]);
         assert_eq!(light.binned(2).light.data, [3.0, 0.0, 3.0, 1.0]);
         assert_eq!(light.binned(0), light);
+        let other = Patterns::from_fn(1, 4, |_, _| 0.0);
+        assert_eq!(light.capture(&other), Err(CodeError::Columns { light: 3, patterns: 4 }));
+        let decoded = Decoded::by_pixel(&captures, 5, |_| (0.0, 0.0));
+        assert_eq!(decoded, Err(CodeError::Captures { got: 2, want: 5 }));
     }
 }

@@ -27,18 +27,29 @@ fn summary(errors: impl Iterator<Item = f64>) -> Errors {
     }
 }
 
-/// Returns the angles between normals, degrees, over the pixels that have a true normal.
-#[must_use]
-pub fn angular(normals: &Map, truth: &Map) -> Errors {
-    let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3));
-    summary(pairs.filter(|(_, t)| t[0].is_finite()).map(|(n, t)| angle_deg(n, t)))
+/// Returns whether a pixel is in the mask (one channel, nonzero); true without a mask.
+fn inside(mask: Option<&Map>, pixel: usize) -> bool {
+    mask.is_none_or(|m| m.data.get(pixel).is_some_and(|v| *v != 0.0))
 }
 
-/// Returns the absolute differences of depths, metres, over the pixels that have a true depth.
+/// Returns the angles between normals, degrees, over the pixels of `mask` (all without a mask) that have a
+/// true normal.
 #[must_use]
-pub fn depth_errors(depth: &Map, truth: &Map) -> Errors {
-    let pairs = depth.data.iter().zip(&truth.data);
-    summary(pairs.filter(|(_, t)| t.is_finite()).map(|(z, t)| (z - t).abs()))
+pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
+    let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
+    let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
+        (t[0].is_finite() && inside(mask, i)).then(|| angle_deg(n, t))
+    };
+    summary(pairs.filter_map(of))
+}
+
+/// Returns the absolute differences of depths, metres, over the pixels of `mask` (all without a mask) that
+/// have a true depth.
+#[must_use]
+pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
+    let pairs = depth.data.iter().zip(&truth.data).enumerate();
+    let of = |(i, (z, t)): (usize, (&f64, &f64))| (t.is_finite() && inside(mask, i)).then(|| (z - t).abs());
+    summary(pairs.filter_map(of))
 }
 
 #[cfg(test)]
@@ -50,17 +61,19 @@ mod tests {
         let nan = f64::NAN;
         let map = |data: &[f64]| Map { width: data.len(), height: 1, channels: 1, data: data.to_vec() };
         let (got, truth) = (map(&[1.0, 2.5, nan, 4.0, 9.0]), map(&[1.0, 2.0, 3.0, 3.0, nan]));
-        let e = depth_errors(&got, &truth);
+        let e = depth_errors(&got, &truth, None);
         assert_eq!((e.mean, e.median, e.coverage), (0.5, 0.5, 0.75));
-        assert!(depth_errors(&map(&[nan]), &map(&[1.0])).median.is_nan());
+        let e = depth_errors(&got, &truth, Some(&map(&[0.0, 0.0, 1.0, 1.0, 1.0])));
+        assert_eq!((e.mean, e.median, e.coverage), (1.0, 1.0, 0.5));
+        assert!(depth_errors(&map(&[nan]), &map(&[1.0]), None).median.is_nan());
     }
 
     #[test]
     fn angles_are_degrees() {
         let of = |n: [f64; 3]| Map::from_fn(1, 1, 3, |_, _, o| o.copy_from_slice(&n));
-        let e = angular(&of([0.0, 0.6, -0.8]), &of([0.0, 0.0, -1.0]));
+        let e = angular(&of([0.0, 0.6, -0.8]), &of([0.0, 0.0, -1.0]), None);
         assert!((e.mean - 0.6_f64.asin().to_degrees()).abs() < 1e-12);
-        let e = angular(&of([0.0, 0.0, 1.0]), &of([0.0, 0.0, -1.0]));
+        let e = angular(&of([0.0, 0.0, 1.0]), &of([0.0, 0.0, -1.0]), None);
         assert!((e.median - 180.0).abs() < 1e-12 && e.coverage == 1.0);
     }
 }

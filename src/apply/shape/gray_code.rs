@@ -7,7 +7,7 @@
 //! narrow codes lose contrast and bits are random. A pixel with a bit below the minimum contrast has no
 //! column (the classification of Xu & Aliaga 2007 in its simplest form).
 
-use super::column_light::{Decoded, Patterns};
+use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 
 /// Returns the number of bits for `columns` columns.
@@ -63,10 +63,9 @@ pub fn patterns(columns: usize) -> Patterns {
 
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
-/// # Panics
+/// # Errors
 /// If the number of captures does not match the patterns.
-#[must_use]
-pub fn decode(captures: &Map, columns: usize, least_contrast: f64) -> Decoded {
+pub fn decode(captures: &Map, columns: usize, least_contrast: f64) -> Result<Decoded, CodeError> {
     Decoded::by_pixel(captures, 2 * bits(columns), |pixel| {
         let (read, contrast) = read_bits(pixel);
         (checked(column_of(read), columns, contrast, least_contrast), contrast)
@@ -79,7 +78,8 @@ mod tests {
     use crate::shape::synthetic::{Light, one_row};
 
     fn columns_of(light: &Light, n: usize, least: f64) -> Vec<f64> {
-        decode(&one_row(n, light).capture(&patterns(n)), n, least).column.data
+        let captures = one_row(n, light).capture(&patterns(n)).expect("captures");
+        decode(&captures, n, least).expect("a code").column.data
     }
 
     #[test]
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn bits_are_wrong_as_often_as_noise_says() {
         let n = 256;
-        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n));
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n)).expect("captures");
         for (sigma, wrong) in [(0.125, 8e-9), (0.5, 0.0786)] {
             let (mut bad, mut all) = (0.0, 0.0);
             for seed in 0..79 {

@@ -12,7 +12,7 @@
 //! gives the zenith angles closest to those of the coarse surface (median of the absolute differences).
 
 use super::fusion::{Believed, fuse};
-use super::polarization::{cues, frame, nearest};
+use super::polarization::{Cues, Reflection, cues, frame, nearest};
 use super::surface_normals::{Window, normals};
 use crate::map::Map;
 use crate::pinhole::Pinhole;
@@ -30,6 +30,17 @@ pub struct Surface {
     pub depth: Map,
     /// Unit normals, camera frame; three channels.
     pub normals: Map,
+}
+
+/// The result of the joint optimization.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Least-squares depths, and the means of their normals and the selected ones.
+    pub surface: Surface,
+    /// Selected normal of polarization in each pixel, camera frame; three channels.
+    pub chosen: Map,
+    /// Refractive index, given or fitted.
+    pub index: f64,
 }
 
 /// Options of the joint optimization.
@@ -53,7 +64,7 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
     let count = ((last - first) / step).round() as usize;
     let cost = |n: f64| {
-        let angles = cues(stokes, n);
+        let angles = cues(stokes, n, Reflection::Diffuse).angles;
         let mut off = Vec::new();
         for (x, y) in (0..coarse.height).flat_map(|y| (0..coarse.width).map(move |x| (x, y))) {
             let cos = Vector3::from_column_slice(coarse.at(x, y)).dot(&frame(camera, x, y)[2]);
@@ -95,10 +106,10 @@ pub fn reconstruct(
     sigma_depth: &Map,
     stokes: &Map,
     options: &Options,
-) -> Surface {
+) -> Joint {
     let coarse = normals(camera, depth, options.coarse);
     let index = options.index.unwrap_or_else(|| fit_index(camera, stokes, &coarse));
-    let cues = cues(stokes, index);
+    let cues: Cues = cues(stokes, index, Reflection::Diffuse);
     let believed = Believed { depth: sigma_depth.clone(), normals: options.sigma_normals, robust: true };
     let mut chosen = nearest(camera, &cues, &coarse);
     let mut fused = fuse(camera, depth, &chosen, &believed);
@@ -113,9 +124,13 @@ pub fn reconstruct(
         fused = fuse(camera, depth, &chosen, &believed);
     }
     let of_surface = normals(camera, &fused, options.fine);
-    Surface {
-        normals: mean(&of_surface, options.sigma_surface, &chosen, options.sigma_normals),
-        depth: fused,
+    Joint {
+        surface: Surface {
+            normals: mean(&of_surface, options.sigma_surface, &chosen, options.sigma_normals),
+            depth: fused,
+        },
+        chosen,
+        index,
     }
 }
 
@@ -143,16 +158,16 @@ mod tests {
     fn a_noisy_scan_and_exact_polarization_make_a_sphere() {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
-        let stokes = stokes(&mueller(&camera, &shape, 1.5), false);
+        let stokes = stokes(&mueller(&camera, &shape, 1.5, Reflection::Diffuse), false);
         let scan = noisy(&shape.depth, 1e-3, 4);
         let sigma = Map::from_fn(96, 96, 1, |_, _, o| o[0] = 1e-3);
         let raw = normals(&camera, &scan, options(None).fine);
-        let before = angular(&raw, &shape.normals);
+        let before = angular(&raw, &shape.normals, None);
         assert!(before.median > 12.0, "{before:?}");
         for index in [Some(1.5), None] {
-            let got = reconstruct(&camera, &scan, &sigma, &stokes, &options(index));
-            let after = angular(&got.normals, &shape.normals);
-            let depth = depth_errors(&got.depth, &shape.depth);
+            let got = reconstruct(&camera, &scan, &sigma, &stokes, &options(index)).surface;
+            let after = angular(&got.normals, &shape.normals, None);
+            let depth = depth_errors(&got.depth, &shape.depth, None);
             assert!(after.median < 2.0 && after.mean < 4.0, "{index:?}: {after:?}");
             assert!(depth.median < 1e-4, "{depth:?}");
         }
@@ -164,7 +179,7 @@ mod tests {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
         for n in [1.3, 1.5, 1.8] {
-            let stokes = stokes(&mueller(&camera, &shape, n), false);
+            let stokes = stokes(&mueller(&camera, &shape, n, Reflection::Diffuse), false);
             assert!((fit_index(&camera, &stokes, &shape.normals) - n).abs() < 1e-9);
         }
     }

@@ -3,8 +3,7 @@
 
 use super::errors::angular;
 use super::joint::Surface;
-use super::methods::{Code, Method, Parameters, run};
-use super::phase_shift::PeriodsError;
+use super::methods::{Code, Method, Parameters, ShapeError, run};
 use super::seen::Seen;
 use rayon::prelude::*;
 
@@ -97,14 +96,14 @@ impl Route {
     }
 
     /// Returns depth and normals of a variant.
-    pub(super) fn run(self, seen: &Seen, parameters: &Parameters) -> Result<Surface, PeriodsError> {
+    pub(super) fn run(self, seen: &Seen, parameters: &Parameters) -> Result<Surface, ShapeError> {
         let inputs = if self.sprayed { &seen.sprayed } else { &seen.inputs };
         run(self.method, inputs, parameters)
     }
 
-    fn loss(self, train: &[Seen], parameters: &Parameters) -> Result<f64, PeriodsError> {
-        let of = |seen: &Seen| -> Result<f64, PeriodsError> {
-            let e = angular(&self.run(seen, parameters)?.normals, &seen.normals);
+    fn loss(self, train: &[Seen], parameters: &Parameters) -> Result<f64, ShapeError> {
+        let of = |seen: &Seen| -> Result<f64, ShapeError> {
+            let e = angular(&self.run(seen, parameters)?.normals, &seen.normals, None);
             let mean = if e.coverage > 0.0 { e.mean } else { 0.0 };
             Ok(e.coverage * mean + (1.0 - e.coverage) * 90.0)
         };
@@ -113,7 +112,7 @@ impl Route {
     }
 
     /// Returns the parameters of least loss on training variants, and a description of them.
-    pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), PeriodsError> {
+    pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
         // A joint method uses the best parameters of its scan, which are much faster to find.
         let (mut best, mut words) = match self.method {
             Method::Joint(code, light) => {
@@ -124,7 +123,7 @@ impl Route {
             _ => (Parameters::default(), vec![]),
         };
         for free in self.free() {
-            let tried: Result<Vec<_>, PeriodsError> = free
+            let tried: Result<Vec<_>, ShapeError> = free
                 .values()
                 .par_iter()
                 .map(|value| {

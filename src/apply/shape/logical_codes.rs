@@ -9,7 +9,7 @@
 //! columns on which two codes agree: these two long-range codes and the conventional Gray code (their
 //! ensemble without its fourth code, which has only wide stripes).
 
-use super::column_light::{Decoded, Patterns};
+use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
 use crate::map::Map;
 
@@ -45,10 +45,9 @@ pub fn patterns(columns: usize, base: Base) -> Patterns {
 
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
-/// # Panics
+/// # Errors
 /// If the number of captures does not match the patterns.
-#[must_use]
-pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -> Decoded {
+pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -> Result<Decoded, CodeError> {
     let n = bits(columns);
     let base = base.bit(n);
     Decoded::by_pixel(captures, 2 * n, |pixel| {
@@ -62,8 +61,8 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
 /// Returns the mean of columns on which at least two codes agree to within one column; otherwise NaN. The
 /// confidence is the larger of the two.
 #[must_use]
-pub fn consensus(codes: &[Decoded; 3]) -> Decoded {
-    let mut out = codes[0].clone();
+pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
+    let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {
         let of = |d: &Decoded| (d.column.data[i], d.confidence.data[i]);
         let pairs =
@@ -73,7 +72,7 @@ pub fn consensus(codes: &[Decoded; 3]) -> Decoded {
         (*column, out.confidence.data[i]) =
             best.map_or((f64::NAN, 0.0), |(a, b)| ((a.0 + b.0) / 2.0, a.1.max(b.1)));
     }
-    out
+    Some(out)
 }
 
 #[cfg(test)]
@@ -83,8 +82,8 @@ mod tests {
     use crate::shape::synthetic::{Light, one_row};
 
     fn right(light: &Light, base: Base, n: usize) -> usize {
-        let captures = one_row(n, light).capture(&patterns(n, base));
-        let got = decode(&captures, n, base, 0.0).column.data;
+        let captures = one_row(n, light).capture(&patterns(n, base)).expect("captures");
+        let got = decode(&captures, n, base, 0.0).expect("a code").column.data;
         got.iter().enumerate().filter(|(i, c)| **c == *i as f64 + 0.5).count()
     }
 
@@ -114,8 +113,8 @@ mod tests {
     fn long_range_light_does_not_turn_bits() {
         let n = 256;
         let light = Light::direct(1.0).plus_blurred(1.5, 12.0, 64.0);
-        let captures = one_row(n, &light).capture(&gray_code::patterns(n));
-        let gray = gray_code::decode(&captures, n, 0.0).column.data;
+        let captures = one_row(n, &light).capture(&gray_code::patterns(n)).expect("captures");
+        let gray = gray_code::decode(&captures, n, 0.0).expect("a code").column.data;
         let wrong = gray.iter().enumerate().filter(|(i, c)| **c != *i as f64 + 0.5).count();
         assert!(wrong > 100, "{wrong}");
         for base in [Base::Xor02, Base::Xor04] {
@@ -129,9 +128,10 @@ mod tests {
             column: Map::from_fn(1, 1, 1, |_, _, o| o[0] = c),
             confidence: Map::from_fn(1, 1, 1, |_, _, o| o[0] = clear),
         };
-        let got = consensus(&[of(9.5, 0.9), of(30.5, 0.1), of(31.5, 0.2)]);
+        let got = consensus(&[of(9.5, 0.9), of(30.5, 0.1), of(31.5, 0.2)]).expect("three");
         assert_eq!((got.column.data[0], got.confidence.data[0]), (31.0, 0.2));
-        let got = consensus(&[of(9.5, 0.9), of(f64::NAN, 0.1), of(30.5, 0.1)]);
+        let got = consensus(&[of(9.5, 0.9), of(f64::NAN, 0.1)]).expect("two");
         assert!(got.column.data[0].is_nan());
+        assert!(consensus(&[]).is_none());
     }
 }

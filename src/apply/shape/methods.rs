@@ -3,15 +3,15 @@
 //! All methods use the same render: T(s, u) over all light or the epipolar band, and Mueller images of
 //! either.
 
-use super::column_light::{ColumnLight, Decoded};
+use super::column_light::{CodeError, ColumnLight, Decoded};
 use super::joint::{Options, Surface, reconstruct};
-use super::phase_shift::PeriodsError;
-use super::polarization::{cues, stokes};
+use super::polarization::{Reflection, cues, stokes};
 use super::surface_normals::{Window, normals};
 use super::triangulation::{depth, depth_per_column};
 use super::{gray_code, logical_codes, micro_phase_shift, phase_shift, propagation};
 use crate::map::Map;
 use crate::pinhole::Rig;
+use thiserror::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Code {
@@ -44,6 +44,39 @@ pub enum Method {
     /// Joint optimization of structured light and polarization, with all light (Baek et al. 2018) or epipolar
     /// light (Baek & Heide 2021).
     Joint(Code, Light),
+}
+
+impl Method {
+    /// The methods of the paper's figure, "ours" last.
+    pub const FIGURE: [Self; 7] = [
+        Self::StructuredLight(Code::Gray, Light::All),
+        Self::StructuredLight(Code::Phase, Light::All),
+        Self::StructuredLight(Code::Micro, Light::All),
+        Self::StructuredLight(Code::Logical, Light::All),
+        Self::Polarization(Light::All),
+        Self::Joint(Code::Micro, Light::All),
+        Self::Joint(Code::Micro, Light::Epipolar),
+    ];
+
+    /// Returns the name in tables.
+    #[must_use]
+    pub fn name(self) -> String {
+        let code = |code| match code {
+            Code::Gray => "Gray code",
+            Code::Phase => "phase shift",
+            Code::Micro => "micro phase shift",
+            Code::Logical => "XOR codes",
+        };
+        let light = |light| match light {
+            Light::All => "",
+            Light::Epipolar => "epipolar ",
+        };
+        match self {
+            Self::StructuredLight(c, l) => format!("{}{}", light(l), code(c)),
+            Self::Polarization(l) => format!("{}polarization", light(l)),
+            Self::Joint(c, l) => format!("{}{} + polarization", light(l), code(c)),
+        }
+    }
 }
 
 /// Input from a render or a rig.
@@ -102,33 +135,69 @@ impl Default for Parameters {
     }
 }
 
+/// The reason why a method fails.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum ShapeError {
+    #[error(transparent)]
+    Code(#[from] CodeError),
+    /// A map does not have the camera's size.
+    #[error("{what} has {got:?} pixels, but the camera has {want:?}: use maps of one camera")]
+    Size {
+        what: &'static str,
+        /// Size of the map.
+        got: [usize; 2],
+        /// Size of the camera.
+        want: [usize; 2],
+    },
+}
+
+fn check(inputs: &Inputs) -> Result<(), ShapeError> {
+    let want = inputs.rig.camera.resolution;
+    let maps = [
+        ("the light of columns", &inputs.columns.light),
+        ("the epipolar light of columns", &inputs.epipolar_columns.light),
+        ("the Mueller image", &inputs.mueller),
+        ("the epipolar Mueller image", &inputs.epipolar_mueller),
+        ("the mask", &inputs.mask),
+    ];
+    for (what, map) in maps {
+        let got = [map.width, map.height];
+        if got != want || map.data.len() != got[0] * got[1] * map.channels || map.channels == 0 {
+            return Err(ShapeError::Size { what, got, want });
+        }
+    }
+    Ok(())
+}
+
 /// Captures the patterns of a code under T(s, u) and decodes the columns.
 ///
 /// # Errors
-/// If the light has too few columns for a phase shift.
-pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<Decoded, PeriodsError> {
+/// If the light has too few columns for the code.
+pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<Decoded, CodeError> {
     let (n, least) = (light.light.channels, parameters.least_contrast);
     let logical = |base| {
-        let captures = light.capture(&logical_codes::patterns(n, base));
+        let captures = light.capture(&logical_codes::patterns(n, base))?;
         logical_codes::decode(&captures, n, base, least)
     };
-    let gray = || gray_code::decode(&light.capture(&gray_code::patterns(n)), n, least);
-    Ok(match code {
+    let gray = || gray_code::decode(&light.capture(&gray_code::patterns(n))?, n, least);
+    match code {
         Code::Gray => gray(),
         Code::Phase => {
             let periods = phase_shift::periods(n);
-            phase_shift::decode(&light.capture(&phase_shift::patterns(n, &periods)), n, &periods, least)?
+            phase_shift::decode(&light.capture(&phase_shift::patterns(n, &periods))?, n, &periods, least)
         }
         Code::Micro => {
             let periods = micro_phase_shift::periods(n, parameters.micro_period, 5);
-            let captures = light.capture(&micro_phase_shift::patterns(n, &periods));
+            let captures = light.capture(&micro_phase_shift::patterns(n, &periods))?;
             micro_phase_shift::decode(&captures, n, &periods, least)
         }
         Code::Logical => {
-            let [two, four] = [logical_codes::Base::Xor02, logical_codes::Base::Xor04].map(logical);
-            logical_codes::consensus(&[two, four, gray()])
+            let first = gray()?;
+            let all =
+                [logical(logical_codes::Base::Xor02)?, logical(logical_codes::Base::Xor04)?, first.clone()];
+            Ok(logical_codes::consensus(&all).unwrap_or(first))
         }
-    })
+    }
 }
 
 /// Replaces values outside the mask by NaN.
@@ -145,8 +214,9 @@ fn masked(map: &Map, mask: &Map) -> Map {
 /// Runs a method. The depth of shape from polarization only is NaN.
 ///
 /// # Errors
-/// If the light has too few columns for a phase shift.
-pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, PeriodsError> {
+/// If the maps belong to different cameras, or the light has too many or too few columns for the code.
+pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
+    check(inputs)?;
     let camera = &inputs.rig.camera;
     let columns = |light| match light {
         Light::All => &inputs.columns,
@@ -159,7 +229,7 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
         };
         masked(&stokes(mueller, parameters.mirrored_off), &inputs.mask)
     };
-    let scanned = |code, light| -> Result<[Map; 2], PeriodsError> {
+    let scanned = |code, light| -> Result<[Map; 2], ShapeError> {
         let column = masked(&scan(columns(light), code, parameters)?.column, &inputs.mask);
         let sigma = Map::from_fn(column.width, column.height, 1, |x, y, out| {
             let per = depth_per_column(&inputs.rig, x, y, column.at(x, y)[0]);
@@ -173,7 +243,7 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
             Surface { normals: normals(camera, &depth, parameters.scan_window), depth }
         }
         Method::Polarization(light) => {
-            let angles = cues(&polarized(light), parameters.index.unwrap_or(1.5));
+            let angles = cues(&polarized(light), parameters.index.unwrap_or(1.5), Reflection::Diffuse);
             Surface {
                 depth: Map::from_fn(inputs.mask.width, inputs.mask.height, 1, |_, _, o| {
                     o[0] = f64::NAN;
@@ -190,7 +260,7 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
                 sigma_normals: parameters.sigma_normals_deg.to_radians(),
                 sigma_surface: parameters.sigma_surface_deg.to_radians(),
             };
-            reconstruct(camera, &depth, &sigma, &polarized(light), &options)
+            reconstruct(camera, &depth, &sigma, &polarized(light), &options).surface
         }
     })
 }
@@ -222,7 +292,7 @@ pub(super) mod tests {
                 }
             }),
         };
-        let matrices = mueller(&rig.camera, &shape, 1.5);
+        let matrices = mueller(&rig.camera, &shape, 1.5, Reflection::Diffuse);
         let mask = Map::from_fn(48, 48, 1, |x, y, o| {
             o[0] = f64::from(u8::from(shape.depth.at(x, y)[0].is_finite()));
         });
@@ -252,16 +322,16 @@ pub(super) mod tests {
         for code in all {
             let method = Method::StructuredLight(code, Light::All);
             let got = run(method, &inputs, &Parameters::default()).expect("a surface");
-            let depth = depth_errors(&got.depth, &shape.depth);
+            let depth = depth_errors(&got.depth, &shape.depth, None);
             let bound = if matches!(code, Code::Gray | Code::Logical) { 2.5e-4 } else { 1e-5 };
             assert!(depth.median < bound && depth.coverage > 0.95, "{code:?}: {depth:?}");
             let method = Method::Joint(code, Light::Epipolar);
             let got = run(method, &inputs, &Parameters::default()).expect("a surface");
-            let off = angular(&got.normals, &shape.normals);
+            let off = angular(&got.normals, &shape.normals, None);
             assert!(off.median < 2.0 && off.coverage > 0.95, "{code:?}: {off:?}");
         }
         let alone = run(Method::Polarization(Light::All), &inputs, &Parameters::default()).expect("normals");
-        let off = angular(&alone.normals, &shape.normals);
+        let off = angular(&alone.normals, &shape.normals, None);
         assert!(off.mean < 0.01 && off.coverage == 1.0, "{off:?}");
         assert!(alone.depth.data.iter().all(|z| z.is_nan()));
     }
@@ -274,10 +344,22 @@ pub(super) mod tests {
         for code in [Code::Gray, Code::Phase] {
             let depth = |light| {
                 let got = run(Method::StructuredLight(code, light), &inputs, &Parameters::default());
-                depth_errors(&got.expect("a surface").depth, &shape.depth)
+                depth_errors(&got.expect("a surface").depth, &shape.depth, None)
             };
             let (all, epipolar) = (depth(Light::All), depth(Light::Epipolar));
             assert!(all.mean > 5.0 * epipolar.mean, "{code:?}: {all:?} {epipolar:?}");
         }
+    }
+
+    #[test]
+    fn maps_of_other_cameras_are_refused_and_names_differ() {
+        let (inputs, _) = scene(0.0);
+        let small = Inputs { mask: Map::from_fn(2, 2, 1, |_, _, o| o[0] = 1.0), ..inputs };
+        let error = run(Method::FIGURE[0], &small, &Parameters::default()).expect_err("a misfit");
+        assert!(error.to_string().contains("the mask has [2, 2]"), "{error}");
+        let mut names: Vec<String> = Method::FIGURE.iter().map(|m| m.name()).collect();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), Method::FIGURE.len());
     }
 }

@@ -6,7 +6,7 @@
 //! F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F identify the column with the closest numbers, and the
 //! first phase gives its subpixel position.
 
-use super::column_light::{Decoded, Patterns};
+use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
 use crate::map::Map;
 use optics::sampling::stream::Stream;
@@ -65,7 +65,8 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
 /// Returns the patterns: three of the first period, one of each other.
 #[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
-    Patterns::from_fn(periods.len() + STEPS - 1, columns, |k, u| match k.checked_sub(STEPS) {
+    let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
+    Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {
         None => sinusoid(u, periods[0], k as f64 * TAU / STEPS as f64),
         Some(other) => sinusoid(u, periods[other + 1], 0.0),
     })
@@ -73,10 +74,19 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
 
 /// Decodes captures of [`patterns`]; pixels with less than `least_contrast` have no column.
 ///
-/// # Panics
-/// If the number of captures does not match the patterns, or there are no periods.
-#[must_use]
-pub fn decode(captures: &Map, columns: usize, periods: &[f64], least_contrast: f64) -> Decoded {
+/// # Errors
+/// If the number of captures does not match the patterns, or there are no periods, or periods are too short.
+pub fn decode(
+    captures: &Map,
+    columns: usize,
+    periods: &[f64],
+    least_contrast: f64,
+) -> Result<Decoded, CodeError> {
+    if periods.is_empty() || periods.iter().any(|p| !(*p > 2.0 && p.is_finite())) {
+        return Err(CodeError::Periods(format!(
+            "periods {periods:?}: expected at least one period, all above 2 columns"
+        )));
+    }
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
     Decoded::by_pixel(captures, periods.len() + STEPS - 1, |pixel| {
         let offset = pixel[..STEPS].iter().sum::<f64>() / STEPS as f64;
@@ -106,7 +116,8 @@ mod tests {
     use crate::shape::synthetic::{Light, noisy, one_row};
 
     fn columns_of(light: &Light, n: usize, periods: &[f64]) -> Vec<f64> {
-        decode(&one_row(n, light).capture(&patterns(n, periods)), n, periods, 0.0).column.data
+        let captures = one_row(n, light).capture(&patterns(n, periods)).expect("captures");
+        decode(&captures, n, periods, 0.0).expect("a code").column.data
     }
 
     #[test]
@@ -165,10 +176,10 @@ mod tests {
     fn noise_moves_columns_as_theory_says() {
         let (n, sigma) = (256, 0.004);
         let p = periods(n, 16.0, 5);
-        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p));
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..300 {
-            let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0);
+            let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0).expect("a code");
             for (i, column) in got.column.data.iter().enumerate().take(n - 4).skip(4) {
                 sum += (column - i as f64 - 0.5).powi(2);
                 count += 1.0;
@@ -178,5 +189,14 @@ mod tests {
         let error = theory * (2.0_f64 / count).sqrt();
         let variance = sum / count;
         assert!((variance - theory).abs() < 5.0 * error + 0.002 * theory, "{variance} {theory}");
+    }
+
+    #[test]
+    fn no_periods_are_refused() {
+        let captures = Map::from_fn(1, 1, 3, |_, _, o| o.fill(1.0));
+        for bad in [vec![], vec![2.0], vec![f64::INFINITY]] {
+            assert!(decode(&captures, 64, &bad, 0.0).is_err(), "{bad:?}");
+        }
+        assert_eq!(patterns(64, &[]).drives.len(), 0);
     }
 }

@@ -9,7 +9,7 @@
 //! phase error is the angle between the two sums. It is largest for long periods, because blur does not
 //! attenuate them.
 
-use super::column_light::{Decoded, Patterns};
+use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -28,19 +28,14 @@ pub fn periods(columns: usize) -> Vec<f64> {
     all
 }
 
-/// The reason why captures cannot be decoded: invalid periods.
-#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct PeriodsError(String);
-
 /// Refuses invalid periods.
-fn check(periods: &[f64], columns: usize) -> Result<(), PeriodsError> {
+fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     let falls = periods.windows(2).all(|p| p[0] > p[1]) && periods.iter().all(|p| *p >= 2.0);
     let spans = periods.first().is_some_and(|p| *p >= columns as f64 && p.is_finite());
     if falls && spans {
         return Ok(());
     }
-    Err(PeriodsError(format!(
+    Err(CodeError::Periods(format!(
         "periods {periods:?}: expected decreasing periods, the first at least {columns} columns and the last at least 2"
     )))
 }
@@ -68,18 +63,16 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
 /// column.
 ///
 /// # Errors
-/// If the periods do not decrease from at least the image's width.
-///
-/// # Panics
-/// If the number of captures does not match the patterns.
+/// If the number of captures does not match the patterns, or the periods do not decrease from at least the
+/// image's width.
 pub fn decode(
     captures: &Map,
     columns: usize,
     periods: &[f64],
     least_contrast: f64,
-) -> Result<Decoded, PeriodsError> {
+) -> Result<Decoded, CodeError> {
     check(periods, columns)?;
-    Ok(Decoded::by_pixel(captures, STEPS * periods.len(), |pixel| {
+    Decoded::by_pixel(captures, STEPS * periods.len(), |pixel| {
         let (mut column, mut contrast) = (f64::NAN, 0.0);
         for (i, (k, period)) in pixel.chunks_exact(STEPS).zip(periods).enumerate() {
             let (sin, cos) = (k[1] - k[3], k[0] - k[2]);
@@ -92,7 +85,7 @@ pub fn decode(
         let inside = (0.0..=columns as f64).contains(&column);
         let sure = contrast > 0.0 && contrast >= least_contrast;
         (if inside && sure { column } else { f64::NAN }, contrast)
-    }))
+    })
 }
 
 #[cfg(test)]
@@ -101,7 +94,7 @@ mod tests {
     use crate::shape::synthetic::{Light, noisy, one_row};
 
     fn columns_of(light: &Light, n: usize, periods: &[f64]) -> Vec<f64> {
-        let captures = one_row(n, light).capture(&patterns(n, periods));
+        let captures = one_row(n, light).capture(&patterns(n, periods)).expect("captures");
         decode(&captures, n, periods, 0.0).expect("a code").column.data
     }
 
@@ -110,7 +103,7 @@ mod tests {
         let n = 256;
         let p = periods(n);
         assert_eq!(p, [256.0, 64.0, 16.0]);
-        let captures = one_row(n, &Light::direct(0.3)).capture(&patterns(n, &p));
+        let captures = one_row(n, &Light::direct(0.3)).capture(&patterns(n, &p)).expect("captures");
         let got = decode(&captures, n, &p, 0.0).expect("a code");
         for (i, column) in got.column.data.iter().enumerate() {
             assert!((column - i as f64 - 0.5).abs() < 1e-9, "{i}: {column}");
@@ -176,7 +169,7 @@ mod tests {
     #[test]
     fn noise_moves_columns_as_theory_says() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);
-        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p));
+        let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..500 {
             let got = decode(&noisy(&clean, sigma, seed), n, &p, 0.0).expect("a code");

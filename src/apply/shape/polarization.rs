@@ -3,7 +3,8 @@
 //!
 //! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree √(s1² +
 //! s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The angle ½ atan2(s2, s1) is
-//! the azimuth of the normal for diffuse light from below the surface, with a 180° ambiguity.
+//! the azimuth of the normal for diffuse light from below the surface, and 90° from it for specular light,
+//! both with a 180° ambiguity.
 //!
 //! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x projected perpendicular to the
 //! ray, and the second axis is d × x with the propagation direction d of the light, so angles increase
@@ -17,6 +18,24 @@ use super::zenith;
 use crate::map::Map;
 use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
+use std::f64::consts::FRAC_PI_2;
+
+/// The light whose polarization is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reflection {
+    /// Diffuse light from below the surface.
+    Diffuse,
+    /// Specular light, at zenith angles below Brewster's.
+    Specular,
+}
+
+/// The polarization cues of every pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cues {
+    /// Degree of polarization, zenith angle from the view direction and azimuth (modulo 180°) of the normal,
+    /// radians; NaN for dark pixels.
+    pub angles: Map,
+}
 
 /// Returns the Stokes vectors (s0, s1, s2) under unpolarized light, from Mueller matrices (16 channels, row
 /// by row).
@@ -32,11 +51,10 @@ pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     })
 }
 
-/// Returns degree of polarization, zenith angle from the view direction and azimuth (modulo 180°) of the
-/// normal, radians, from Stokes vectors of diffuse light and the refractive index `n`; NaN for dark pixels.
+/// Returns the angles from Stokes vectors for a surface of refractive index `n`.
 #[must_use]
-pub fn cues(stokes: &Map, n: f64) -> Map {
-    Map::from_fn(stokes.width, stokes.height, 3, |x, y, out| {
+pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
+    let angles = Map::from_fn(stokes.width, stokes.height, 3, |x, y, out| {
         let s = stokes.at(x, y);
         if s[0].is_nan() || s[0] <= 0.0 {
             out.fill(f64::NAN);
@@ -44,8 +62,12 @@ pub fn cues(stokes: &Map, n: f64) -> Map {
         }
         let degree = s[1].hypot(s[2]) / s[0];
         let angle = 0.5 * s[2].atan2(s[1]);
-        out.copy_from_slice(&[degree, zenith::of_diffuse(degree, n), angle]);
-    })
+        out.copy_from_slice(&match reflection {
+            Reflection::Diffuse => [degree, zenith::of_diffuse(degree, n), angle],
+            Reflection::Specular => [degree, zenith::of_specular(degree, n)[0], angle + FRAC_PI_2],
+        });
+    });
+    Cues { angles }
 }
 
 /// Returns the axes of the frame of the light that reaches a pixel: x, d × x, and its direction d toward the
@@ -66,14 +88,14 @@ pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -
 
 /// Returns both candidate normals of a pixel; NaN without cues.
 #[must_use]
-pub fn candidates(camera: &Pinhole, cues: &Map, at: [usize; 2]) -> [Vector3<f64>; 2] {
-    let angles = cues.at(at[0], at[1]);
+pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
+    let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
 /// Returns the candidates closest to a guess of the normals (a coarse scan); NaN without a guess.
 #[must_use]
-pub fn nearest(camera: &Pinhole, cues: &Map, guess: &Map) -> Map {
+pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
         let guess = Vector3::from_column_slice(guess.at(x, y));
         let [a, b] = candidates(camera, cues, [x, y]);
@@ -92,14 +114,18 @@ pub(super) mod tests {
     use super::*;
     use crate::shape::synthetic::{Shape, rig};
 
-    /// Returns the Mueller matrices of diffuse light of a smooth dielectric: Fresnel's degree of
+    /// Returns the Mueller matrices of a smooth dielectric with this reflection: Fresnel's degree of
     /// polarization, in each pixel's frame.
-    pub fn mueller(camera: &Pinhole, shape: &Shape, n: f64) -> Map {
+    pub fn mueller(camera: &Pinhole, shape: &Shape, n: f64, reflection: Reflection) -> Map {
         Map::from_fn(shape.normals.width, shape.normals.height, 16, |x, y, out| {
             let normal = Vector3::from_column_slice(shape.normals.at(x, y));
             let [right, up, d] = frame(camera, x, y);
             let cos = normal.dot(&d);
-            let degree = zenith::diffuse(cos.acos(), n);
+            let degree = match reflection {
+                Reflection::Diffuse => zenith::diffuse(cos.acos(), n),
+                // Its plane of polarization is perpendicular to the normal's.
+                Reflection::Specular => -zenith::specular(cos.acos(), n),
+            };
             // (cos 2α, sin 2α) from the components of the normal, without angles.
             let (a, b) = (normal.dot(&right), normal.dot(&up));
             let length = (a * a + b * b).max(1e-300);
@@ -113,20 +139,24 @@ pub(super) mod tests {
     fn a_spheres_normals_are_one_of_two_candidates() {
         let camera = rig(64, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
-        let cues = cues(&stokes(&mueller(&camera, &shape, 1.5), false), 1.5);
-        let mut seen = 0;
-        for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
-            let want = Vector3::from_column_slice(shape.normals.at(x, y));
-            let zenith = want.dot(&frame(&camera, x, y)[2]).acos();
-            if zenith.is_nan() {
-                continue;
+        for reflection in [Reflection::Diffuse, Reflection::Specular] {
+            let matrices = mueller(&camera, &shape, 1.5, reflection);
+            let cues = cues(&stokes(&matrices, false), 1.5, reflection);
+            let mut seen = 0;
+            for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+                let want = Vector3::from_column_slice(shape.normals.at(x, y));
+                let zenith = want.dot(&frame(&camera, x, y)[2]).acos();
+                // Above Brewster's angle, specular light gives the other zenith angle.
+                if zenith.is_nan() || (reflection == Reflection::Specular && zenith > 0.97) {
+                    continue;
+                }
+                seen += 1;
+                assert!((cues.angles.at(x, y)[1] - zenith).abs() < 1e-6);
+                let nearest = candidates(&camera, &cues, [x, y]).map(|c| (c - want).norm());
+                assert!(nearest[0].min(nearest[1]) < 2e-6, "{x} {y}: {nearest:?}");
             }
-            seen += 1;
-            assert!((cues.at(x, y)[1] - zenith).abs() < 1e-6);
-            let nearest = candidates(&camera, &cues, [x, y]).map(|c| (c - want).norm());
-            assert!(nearest[0].min(nearest[1]) < 2e-6, "{x} {y}: {nearest:?}");
+            assert!(seen > 800, "{seen}");
         }
-        assert!(seen > 800, "{seen}");
     }
 
     /// Tests the handedness of the azimuth: the frame's second axis is up, so s2 > 0 is upper right.
@@ -141,8 +171,8 @@ pub(super) mod tests {
     fn a_coarse_scan_resolves_the_half_turn_everywhere() {
         let camera = rig(64, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
-        let matrices = mueller(&camera, &shape, 1.5);
-        let cues = cues(&stokes(&matrices, false), 1.5);
+        let matrices = mueller(&camera, &shape, 1.5, Reflection::Diffuse);
+        let cues = cues(&stokes(&matrices, false), 1.5, Reflection::Diffuse);
         // A guess rotated by 20 degrees about the view direction is sufficient, except where the normal faces
         // the camera.
         let (sin, cos) = 20.0_f64.to_radians().sin_cos();
@@ -171,6 +201,6 @@ pub(super) mod tests {
         assert_eq!(stokes(&matrix, true).data, [2.0, 0.2, 0.1]);
         assert_eq!(stokes(&matrix, false).data, [3.0, 0.2, 0.1]);
         let dark = Map::from_fn(1, 1, 3, |_, _, _| {});
-        assert!(cues(&dark, 1.5).data[0].is_nan());
+        assert!(cues(&dark, 1.5, Reflection::Diffuse).angles.data[0].is_nan());
     }
 }

@@ -6,15 +6,41 @@
 //! closest to its decided neighbours. This is correct for convex objects; normals of concave parts have the
 //! wrong sign.
 
-use super::polarization::candidates;
+use super::polarization::{Cues, candidates};
 use crate::map::Map;
 use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
-use std::cmp::Reverse;
+use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// Distance in pixels from the outline in which the outside is searched.
 const REACH: isize = 3;
+
+/// A pixel with decided neighbours, and its zenith angle.
+struct Next {
+    zenith: f64,
+    at: [usize; 2],
+}
+
+impl Ord for Next {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.zenith.total_cmp(&other.zenith).then(other.at.cmp(&self.at))
+    }
+}
+
+impl PartialOrd for Next {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Next {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Next {}
 
 /// Returns the pixels within `reach` of one, inside the image or not.
 fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> {
@@ -25,12 +51,13 @@ fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> 
 
 /// Returns the normals of the object's pixels (`inside`, one channel, nonzero); NaN outside and without cues.
 #[must_use]
-pub fn outward(camera: &Pinhole, cues: &Map, inside: &Map) -> Map {
+pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let (w, h) = (inside.width, inside.height);
     let within = |[x, y]: [isize; 2]| x >= 0 && y >= 0 && x < w as isize && y < h as isize;
     let pixel = |at: [isize; 2]| within(at).then(|| at.map(|v| v as usize));
     let is_inside = |at| pixel(at).is_some_and(|[x, y]| inside.at(x, y)[0] != 0.0);
-    let known = |at: [usize; 2]| is_inside(at.map(|v| v as isize)) && cues.at(at[0], at[1])[1].is_finite();
+    let known =
+        |at: [usize; 2]| is_inside(at.map(|v| v as isize)) && cues.angles.at(at[0], at[1])[1].is_finite();
     let mut normals = Map::from_fn(w, h, 3, |_, _, out| out.fill(f64::NAN));
     let mut queue = BinaryHeap::new();
     let mut queued = vec![false; w * h];
@@ -54,13 +81,13 @@ pub fn outward(camera: &Pinhole, cues: &Map, inside: &Map) -> Map {
             queued[at[1] * w + at[0]] = true;
         }
     }
-    let ask = |at: [usize; 2], queued: &mut Vec<bool>, queue: &mut BinaryHeap<(u64, Reverse<[usize; 2]>)>| {
+    let ask = |at: [usize; 2], queued: &mut Vec<bool>, queue: &mut BinaryHeap<Next>| {
         for n in around(at, 1).filter_map(pixel) {
             let number = n[1] * w + n[0];
             if !queued[number] && known(n) {
                 queued[number] = true;
-                // Bits of positive numbers have the order of the numbers.
-                queue.push((cues.at(n[0], n[1])[1].to_bits(), Reverse(n)));
+                let zenith = cues.angles.at(n[0], n[1])[1];
+                queue.push(Next { zenith, at: n });
             }
         }
     };
@@ -69,7 +96,7 @@ pub fn outward(camera: &Pinhole, cues: &Map, inside: &Map) -> Map {
             ask(at, &mut queued, &mut queue);
         }
     }
-    while let Some((_, Reverse(at))) = queue.pop() {
+    while let Some(Next { at, .. }) = queue.pop() {
         let decided =
             around(at, 1).filter_map(pixel).map(|[x, y]| Vector3::from_column_slice(normals.at(x, y)));
         let toward = decided.filter(|n| n.x.is_finite()).fold(Vector3::zeros(), |sum, n| sum + n);
@@ -82,15 +109,15 @@ pub fn outward(camera: &Pinhole, cues: &Map, inside: &Map) -> Map {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shape::polarization::{cues, stokes, tests::mueller};
+    use crate::shape::polarization::{Reflection, cues, stokes, tests::mueller};
     use crate::shape::synthetic::{Shape, rig};
 
     #[test]
     fn a_spheres_half_turns_are_right_everywhere() {
         let camera = rig(64, 256).camera;
         let shape = Shape::sphere(&camera, 0.035);
-        let matrices = mueller(&camera, &shape, 1.5);
-        let cues = cues(&stokes(&matrices, false), 1.5);
+        let matrices = mueller(&camera, &shape, 1.5, Reflection::Diffuse);
+        let cues = cues(&stokes(&matrices, false), 1.5, Reflection::Diffuse);
         let inside = Map::from_fn(64, 64, 1, |x, y, o| {
             o[0] = f64::from(u8::from(shape.depth.at(x, y)[0].is_finite()));
         });
@@ -113,7 +140,7 @@ mod tests {
         let camera = rig(8, 16).camera;
         let angles = Map::from_fn(8, 8, 3, |_, _, o| o.fill(0.4));
         let all = Map::from_fn(8, 8, 1, |_, _, o| o[0] = 1.0);
-        let got = outward(&camera, &angles, &all);
+        let got = outward(&camera, &Cues { angles }, &all);
         assert!(got.data.iter().all(|v| v.is_nan()));
     }
 }

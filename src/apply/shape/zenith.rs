@@ -4,7 +4,12 @@
 //!
 //! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
 //!
-//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission.
+//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission. Specular light
+//! is polarized perpendicular to it,
+//!
+//! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
+//!
+//! with the value 1 at Brewster's angle tan θ = n, so each degree except 1 has two angles.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -21,6 +26,29 @@ pub fn diffuse(zenith: f64, n: f64) -> f64 {
     minus / plus
 }
 
+/// Returns ρ_s for unpolarized light reflected at `zenith` radians from the normal by index `n`.
+#[must_use]
+pub fn specular(zenith: f64, n: f64) -> f64 {
+    let (sin, cos) = zenith.sin_cos();
+    let s = sin * sin;
+    let over = n * n - s - n * n * s + 2.0 * s * s;
+    2.0 * s * cos * (n * n - s).max(0.0).sqrt() / over
+}
+
+/// Returns the angle in the interval at which an increasing function reaches `value`; an end of the interval
+/// if it does not.
+fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64 {
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (from + to);
+        if f(middle) < value {
+            from = middle;
+        } else {
+            to = middle;
+        }
+    }
+    0.5 * (from + to)
+}
+
 /// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree exceeds the
 /// maximum, NaN if it is invalid.
 #[must_use]
@@ -28,16 +56,18 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;
     }
-    let (mut from, mut to) = (0.0, FRAC_PI_2);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (from + to);
-        if diffuse(middle, n) < degree {
-            from = middle;
-        } else {
-            to = middle;
-        }
+    invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
+}
+
+/// Returns the two zenith angles of specular light with this degree: below and above Brewster's angle.
+#[must_use]
+pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
+    if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
+        return [f64::NAN; 2];
     }
-    0.5 * (from + to)
+    let brewster = n.atan();
+    let above = invert(0.0, FRAC_PI_2 - brewster, degree, |below| specular(FRAC_PI_2 - below, n));
+    [invert(0.0, brewster, degree, |zenith| specular(zenith, n)), FRAC_PI_2 - above]
 }
 
 #[cfg(test)]
@@ -54,7 +84,8 @@ mod tests {
                 let fresnel = dielectric(zenith.cos() as f32, Spectral::splat(n as f32));
                 let block = fresnel.reflection.to_mueller().lane(0).map(|row| row.map(f64::from));
                 let (mean, difference) = (block[0][0], block[1][0]);
-                // What is not reflected is transmitted, with equal shares in both directions.
+                assert!((difference / mean - specular(zenith, n)).abs() < 2e-5, "{n} {zenith}");
+                // The rest is transmitted, with equal shares in both directions.
                 let through = difference / (1.0 - mean);
                 assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
             }
@@ -67,14 +98,21 @@ mod tests {
             for step in 0..150 {
                 let zenith = f64::from(step) * 0.01;
                 assert!((of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6, "{n} {zenith}");
+                let both = of_specular(specular(zenith, n), n);
+                let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
+                // At Brewster's angle the degree has zero slope: half of the digits are lost.
+                let flat = (zenith - n.atan()).abs() < 0.01;
+                assert!(nearest < if flat { 1e-5 } else { 1e-6 }, "{n} {zenith}: {both:?}");
+                assert!(both[0] <= n.atan() + 1e-6 && both[1] >= n.atan() - 1e-6);
             }
         }
+        assert!((specular(1.5_f64.atan(), 1.5) - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn what_cannot_be_has_no_angle() {
         assert!((of_diffuse(0.9, 1.5) - FRAC_PI_2).abs() < 1e-9);
         assert!(of_diffuse(f64::NAN, 1.5).is_nan() && of_diffuse(-0.1, 1.5).is_nan());
-        assert!(of_diffuse(0.1, 1.0).is_nan());
+        assert!(of_diffuse(0.1, 1.0).is_nan() && of_specular(f64::NAN, 1.5)[0].is_nan());
     }
 }
