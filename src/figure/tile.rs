@@ -208,9 +208,12 @@ fn lines(chart: Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Figu
 /// scale are invalid.
 pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Result<Tile, FigureError> {
     let raster = Raster::new(name, width, values.iter().map(|v| [*v]).collect())?;
-    let positive = |value: f32| match value.is_finite() && value > 0.0 {
-        true => Ok(value),
-        false => Err(FigureError::option("limits", value, "finite, and a valid range")),
+    let positive = |value: f32| {
+        if value.is_finite() && value > 0.0 {
+            Ok(value)
+        } else {
+            Err(FigureError::option("limits", value, "finite, and a valid range"))
+        }
     };
     let label = |ticks: &Ticks| match ticks.exponent {
         0 => name.to_owned(),

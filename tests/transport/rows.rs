@@ -168,8 +168,8 @@ fn both(
     let (view, _) = to_camera(&camera, VIEW, point);
     let mirrored = of(&camera, spp[1], &(objects.to_owned() + &mirror), bounces + 1);
     let over = |(mean, error): (f64, f64)| (mean / view[(0, 0)], error / view[(0, 0)]);
-    let pair = [seen, over(mirrored)];
-    pair
+
+    [seen, over(mirrored)]
 }
 
 /// Both agree, and are so precise that a missing fraction `share` would be detected.

@@ -226,10 +226,8 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         }
         let mut captions = 0.0_f64;
         for (i, (placed, (_, part, _))) in (first..).zip(out.panels[first..].iter_mut().zip(row)) {
-            let name = match figure.letters {
-                true => format!("{} {}", letter(i), part.caption),
-                false => part.caption.clone(),
-            };
+            let name =
+                if figure.letters { format!("{} {}", letter(i), part.caption) } else { part.caption.clone() };
             let room = placed.picture.w + right(&part.tile);
             let top = y + tallest + under + SPACE;
             let lines = wrap(&name, style(CAPTION), room);

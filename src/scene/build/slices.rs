@@ -118,8 +118,8 @@ fn listed(
         "the list is empty".to_owned()
     } else if let Some(i) = list.iter().find(|i| **i >= limit) {
         format!("{i} is not below {limit}")
-    } else if let Some(pair) = list.windows(2).find(|w| w[0] >= w[1]) {
-        format!("{} before {} is not in increasing order", pair[0], pair[1])
+    } else if let Some([a, b]) = list.windows(2).find_map(|w| (w[0] >= w[1]).then_some([w[0], w[1]])) {
+        format!("{a} before {b} is not in increasing order")
     } else {
         return Ok(list.to_vec());
     };

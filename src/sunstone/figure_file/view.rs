@@ -42,7 +42,9 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     }
     let mueller = |Slice { name, polarization, .. }: &Slice| match polarization {
         Polarization::Mueller => Ok(()),
-        _ => Err(format!("slice `{name}` has no Stokes axis; use a slice with `polarization = \"mueller\"`")),
+        Polarization::Intensity => {
+            Err(format!("slice `{name}` has no Stokes axis; use a slice with `polarization = \"mueller\"`"))
+        }
     };
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {

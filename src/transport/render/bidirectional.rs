@@ -150,7 +150,7 @@ impl Plan {
         if let Some(light) = light.filter(|_| plan.has_splats(scene)) {
             let made =
                 light.make(scene, plan.counts(scene), stop, Buffers::default, |buffers, number, found| {
-                    plan.look(scene, buffers, number, found)
+                    plan.look(scene, buffers, number, found);
                 });
             match made {
                 Ok(made) => {
@@ -207,7 +207,7 @@ impl Plan {
                     );
                 }
                 Splats::new(self.counts(scene), wanted, Buffers::default, |buffers, number, found| {
-                    self.look(scene, buffers, number, found)
+                    self.look(scene, buffers, number, found);
                 })
             }
         };

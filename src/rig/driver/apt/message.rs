@@ -174,7 +174,7 @@ impl Message {
             (_, 0) => {
                 // Unknown parameters of a known message mean its last form.
                 let forms = || PLAIN.iter().filter(move |(_, known, _)| *known == id);
-                let form = forms().find(|(.., p)| *p == parameters).or(forms().last());
+                let form = forms().find(|(.., p)| *p == parameters).or(forms().next_back());
                 form.map(|(message, ..)| message.clone())
             }
             (0x0006, 84) => {
