@@ -137,7 +137,7 @@ own!(
     /// A rotation stage of the rig.
     RigStage, RotationStage, Stage, {
         fn home(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            self.0.ask_within(py, within_s, |d, within| d.home(within))
+            self.0.ask_within(py, within_s, RotationStage::home)
         }
 
         fn begin_move(&self, py: Python<'_>, angle_deg: f64) -> PyResult<()> {
@@ -145,15 +145,15 @@ own!(
         }
 
         fn finish_move<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            self.0.ask_within(py, within_s, |d, within| d.finish_move(within))?.object(py)
+            self.0.ask_within(py, within_s, RotationStage::finish_move)?.object(py)
         }
 
         fn read<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            self.0.ask_within(py, within_s, |d, within| d.read(within))?.object(py)
+            self.0.ask_within(py, within_s, RotationStage::read)?.object(py)
         }
 
         fn stop(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            self.0.ask_within(py, within_s, |d, within| d.stop(within))
+            self.0.ask_within(py, within_s, RotationStage::stop)
         }
     }
 );
@@ -172,7 +172,7 @@ own!(
         }
 
         fn dark(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
-            self.0.ask_within(py, within_s, |d, within| d.dark(within))
+            self.0.ask_within(py, within_s, PatternProjector::dark)
         }
     }
 );
@@ -191,7 +191,7 @@ own!(
         }
 
         fn frame(&self, py: Python<'_>, within_s: f64) -> PyResult<Py<PyAny>> {
-            let frame = self.0.ask_within(py, within_s, |d, within| d.frame(within))?;
+            let frame = self.0.ask_within(py, within_s, AreaCamera::frame)?;
             arrays::of_frame(py, &self.0.name, &frame)
         }
     }
@@ -215,7 +215,7 @@ own!(
         }
 
         fn state<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            self.0.ask_within(py, within_s, |d, within| d.state(within))?.object(py)
+            self.0.ask_within(py, within_s, PulsedLaser::state)?.object(py)
         }
     }
 );
@@ -234,7 +234,7 @@ own!(
         }
 
         fn finish<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
-            let found = self.0.ask_within(py, within_s, |d, within| d.finish(within))?;
+            let found = self.0.ask_within(py, within_s, PhotonCounter::finish)?;
             arrays::of_histogram(py, &found)
         }
     }
