@@ -1,8 +1,10 @@
 //! White furnace: under constant radiance 1, the returned radiance is each material's directional albedo.
 
-use crate::optics::{Device, head, mueller, of_image};
+use crate::optics::{Device, M, ggx_g2, head, mirror, mueller, of_image, plate, project};
 use crate::support::render_text;
 use glam::DVec3;
+use nalgebra::Complex;
+use std::f64::consts::PI;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, X, Y};
 
 const FURNACE: &str = "[[emitters]]\nenvironment = { radiance = 1 }\n\
@@ -54,6 +56,70 @@ fn glass_sphere_vanishes() {
         let sigma = variance.sqrt();
         assert!(off.abs() <= 5.0 * sigma + 2e-6, "s{i} of the whole sphere is off by {off} ± {sigma:.1e}");
         assert!(sigma < 1e-3);
+    }
+}
+
+/// ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint rule over facet
+/// slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
+fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
+    const U: u32 = 600;
+    const PHI: u32 = 400;
+    let x_out = project(right, wo);
+    let mut sum = [0.0; 4];
+    for k in 0..U * PHI {
+        let u = (f64::from(k / PHI) + 0.5) / f64::from(U);
+        let phi = 2.0 * PI * (f64::from(k % PHI) + 0.5) / f64::from(PHI);
+        let tan2 = alpha * alpha * u / (1.0 - u);
+        let cos_h = 1.0 / (1.0 + tan2).sqrt();
+        let sin_h = (1.0 - cos_h * cos_h).sqrt();
+        let h = DVec3::new(sin_h * phi.cos(), sin_h * phi.sin(), cos_h);
+        let oh = wo.dot(h);
+        let wi = h * (2.0 * oh) - wo;
+        if oh <= 0.0 || wi.z <= 0.0 {
+            continue;
+        }
+        let weight = ggx_g2(wo.z, wi.z, alpha) * oh / (wo.z * cos_h) / f64::from(U * PHI);
+        let m: M = mirror(-wi, project(DVec3::Y, wi), wo, x_out, eta);
+        for (i, s) in sum.iter_mut().enumerate() {
+            *s += m[(i, 0)] * weight;
+        }
+    }
+    sum
+}
+
+/// Rough metal at three angles and three roughnesses, gold and a lossless one.
+#[test]
+#[ignore = "slow: tools/check --all"]
+fn rough_conductor_returns_its_directional_albedo() {
+    for (n, k) in [(0.4242, 2.4721), (0.001, 100.0)] {
+        for alpha in [0.1, 0.4, 0.9] {
+            for degrees in [10.0_f64, 50.0, 78.0] {
+                let (s, c) = degrees.to_radians().sin_cos();
+                let wo = DVec3::new(s * 0.8, s * 0.6, c);
+                let camera = Device::ray((wo * 2.0).to_array(), DVec3::ZERO).rolled(0.5);
+                let text = head(40_000, 2, 32)
+                    + &camera.keys("camera")
+                    + &format!("[materials]\nm.rough_conductor = {{ n = {n}, k = {k}, alpha = {alpha} }}\n")
+                    + &plate(DVec3::ZERO, DVec3::Z, 1.0, "m")
+                    + FURNACE;
+                let r = render_text(&text);
+                let (mean, error) = (r.mean("m"), r.std_error("m"));
+                let want = directional_albedo(wo, camera.right, Complex::new(n, k), alpha);
+                for (i, want) in want.iter().enumerate() {
+                    let at = [(StokesOut, i), (StokesIn, 0)];
+                    let (got, sigma) = (f64::from(mean.at(&at)), f64::from(error.at(&at)));
+                    // 3e-5: error of the midpoint rule at the horizon.
+                    assert!(
+                        (got - want).abs() <= 5.0 * sigma + 3e-5,
+                        "n {n}, alpha {alpha}, {degrees}°, s{i}: {got} is not {want} ± {sigma:.1e}"
+                    );
+                    assert!(sigma < 5e-3);
+                    if i == 0 {
+                        assert!(got <= 1.0 + 5.0 * sigma + 1e-6, "energy is made");
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -75,6 +75,7 @@ fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
 
 fn check([mean, error]: [M; 2], want: f64, what: &str) {
     let (got, sigma) = (mean[(0, 0)], error[(0, 0)]);
+    println!("{what}: {got:.5} ± {sigma:.5}, expected {want:.5}");
     assert!((got - want).abs() < 5.0 * sigma + 2e-5 * want, "{what}: {got} ± {sigma} is not {want}");
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
@@ -135,6 +136,58 @@ fn connections_to_points_of_light_through_filled_sheets() {
                 let rendered = render_text(&text);
                 let got = [rendered.mean("m"), rendered.std_error("m")].map(|t| mueller(&t, &[]));
                 check(got, direct, &format!("{} {integrator} light at {at}", sheet.keys));
+            }
+        }
+    }
+}
+
+/// Sheets without an effect bound a scattering medium like a null boundary.
+#[test]
+#[ignore = "slow: tools/check --all"]
+fn scattering_media_do_not_notice_idle_sheets() {
+    let medium = "absorption = 0.4\nscattering = 3.0\nphase.henyey_greenstein = { g = 0.4, linear = 0.6, circular = 0.5 }";
+    let lights = [
+        "[[emitters]]\nenvironment.radiance = 1\n",
+        "[[emitters]]\npoint = { position = [0.9, 0.3, 0.2], intensity = 3 }\n",
+        "[[emitters]]\npoint = { position = [0.1, 0.1, 0.1], intensity = 3 }\n",
+    ];
+    let idle = [
+        "s.retarder = { retardance_deg = 0, angle_deg = 30 }\n",
+        "s.thin_dielectric.ior = 1.0\n",
+        "a.null = {}\ns.blend = { a = \"a\", b = \"a\", weight = 0.5 }\n",
+        "a.null = {}\ns.two_sided = { front = \"a\", back = \"a\" }\n",
+    ];
+    for (place, z) in [("outside", 2.0), ("inside", 0.2)] {
+        for (l, light) in lights.iter().enumerate() {
+            for integrator in ["path", "bidirectional"] {
+                let scene = |keys: &str| format!("[materials]\n{keys}{}{light}", sphere(medium));
+                let spp = 20_000;
+                let [want, sigma] = seen(z, &scene("s.null = {}\n"), spp, 7, integrator);
+                assert!(
+                    sigma[(0, 0)] < 0.05 * want[(0, 0)],
+                    "{place} light {l} {integrator}: too few samples, {} of {}",
+                    sigma[(0, 0)],
+                    want[(0, 0)]
+                );
+                for (seed, keys) in idle.iter().enumerate() {
+                    let [got, error] = seen(z, &scene(keys), spp, 20 + seed as u32, integrator);
+                    println!(
+                        "{place} light {l} {integrator} {keys}: {:.5} ± {:.5}, null {:.5} ± {:.5}",
+                        got[(0, 0)],
+                        error[(0, 0)],
+                        want[(0, 0)],
+                        sigma[(0, 0)]
+                    );
+                    for i in 0..16 {
+                        let bound = 5.0 * error[i].hypot(sigma[i]) + 1e-6;
+                        assert!(
+                            (got[i] - want[i]).abs() < bound,
+                            "{place} light {l} {integrator} {keys}: element {i} {} is not {} within {bound}",
+                            got[i],
+                            want[i]
+                        );
+                    }
+                }
             }
         }
     }
