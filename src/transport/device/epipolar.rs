@@ -154,7 +154,7 @@ impl Epipolar {
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Lists, unordered, the projector pixels within `half_width_px` of a line by [`Self::distance_px`].
+    /// Lists, unordered, the projector pixels within `half_width_px` of a line by `distance_px`.
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
         // Negated `>` instead of `<=`, to treat NaN as slices do.

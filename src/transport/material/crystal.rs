@@ -22,7 +22,7 @@
 //!
 //! Neglected:
 //!
-//! - the separation of the two rays (walk-off, double images); [`super::double_refraction`] makes the
+//! - the separation of the two rays (walk-off, double images); `double_refraction` makes the
 //!   opposite approximation,
 //! - different Fresnel factors for the two waves (those of the mean index are used),
 //! - the wavelength dependence of n_e - n_o within the line,

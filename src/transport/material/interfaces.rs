@@ -69,7 +69,7 @@ impl Materials {
     }
 
     /// Returns the lobe of light that passes a crystal's face on one of its two waves
-    /// ([`super::double_refraction`]), at one wavelength.
+    /// (`double_refraction`), at one wavelength.
     #[inline]
     #[must_use]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
