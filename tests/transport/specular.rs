@@ -1,11 +1,13 @@
-//! Chains of mirrors in front of a lit surface: all 16 elements.
+//! Chains of mirrors in front of a lit surface: all 16 elements, and Malus's law.
 
 use crate::optics::{
-    C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project,
+    C, Device, GOLD, GOLD_KEYS, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate,
+    project, turn,
 };
 use crate::support::render_text;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use nalgebra::Complex;
+use std::f64::consts::PI;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 
 const SILVER: Complex<f64> = Complex::new(0.06, 3.6);
@@ -77,4 +79,72 @@ fn mirrors_with_turned_planes_of_incidence() {
         p(-0.5, 0.6, 1.5),
     ];
     check_chain(&three, p(0.0, 0.07, 0.05), "three mirrors");
+}
+
+/// Two dielectric plates at Brewster's angle in series, the second rotated by φ about the ray between them,
+/// in front of a diffuse screen: light at the camera is linearly polarized and follows cos²φ.
+#[test]
+fn malus_by_two_brewster_reflections() {
+    const N: f64 = 3.0;
+    const SPP: u32 = 60_000;
+    let brewster = N.atan();
+    let eta = Complex::new(N, 0.0);
+    let reflectance = amplitudes(brewster.cos(), eta)[0].norm_sqr();
+    assert!(amplitudes(brewster.cos(), eta)[1].norm() < 1e-12);
+    let (s, c) = (2.0 * brewster).sin_cos();
+    let (p1, p2) = (DVec3::ZERO, p(0.0, 0.0, 0.6));
+    // Light travels along -z to the first plate and leaves it in the plane y = 0.
+    let eye = p(-s, 0.0, -c) * 0.8 * -1.0;
+    let camera = Device::ray(eye.to_array(), p1).rolled(0.3);
+    let d_out = (eye - p1).normalize();
+    let s1 = p(0.0, 1.0, 0.0);
+    for phi in [0.0_f64, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 165.0] {
+        let turned = DMat3::from_rotation_z(phi.to_radians());
+        let p3 = p2 + turned * p(s, 0.0, c) * -0.7;
+        let toward = (p2 - p3).normalize();
+        // The lamp is off the line of sight, 1 m from the screen, which faces it.
+        let lamp = p3 + (toward + turned * p(0.0, 0.5, 0.0)).normalize();
+        let facing = (lamp - p3).normalize();
+        let text = head(SPP, 5, 7)
+            + &camera.keys("camera")
+            + &Device::look_at(lamp.to_array(), p3, [1, 1], 10.0).keys("projector")
+            + &format!(
+                "irradiance = {PI}\n[materials]\nglass.dielectric.ior = {N}\nwhite.diffuse.albedo = 1\n"
+            )
+            + &plate(p1, d_out - p(0.0, 0.0, -1.0), 0.02, "glass")
+            + &plate(p2, p(0.0, 0.0, -1.0) - toward, 0.02, "glass")
+            + &plate(p3, facing, 0.02, "white")
+            + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
+        // Each sample is a replicate, because the spread over samples gives the number of those that found
+        // light.
+        let text = text.replacen("[render]", &format!("[render]\nreplicates = {SPP}"), 1);
+        let r = render_text(&text);
+        let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
+        // Screen of radiance 1; both plates reflect only s; Stokes vector of the s-direction in the camera's
+        // frame.
+        let malus = phi.to_radians().cos().powi(2);
+        let full = reflectance * reflectance / 2.0;
+        let axis = turn(d_out, s1, project(camera.right, d_out));
+        let shape = axis * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0);
+        // A sample that hits both reflections always has the same value; any other is zero. Mean and standard
+        // error give that value and its frequency.
+        let mean = got[(0, 0)];
+        if malus < 1e-9 {
+            assert!(mean < 1e-9, "crossed plates pass {mean}");
+            continue;
+        }
+        let sigma = f64::from(r.std_error("m").at(&[(Bounces, 3)]));
+        let value = mean + sigma * sigma * f64::from(SPP - 1) / mean;
+        let often = mean / value;
+        let chance = (reflectance / 2.0).powi(2);
+        let spread = (chance * (1.0 - chance) / f64::from(SPP)).sqrt();
+        assert!((often - chance).abs() < 5.0 * spread, "φ = {phi}°: {often} of samples, not {chance}");
+        for i in 0..4 {
+            let (got_i, want) = (got[(i, 0)] / often, full / chance * malus * shape[i]);
+            assert!((got_i - want).abs() < 2e-5 * full / chance, "φ = {phi}°, s{i}: {got_i} is not {want}");
+            for j in 1..4 {
+                assert_eq!(got[(i, j)], 0.0, "the screen depolarizes");
+            }
+        }
+    }
 }
