@@ -69,6 +69,11 @@ class Project:
     root: Path
     wrong: list = field(default_factory=list)
     loaded: dict = field(default_factory=dict)
+    # The content of validation/numbers.toml.
+    numbers: dict = field(init=False)
+
+    def __post_init__(self):
+        self.numbers = tomllib.loads((self.root / "validation/numbers.toml").read_text())
 
     def say(self, place, text):
         self.wrong.append(f"{place}: {text}")
@@ -80,10 +85,6 @@ class Project:
 
     def name(self, page):
         return page.relative_to(self.root).as_posix()
-
-    def numbers(self):
-        """Return validation/numbers.toml."""
-        return tomllib.loads((self.root / "validation/numbers.toml").read_text())
 
     def result(self, name):
         """Return a result file, or None."""
@@ -133,10 +134,10 @@ def claimed(project, source, place):
         return project.say(place, f"{claim['format']}: {e}")
 
 
-def listed(project, name, text):
-    """Return the numbers of a page that are listed: where each begins and ends, and its source."""
-    found = []
-    for around, sources in project.numbers().get(name, {}).items():
+def listed(project, page):
+    """Return the text of a page, and its listed numbers: where each begins and ends, and its source."""
+    text, name, found = page.read_text(), project.name(page), []
+    for around, sources in project.numbers.get(name, {}).items():
         sources = [sources] if isinstance(sources, str) else sources
         plain = [r"\s+".join(map(re.escape, re.split(r"\s+", part))) for part in around.split("{}")]
         matches = list(re.finditer(f"({NUMBER})".join(plain), text))
@@ -145,13 +146,13 @@ def listed(project, name, text):
             project.say(name, f"the text {around!r} of validation/numbers.toml {times}")
             continue
         found += [(*matches[0].span(k), source) for k, source in enumerate(sources, 1)]
-    return sorted(found)
+    return text, sorted(found)
 
 
-def check_claims(project, page):
+def check_claims(project, page, text, numbers):
     """Check that numbers equal those of the results, whose scripts the page must name."""
-    text, name, files = page.read_text(), project.name(page), set()
-    for start, end, source in listed(project, name, text):
+    name, files = project.name(page), set()
+    for start, end, source in numbers:
         if source == "given":
             continue
         place = f"{name}:{text.count(chr(10), 0, start) + 1}"
@@ -166,11 +167,13 @@ def check_claims(project, page):
 
 def write_claims(project, page):
     """Write the results' numbers into the page; return true if the page changed."""
-    text = new = page.read_text()
-    for start, end, source in reversed(listed(project, project.name(page), text)):
+    text, numbers = listed(project, page)
+    new = text
+    for start, end, source in reversed(numbers):
         if source != "given" and (want := claimed(project, source, project.name(page))) is not None:
             new = new[:start] + want + new[end:]
-    page.write_text(new)
+    if new != text:
+        page.write_text(new)
     return new != text
 
 
@@ -188,11 +191,10 @@ def prose(text):
     return re.sub(r"`[^`]*`", "", text).split("\n")
 
 
-def check_prose(project, page):
+def check_prose(project, page, text, numbers):
     """Report numbers that are not listed."""
     strict = page.name == "README.md" and page.parent == project.root
-    text = page.read_text()
-    for start, end, _ in reversed(listed(Project(project.root), project.name(page), text)):
+    for start, end, _ in reversed(numbers):
         text = text[:start] + text[end:]
     for number, line in enumerate(prose(text), 1):
         for allowed in ALLOWED:
@@ -282,8 +284,11 @@ def check(root):
     """Return all errors."""
     project = Project(root)
     for page in project.claiming():
-        check_claims(project, page)
-        check_prose(project, page)
+        text, numbers = listed(project, page)
+        check_claims(project, page, text, numbers)
+        check_prose(project, page, text, numbers)
+    for name in sorted(project.numbers.keys() - {project.name(page) for page in project.claiming()}):
+        project.say("validation/numbers.toml", f"lists numbers of {name}, which is no page")
     check_front(project)
     check_links(project)
     check_age(project)
@@ -365,6 +370,7 @@ PLANTED = {
     "a number in words": (lambda p: p.page(old="77 rooms", new="77 rooms and two million pixels"), "'two million' is not listed"),
     "a text that is not in the page": (lambda p: p.page(old="error 5.7", new="errors 5.7"), "'error {}' of validation/numbers.toml is there 0"),
     "a text that is there twice": (lambda p: p.page(old="2021", new="2021, error 5.7·10⁻³"), "is there 2 times"),
+    "a page that is gone": (lambda p: p.list(old='["README.md"]', new='["docs/b.md"]\n"x" = []\n["README.md"]'), "which is no page"),
     "a source too few": (lambda p: p.list(old="s, at most {}", new="s, at most 2,500"), "has 1 numbers and 2 sources"),
     "a time in docs": (lambda p: (p.root / "docs/a.md").write_text("# One more page\n\nIt takes 46 minutes.\n"), "'46 minutes'"),
     "a script that is not named": (lambda p: p.page(old="`validation/speed.py`", new="a script"), "does not name"),
