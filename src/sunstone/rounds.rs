@@ -161,7 +161,7 @@ impl ToError<'_> {
         }
         if target.replace {
             remove(&folder)?;
-        } else if is_there(&target.path) {
+        } else if TensorStore::is_taken(&target.path).map_err(|e| RenderError::Sink(e.into()))? {
             let path = target.path.clone();
             return Err(RenderError::Sink(SinkError::Create(CreateError::Exists { path })).into());
         } else if !target.resume && has_rounds(&folder) {

@@ -315,6 +315,22 @@ impl TensorStore {
         }
     }
 
+    /// Returns whether a store exists at a path and a new one may not replace it. At an address, a store that a
+    /// killed process began to create with its values (a merge) does not count, because creating it again
+    /// resumes it.
+    ///
+    /// # Errors
+    /// If an object store refuses or cannot be reached.
+    pub fn is_taken(path: &Path) -> Result<bool, OpenError> {
+        let refused = |e| OpenError::remote(path, e);
+        let Some(objects) = remote_store::objects_of(path).map_err(refused)? else {
+            return Ok(path.exists());
+        };
+        let has = |name: &str| Ok(objects.get(name).map_err(refused)?.is_some());
+        Ok(has(remote_store::ROOT)?
+            && (!has(build::ORIGIN)? || has(manifest::FILE)? || has(manifest::OF_PART)?))
+    }
+
     /// Opens a store for writing: like [`TensorStore::open`], and removes leftovers of a killed process.
     /// Other processes cannot open it for writing until [`TensorStore::unlock`] or until it is dropped. Call
     /// [`TensorStore::finish`] after writing.

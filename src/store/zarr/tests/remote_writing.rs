@@ -175,10 +175,11 @@ fn a_merge_may_be_killed_anywhere() {
         "merged",
         &expected,
         |path| make(path, "a b").is_ok(),
-        |path| match make(path, "a b") {
-            Ok(_) => true,
+        |path| match (TensorStore::is_taken(path).expect("answers"), make(path, "a b")) {
+            (taken, Ok(_)) => !taken,
             // Killed after the last put of the store, which is complete.
-            Err(e) => {
+            (taken, Err(e)) => {
+                assert!(taken, "{e}");
                 remove(
                     &memory(path.to_str().expect("text").split('/').nth(2).expect("a name")),
                     "s.zarr/.sunstone-origin",
