@@ -315,7 +315,7 @@ fn mutated_scenes_build_or_say_why_and_render_finite() {
     let base: String =
         lines.map(|line| line.replace("interior = \"grains\"", "interior = \"plain\"") + "\n").collect();
     let (built, drawn, refused) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
-    damage(1000, &base, |text, _| {
+    damage(300, &base, |text, _| {
         let count = match build(text).map(render_if_small) {
             None => &refused,
             Some(true) => &drawn,
@@ -366,7 +366,7 @@ fn mutated_templates_vary_or_say_why() {
         assert!(scene.variant.as_ref().is_some_and(|v| v.number == number && v.values.len() == 5));
     }
     let (built, refused) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    damage(1500, VARY, |text, number| {
+    damage(900, VARY, |text, number| {
         let text = room.clone() + text;
         let [a, b] = [0; 2].map(|_| variant(&text, number).map(|scene| scene.variant.clone()));
         assert_eq!(a, b, "two of one number");

@@ -168,7 +168,7 @@ impl Choices<'_> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..Default::default() })]
 
     /// Every scene of the JSON schema can be read, and is equal after writing and reading.
     #[test]

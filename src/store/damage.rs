@@ -368,7 +368,7 @@ fn damaged_stores_answer_or_say_why() {
     let [answers, errors] = read_all(whole.path(), &a, &b);
     // The image has no axes t, v, u, and no overflow.
     assert!(answers > 25 && errors < 8, "{answers} answers, {errors} errors");
-    let config = Config { cases: 120, failure_persistence: None, max_shrink_iters: 100, ..Config::default() };
+    let config = Config { cases: 40, failure_persistence: None, max_shrink_iters: 100, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[5; 32]));
     let (sound, broken) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let sharded = whole.path().join("sharded");
@@ -396,5 +396,5 @@ fn damaged_stores_answer_or_say_why() {
     });
     tested.unwrap_or_else(|e| panic!("{e}"));
     println!("{sound:?} answers, {broken:?} errors");
-    assert!(sound.into_inner() > 400 && broken.into_inner() > 400);
+    assert!(sound.into_inner() > 130 && broken.into_inner() > 130);
 }

@@ -9,7 +9,7 @@ use sunstone::rig::calibrate::geometric::image::png_bytes;
 use sunstone::rig::calibrate::geometric::light::Sequence;
 use sunstone::rig::calibrate::geometric::pose::Pose;
 
-const POINTS: usize = 12;
+const POINTS: usize = 6;
 
 fn devices() -> [Device; 2] {
     let mut camera = Device::pinhole([320, 240], [300.0, 297.0], [163.0, 118.0], Model::Five);

@@ -268,6 +268,7 @@ fn a_render_that_was_stopped_goes_on() {
 /// Processes that share a folder of renders give equal results. A process that only checks whether renders
 /// are finished disturbs no other. A path with a render's name that is not a render is reported with a fix.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn renders_are_shared_and_damage_is_told() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");

@@ -4,7 +4,6 @@
 //! again. Tests that measure the memory of their process are separate.
 
 mod arrays;
-mod bytes;
 mod calibrate;
 mod capture;
 mod chain;

@@ -227,13 +227,13 @@ impl Verdict {
     }
 }
 
-/// Over 64 seeds, means equal those of plain renders with other seeds (5 sigma), and deviations agree with
+/// Over 32 seeds, means equal those of plain renders with other seeds (5 sigma), and deviations agree with
 /// the stated errors. Negative controls: if single pixels stop by their own errors, means are biased; if
 /// weights ignore the numbers of samples, errors are wrong. The same comparison detects both.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn errors_are_honest() {
-    const SEEDS: u64 = 64;
+    const SEEDS: u64 = 32;
     const ROUNDS: u64 = 8;
     let text = mirror_room(32, 16, 32, 8, "[[slices]]\nname = \"sum\"\n");
     let mut scene = scene(&text.replacen("[render]", "[render]\nintegrator = \"path\"", 1));

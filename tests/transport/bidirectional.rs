@@ -88,6 +88,7 @@ pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.a
 
 /// Each strategy alone gives the light with its number of interactions.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn every_strategy_alone() {
     let text = devices(256, 4, 2)
         + "[materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\

@@ -161,7 +161,7 @@ fn scattering_media_do_not_notice_idle_sheets() {
         for (l, light) in lights.iter().enumerate() {
             for integrator in ["path", "bidirectional"] {
                 let scene = |keys: &str| format!("[materials]\n{keys}{}{light}", sphere(medium));
-                let spp = 20_000;
+                let spp = 8_000;
                 let [want, sigma] = seen(z, &scene("s.null = {}\n"), spp, 7, integrator);
                 assert!(
                     sigma[(0, 0)] < 0.05 * want[(0, 0)],

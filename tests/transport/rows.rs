@@ -83,7 +83,7 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
 #[ignore = "slow: tools/check --all"]
 fn every_way_through_a_ball_is_found() {
     for (wall, rho, count, spp) in
-        [(-0.42, 0.008, 3, 300_000), (-1.0, 0.2, 1, 120_000), (-1.0, 0.55, 1, 120_000)]
+        [(-0.42, 0.008, 3, 150_000), (-1.0, 0.2, 1, 60_000), (-1.0, 0.55, 1, 60_000)]
     {
         // The straight line to the last point misses the ball. Otherwise the lamp is so narrow that all its
         // light hits the ball.
@@ -188,7 +188,7 @@ fn two_balls_in_a_row() {
         + "[[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0, 0, 0], radius = 0.3 }\n\
            [[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0.7, 0, 0.2], radius = 0.3 }\n";
     let (origin, point) = (DVec3::new(0.0, -0.6, -1.0), DVec3::new(0.3, 0.3, 1.4));
-    agree(both(&objects, &lamp, origin, point, 3, [3_000_000, 200_000]), 0.3);
+    agree(both(&objects, &lamp, origin, point, 3, [1_500_000, 100_000]), 0.3);
 }
 
 /// A wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the light of a
@@ -244,17 +244,17 @@ fn a_mirror_under_a_normal_map() {
         at.to_array(),
         1.0 / (PI * radius * radius)
     );
-    let found = of(&camera, &dot, 1.0, Integrator::Bidirectional, 60_000);
+    let found = of(&camera, &dot, 1.0, Integrator::Bidirectional, 30_000);
     let flat = of(&camera, &dot, 0.0, Integrator::Bidirectional, 20_000);
-    let met = of(&camera, &ball, 1.0, Integrator::Path, 6_000_000);
+    let met = of(&camera, &ball, 1.0, Integrator::Path, 3_000_000);
     agree([met, found], 0.2);
     assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
     // The same wall seen directly: light subpaths find it. The mirror is tilted by 0.3, so that reflection
     // about the untilted normal would be detected.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
     leans.save(&file).expect("an image");
-    let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 1_000_000);
-    let met = of(&straight, &ball, 1.0, Integrator::Path, 3_000_000);
+    let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 500_000);
+    let met = of(&straight, &ball, 1.0, Integrator::Path, 1_500_000);
     agree([met, found], 0.2);
 }
 
@@ -266,5 +266,5 @@ fn a_crystal_with_double_images() {
     let objects = plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
         + "[[objects]]\nmaterial = \"calcite\"\nshape.cube = { min = [-0.5, -0.5, 0.1], max = [0.5, 0.5, 0.3] }\n";
     let (origin, point) = (DVec3::new(0.0, -0.9, -0.1), DVec3::new(0.15, 0.1, -0.5));
-    agree(both(&objects, &lamp, origin, point, 3, [1_000_000, 60_000]), 0.05);
+    agree(both(&objects, &lamp, origin, point, 3, [500_000, 30_000]), 0.05);
 }

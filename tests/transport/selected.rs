@@ -202,6 +202,7 @@ fn bands_bring_what_chance_brings() {
 
 /// Other slices are not affected.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn other_slices_keep_their_bits() {
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALL;
     let (alone, beside) = (room(&others, 3, 2), room(&(FEW.to_owned() + &others), 3, 2));

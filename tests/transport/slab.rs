@@ -168,6 +168,7 @@ fn rayleigh_slabs_are_as_doubling_says() {
 
 /// Spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered forward.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn mie_slabs_are_as_doubling_says() {
     let light = [1.0, 0.0];
     // Larger spheres have finer structure in their backscattering.
@@ -219,6 +220,7 @@ fn mie_slabs_to_depth_8() {
 /// If subpaths were biased toward the light all the way, the result would be 14 % too dark at 9000 samples,
 /// because the tails of the distribution are not sampled.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn mie_slabs_of_depth_32() {
     mie_slabs(&[(32.0, 9000, [[0.5, 75.0], [-0.3, -20.0]])]);
 }

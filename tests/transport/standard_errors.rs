@@ -9,7 +9,7 @@ use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::{Integrator, Scene};
 
 /// Number of seeds, unless the variable `SEEDS` sets it.
-const SEEDS: u64 = 64;
+const SEEDS: u64 = 20;
 /// Minimum number of elements for a variance.
 const LEAST: f64 = 48.0;
 

@@ -110,6 +110,7 @@ fn light_leaves_stones() {
 
 /// Bidirectional paths without one strategy whose paths other strategies also find: weights still sum to one.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn others_take_over() {
     let text = |spp, seed| {
         devices(spp, 5, seed)

@@ -184,7 +184,7 @@ fn stated_errors_are_the_scatter() {
         ("photograph", intensities(&photograph), &drr),
         ("counts", intensities(&timed), &drr),
     ] {
-        let seeds = 400;
+        let seeds = 150;
         let (mut sum, mut squares) = (0.0, 0.0);
         let mut bias = vec![0.0; s.mean.data.len()];
         for seed in 0..seeds {

@@ -273,16 +273,18 @@ pub(super) mod tests {
     use crate::shape::synthetic::{Shape, rig};
 
     const COLUMNS: usize = 512;
+    /// Pixels along an edge of the camera image.
+    const SIDE: usize = 32;
 
     /// A sphere of diffuse glass. Direct light comes from one or two columns per pixel; other pixels are
     /// dark. In all light, the share `blurred` comes uniformly from 36 columns to the left and is not
     /// epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
-        let rig = rig(48, COLUMNS);
+        let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);
         let columns = shape.columns(&rig);
         let light = |blurred: f64| ColumnLight {
-            light: Map::from_fn(48, 48, COLUMNS, |x, y, out| {
+            light: Map::from_fn(SIDE, SIDE, COLUMNS, |x, y, out| {
                 let c = columns.at(x, y)[0] - 0.5;
                 if c.is_finite() {
                     let (first, part) = (c.floor() as usize, c.fract());
@@ -293,10 +295,10 @@ pub(super) mod tests {
             }),
         };
         let matrices = mueller(&rig.camera, &shape, 1.5, Reflection::Diffuse);
-        let mask = Map::from_fn(48, 48, 1, |x, y, o| {
+        let mask = Map::from_fn(SIDE, SIDE, 1, |x, y, o| {
             o[0] = f64::from(u8::from(shape.depth.at(x, y)[0].is_finite()));
         });
-        let matrices = Map::from_fn(48, 48, 16, |x, y, o| {
+        let matrices = Map::from_fn(SIDE, SIDE, 16, |x, y, o| {
             let known = mask.at(x, y)[0] != 0.0;
             o.iter_mut().zip(matrices.at(x, y)).for_each(|(o, m)| *o = if known { *m } else { 0.0 });
         });

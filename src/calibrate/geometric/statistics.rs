@@ -176,22 +176,22 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn errors_of_cameras_are_what_they_claim() {
-    hold("camera, 5 coefficients", &[camera(Model::Five)], 128, 0.05, true);
-    hold("camera, 8 coefficients", &[camera(Model::Eight)], 64, 0.05, false);
+    hold("camera, 5 coefficients", &[camera(Model::Five)], 32, 0.05, true);
+    hold("camera, 8 coefficients", &[camera(Model::Eight)], 16, 0.05, false);
     // The parameters of the rational model depend linearly on the noise only if it is very small. At 0.05
     // pixels, k1 and k4 vary together by 15 without a change of the image.
-    hold("camera, 8 coefficients, little noise", &[camera(Model::Eight)], 64, 5e-6, true);
+    hold("camera, 8 coefficients, little noise", &[camera(Model::Eight)], 16, 5e-6, true);
 }
 
 #[test]
-#[ignore = "half a minute; the gate runs it"]
+#[ignore = "slow: tools/check --all"]
 fn errors_of_projectors_are_what_they_claim() {
     let pair = |model| [camera(model), projector(model)];
-    hold("pair, 5 coefficients", &pair(Model::Five), 128, 0.05, true);
+    hold("pair, 5 coefficients", &pair(Model::Five), 32, 0.05, true);
     // At 0.05 pixels, one in a hundred rational projector lenses diverges to infinite coefficients and is
     // rejected; at 0.01 pixels one in several hundred. Leaving these out would bias the statistics, so the
     // noise is smaller instead.
-    hold("pair, 8 coefficients", &pair(Model::Eight), 128, 0.002, false);
+    hold("pair, 8 coefficients", &pair(Model::Eight), 32, 0.002, false);
 }
 
 #[test]

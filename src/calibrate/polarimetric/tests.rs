@@ -80,7 +80,7 @@ fn sample_along(
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_are_those_that_are_made() {
-    let count = repeats(128);
+    let count = repeats(32);
     for (array, what) in [(false, "intensities"), (true, "polarizer array")] {
         let nominal = Scheme::quad(24, array).expect("a scheme");
         let free = Parameter::all(&nominal);
@@ -214,7 +214,7 @@ fn dispersion_is_found_with_its_errors() {
         let found = calibrate(&samples, &Parameter::all(&nominal)).expect("a calibration");
         (real, values, found)
     };
-    let all: Vec<_> = (0..repeats(12)).into_par_iter().map(one).collect();
+    let all: Vec<_> = (0..repeats(4)).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
     for (_, values, found) in &all {
         assert!(found.untold.is_empty(), "{:?}", found.untold);

@@ -104,7 +104,7 @@ fn stated_errors_are_those_that_are_made() {
         let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");
         (camera, found)
     };
-    let all: Vec<(Camera, Radiometry)> = (0..repeats(256)).into_par_iter().map(one).collect();
+    let all: Vec<(Camera, Radiometry)> = (0..repeats(64)).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
     let (mut chi, mut freedom) = ([0.0; 2], [0.0; 2]);
     for (camera, found) in &all {

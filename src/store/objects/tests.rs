@@ -12,7 +12,7 @@ fn below(address: &str) -> Objects {
 }
 
 /// Long enough for a busy machine to renew the lock.
-const LEASE: Duration = Duration::from_secs(3);
+const LEASE: Duration = Duration::from_millis(1500);
 
 #[test]
 fn a_lock_has_one_holder_and_ends_with_it() {

@@ -177,7 +177,7 @@ fn instances_are_copies() {
     assert_eq!((one.copies(), two.copies()), ((40, 2), (0, 0)));
     let [mut hits, mut in_instances, mut apart, mut bends] = [0; 4];
     let mut kinds = [0; 9];
-    for _ in 0..200_000 {
+    for _ in 0..60_000 {
         let ray = from_around(&mut stream, 8.0);
         let (a, b) = (met(&one, &ray), met(&two, &ray));
         let (Some((ha, a)), Some((hb, b))) = (a, b) else {
@@ -218,9 +218,9 @@ fn instances_are_copies() {
         }
         assert!(one.occluded(&ray, ha.t * 1.001) && two.occluded(&ray, hb.t * 1.001));
     }
-    assert!(in_instances > 20_000 && bends > 10_000, "{in_instances} {bends}");
+    assert!(in_instances > 6000 && bends > 3000, "{in_instances} {bends}");
     assert!(apart < hits / 500, "{apart} of {hits}");
-    assert!(kinds.iter().all(|n| *n > 100), "{kinds:?}");
+    assert!(kinds.iter().all(|n| *n > 30), "{kinds:?}");
 }
 
 /// The generic code is bit-identical.

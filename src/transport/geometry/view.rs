@@ -220,9 +220,9 @@ mod tests {
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
         let g = room(&mut stream);
-        let [asked, spoken, free, firsts] = agree(&g, &mut stream, [256, 200]);
+        let [asked, spoken, free, firsts] = agree(&g, &mut stream, [256, 200], 30_000);
         assert!(spoken > asked / 2 && free > spoken / 4 && free < spoken, "{free} {spoken} {asked}");
-        assert!(firsts > 90_000, "{firsts}");
+        assert!(firsts > 27_000, "{firsts}");
     }
 
     /// The view also decides most points next to or in front of a large mesh.
@@ -231,20 +231,20 @@ mod tests {
         let mut stream = Stream::new(13, 0, 0);
         let g = waves();
         assert!(g.counts().0 > 1 << 16);
-        let [asked, spoken, free, firsts] = agree(&g, &mut stream, [32, 25]);
+        let [asked, spoken, free, firsts] = agree(&g, &mut stream, [32, 25], 100_000);
         assert!(spoken > asked / 100 && free > 500 && firsts > 500, "{free} {spoken} {asked} {firsts}");
     }
 
     /// Compares a view with rays. Returns the numbers of queries, decisions, unoccluded points and first
     /// hits.
-    fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2]) -> [u32; 4] {
+    fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2], rays: u32) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];
         for origin in [Vec3A::new(0.1, 0.2, 3.9), Vec3A::new(-1.5, 1.2, 2.5), Vec3A::new(0.4, -1.9, 1.9)] {
             let axes = Mat3A::from_quat(Quat::from_rotation_y(0.1 * origin.x))
                 * Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
             let view = View::new(g, origin, axes, [lo, hi], size).expect("a view");
-            for _ in 0..100_000 {
+            for _ in 0..rays {
                 // From random points in the room to the surfaces that rays hit.
                 let at = Vec3A::new(stream.uniform(), stream.uniform(), stream.uniform()) * 3.8 - 1.9;
                 let ray = Ray { origin: at, dir: warp::sphere(stream.uniform2()) };
@@ -267,7 +267,7 @@ mod tests {
                     assert_eq!(seen, !g.occluded(&back, to.length() * (1.0 - 1e-5)), "{hit:?} {local}");
                 }
             }
-            for _ in 0..50_000 {
+            for _ in 0..rays / 2 {
                 let [u, v] = stream.uniform2();
                 let d = lo + (hi - lo) * Vec2::new(u, v);
                 let ray = Ray { origin, dir: (axes * Vec3A::from(d.extend(1.0))).normalize() };

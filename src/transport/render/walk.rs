@@ -349,6 +349,7 @@ mod tests {
     /// Without absorption, the mean weight is one after any number of particles, and the mean cosine is gⁿ
     /// after n particles, for all guiding and splitting. Splitting more than halves the variance.
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn walks_count_for_one_however_they_part() {
         let (_, guide, _) = milk();
         let mut variances = [0.0; 2];
@@ -366,6 +367,7 @@ mod tests {
 
     /// The mean weight is one after hundreds of particles, which guiding in all events fails to show.
     #[test]
+    #[ignore = "slow: tools/check --all"]
     fn long_walks_count_for_one() {
         let (_, guide, _) = milk();
         let ([(mean, error), _], _) = means(4000, 200, Parting::All, &guide);

@@ -224,7 +224,7 @@ mod tests {
     fn boards_are_found_in_their_order() {
         let board = Board::new(7, 6, 0.03).unwrap();
         let d = device();
-        for (i, turn) in [0.0, 0.7, 1.6, 2.9, 4.0, 5.5].into_iter().enumerate() {
+        for (i, turn) in [0.0, 1.6, 4.0].into_iter().enumerate() {
             let middle = Pose::new([0.0; 3], [-0.09, -0.075, 0.0]);
             let tilt = Pose::new([0.0, 0.0, turn], [0.0; 3]);
             let pose =
@@ -261,13 +261,13 @@ mod tests {
     #[test]
     fn noise_is_no_board() {
         let mut x = 1_u32;
-        let values = (0..200 * 150)
+        let values = (0..120 * 90)
             .map(|_| {
                 x = x.wrapping_mul(1664525).wrapping_add(1013904223);
                 (x >> 24) as f32
             })
             .collect();
-        let image = Image::new(200, 150, values).unwrap();
+        let image = Image::new(120, 90, values).unwrap();
         assert!(find(&image, &Board::new(7, 6, 0.03).unwrap()).is_err());
     }
 }

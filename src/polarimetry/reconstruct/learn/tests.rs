@@ -188,6 +188,7 @@ fn the_closed_form_is_the_sampled_loss() {
 
 /// Learned angles reach the lower bound of all schemes: 1600/K, 440/K.
 #[test]
+#[ignore = "slow: tools/check --all"]
 fn learned_schemes_reach_the_bound() {
     let mut objective = objective(Estimator::LeastSquares, 0.0);
     objective.rays.truncate(1);
