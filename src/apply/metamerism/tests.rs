@@ -64,7 +64,7 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
 
 fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     let all = observations(d, 8);
-    let outcome = Metamerism.run(&all[..4], &all[4..]).expect("it runs");
+    let outcome = run(&all[..4], &all[4..]).expect("it runs");
     let mean = |name: &str| {
         let mine: Vec<f64> = outcome.scores.iter().filter(|s| s.method == name).map(|s| s.value).collect();
         mine.iter().sum::<f64>() / mine.len() as f64
@@ -131,17 +131,17 @@ fn without_fruit_it_says_so() {
     if let Some(map) = all[1].truth.get_mut("fake") {
         map.data.fill(0.0);
     }
-    assert!(matches!(Metamerism.run(&all[..1], &all[1..]), Err(ApplyError::Empty(_))));
-    assert!(matches!(Metamerism.run(&[], &all[..1]), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&all[..1], &all[1..]), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all[..1]), Err(ApplyError::Empty(_))));
 }
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
-    let task = Metamerism.task(&[]).expect("nothing to learn").expect("it is linear");
-    let names: Vec<&str> = Metamerism.methods().iter().map(|m| m.name).collect();
-    assert_eq!(task.method, names[0]);
+    let application = application();
+    let task = application.task.expect("it is linear")(&[]).expect("nothing to learn");
+    assert_eq!(task.method, application.methods[0].name);
     assert_eq!(task.baselines, ["RGB", "epipolar RGB", "degree of polarization"]);
-    assert!(Metamerism.plan().slices.contains(&task.slice));
+    assert!(application.plan.slices.contains(&task.slice));
     assert_eq!(task.functionals[0].iter().sum::<f64>(), -1.0);
 }

@@ -1,10 +1,10 @@
 //! Tests of the application with a known sphere.
 
-use super::application::{METHODS, METRICS, ShapeScan};
+use super::application::{self, METHODS, METRICS};
 use super::methods::tests::scene;
 use super::methods::{Inputs, Light, Method};
 use super::synthetic::Shape;
-use crate::application::{Application, Outcome};
+use crate::application::Outcome;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{Observation, Slice};
@@ -61,7 +61,7 @@ fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -
 fn run(elsewhere: f64) -> Outcome {
     let ((inputs, shape), (sprayed, _)) = (scene(elsewhere), scene(0.0));
     let of = |variant| observation(variant, &inputs, &sprayed, &shape);
-    ShapeScan.run(&[of(0)], &[of(1)]).expect("it runs")
+    application::run(&[of(0)], &[of(1)]).expect("it runs")
 }
 
 /// Without indirect light.
@@ -126,12 +126,12 @@ fn light_from_beside_is_found_where_it_is() {
 fn what_is_missing_is_said_and_names_are_the_methods() {
     let (inputs, shape) = scene(0.0);
     let whole = observation(0, &inputs, &inputs, &shape);
-    assert!(matches!(ShapeScan.run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
+    assert!(matches!(application::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
     let failed = |change: &dyn Fn(&mut Observation)| {
         let mut o = whole.clone();
         change(&mut o);
         let all = [o];
-        ShapeScan.run(&all, &all).expect_err("it lacks something")
+        application::run(&all, &all).expect_err("it lacks something")
     };
     let missing = failed(&|o| o.rig = None);
     assert!(missing.to_string().contains("calibrated rig"), "{missing}");

@@ -83,7 +83,7 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
 }
 
 fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
-    let outcome = Transient.run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
+    let outcome = run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
     move |method, metric| mean(&outcome.scores, method, metric)
 }
 
@@ -141,7 +141,7 @@ fn signs_are_learnt_from_training_variants_alone() {
     let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
     let bright = Differs { bright: 6.0, ..AS_IN_NATURE };
     let area = |train, test| {
-        let outcome = Transient.run(&observations(train, 0..3), &observations(test, 3..6)).expect("it runs");
+        let outcome = run(&observations(train, 0..3), &observations(test, 3..6)).expect("it runs");
         let s = outcome.scores.iter().find(|s| s.method == "transient intensity" && s.metric == INVERTING);
         s.expect("a score").value
     };
@@ -167,12 +167,12 @@ fn what_is_missing_is_named() {
     let all = observations(AS_IN_NATURE, 0..2);
     let mut lame = all[1].clone();
     lame.slices.remove(LABELLED);
-    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    let failed = run(&all[..1], &[lame]).expect_err("no labels");
     assert!(failed.to_string().contains("slice `labelled`"), "{failed}");
     let mut lame = all[1].clone();
     let labels = lame.slices.get_mut(LABELLED).expect("it");
     labels.mean = labels.mean.sum(AxisKind::Label);
-    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    let failed = run(&all[..1], &[lame]).expect_err("no labels");
     assert!(failed.to_string().contains("does not resolve labels"), "{failed}");
-    assert!(matches!(Transient.run(&[], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
 }

@@ -1,8 +1,8 @@
 //! Tests with a roof of two known faces over a striped ground.
 
+use super::METRICS;
 use super::predicted::Glass;
-use super::{CrystalFaces, METRICS};
-use crate::application::{Application, Outcome};
+use crate::application::Outcome;
 use crate::crystals::mineral::Mineral;
 use crate::error::ApplyError;
 use crate::isolation::tests::mean;
@@ -84,7 +84,7 @@ fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation
 }
 
 fn run(o: Observation) -> Outcome {
-    CrystalFaces.run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect("it runs")
+    super::run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect("it runs")
 }
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
@@ -124,7 +124,7 @@ fn what_is_missing_is_said() {
         let mut o = whole.clone();
         change(&mut o);
         let all = [o];
-        CrystalFaces.run(&all, &all).expect_err("it lacks something")
+        super::run(&all, &all).expect_err("it lacks something")
     };
     assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("roughness")).to_string().contains("roughness"));
