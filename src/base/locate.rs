@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A value with the byte range in the file from which it was read.
@@ -100,6 +100,19 @@ pub struct InputError {
 }
 
 impl InputError {
+    /// Returns an error in the text of a file, with advice how to fix it.
+    #[must_use]
+    pub fn new(
+        file: &Path,
+        text: impl Into<Arc<str>>,
+        span: Option<Range<usize>>,
+        message: impl Into<String>,
+        help: &str,
+    ) -> Self {
+        let (text, message) = (text.into(), message.into());
+        Self { file: file.to_owned(), text, span, message, help: Some(help.to_owned()) }
+    }
+
     /// Returns line and column of the error, both counted from 1; columns are in characters.
     #[must_use]
     pub fn line_column(&self) -> Option<(usize, usize)> {
