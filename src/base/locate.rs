@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A value with the byte range in the file from which it was read.
@@ -103,14 +103,14 @@ impl InputError {
     /// Returns an error in the text of a file, with advice how to fix it.
     #[must_use]
     pub fn new(
-        file: &Path,
+        file: impl Into<PathBuf>,
         text: impl Into<Arc<str>>,
         span: Option<Range<usize>>,
         message: impl Into<String>,
-        help: &str,
+        help: impl Into<String>,
     ) -> Self {
-        let (text, message) = (text.into(), message.into());
-        Self { file: file.to_owned(), text, span, message, help: Some(help.to_owned()) }
+        let (file, text, message) = (file.into(), text.into(), message.into());
+        Self { file, text, span, message, help: Some(help.into()) }
     }
 
     /// Returns line and column of the error, both counted from 1; columns are in characters.
