@@ -186,7 +186,22 @@ impl Pixels {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::application::Run;
     use tensor::axes::Axis;
+
+    /// Returns zeros with axes of these lengths, counted from 0.
+    pub(crate) fn zeros(name: &str, axes: impl IntoIterator<Item = (AxisKind, usize)>) -> Tensor {
+        let coords = |n: usize| (0..n).map(|i| i as f64).collect();
+        let axes = axes.into_iter().map(|(kind, n)| Axis { kind, coords: coords(n), chunk: n as u64 });
+        Tensor::zeros(name, axes.collect())
+    }
+
+    /// Returns the error of an application for an observation after a change.
+    pub(crate) fn failed(run: Run, whole: &Observation, change: &dyn Fn(&mut Observation)) -> ApplyError {
+        let mut o = whole.clone();
+        change(&mut o);
+        run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect_err("it lacks something")
+    }
 
     /// Returns a slice of matrices from a function of pixel, bin, element and wavelength, with errors
     /// `error`.
@@ -195,18 +210,10 @@ pub(crate) mod tests {
         error: f64,
         mut value: impl FnMut(usize, usize, usize, usize) -> f64,
     ) -> Slice {
-        let axis =
-            |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
-        let mut axes = vec![axis(AxisKind::Y, height), axis(AxisKind::X, width)];
-        if bins > 1 {
-            axes.push(axis(AxisKind::T, bins));
-        }
-        axes.extend([
-            axis(AxisKind::StokesOut, 4),
-            axis(AxisKind::StokesIn, 4),
-            axis(AxisKind::Wavelength, wavelengths),
-        ]);
-        let mut mean = Tensor::zeros("s", axes);
+        let times = (bins > 1).then_some((AxisKind::T, bins));
+        let matrix = [(AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4), (AxisKind::Wavelength, wavelengths)];
+        let pixels = [(AxisKind::Y, height), (AxisKind::X, width)];
+        let mut mean = zeros("s", pixels.into_iter().chain(times).chain(matrix));
         let mut error_of = mean.clone();
         for (i, v) in mean.data.iter_mut().enumerate() {
             let (lane, rest) = (i % wavelengths, i / wavelengths);

@@ -7,7 +7,7 @@ use crate::application::Outcome;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
-use crate::observation::tests::slice;
+use crate::observation::tests::{failed, slice};
 use crate::pinhole::{Pinhole, Rig};
 use nalgebra::{Matrix4, Vector3};
 use tensor::axes::AxisKind;
@@ -165,12 +165,7 @@ fn a_wrong_thickness_is_found() {
 fn what_is_missing_is_said() {
     let whole = observation(0, PLAIN);
     assert!(matches!(super::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
-    let failed = |change: &dyn Fn(&mut Observation)| {
-        let mut o = whole.clone();
-        change(&mut o);
-        let all = [o];
-        super::run(&all, &all).expect_err("it lacks something").to_string()
-    };
+    let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change).to_string();
     assert!(failed(&|o| o.rig = None).contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("thickness")).contains("thickness"));
     assert!(failed(&|o| _ = o.words.insert("mineral".into(), "salt".into())).contains("mineral"));

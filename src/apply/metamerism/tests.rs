@@ -1,6 +1,7 @@
 //! Tests with fruit that differs in one known way: each score detects only its own difference.
 
 use super::*;
+use crate::isolation::tests::{assert_only, mean};
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
@@ -65,10 +66,7 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
 fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     let all = observations(d, 8);
     let outcome = run(&all[..4], &all[4..]).expect("it runs");
-    let mean = |name: &str| {
-        let mine: Vec<f64> = outcome.scores.iter().filter(|s| s.method == name).map(|s| s.value).collect();
-        mine.iter().sum::<f64>() / mine.len() as f64
-    };
+    let mean = |name| mean(&outcome.scores, name, METRICS[0].name);
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
@@ -77,13 +75,7 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], tell: &[&str]) {
-    for (name, a) in table {
-        if tell.contains(name) {
-            assert!(*a > 0.9, "{name} {a} {table:?}");
-        } else {
-            assert!(NONE.contains(a), "{name} {a} {table:?}");
-        }
-    }
+    assert_only(table, tell, 0.9, &NONE);
 }
 
 #[test]

@@ -3,10 +3,9 @@
 use super::*;
 use crate::isolation::tests::mean;
 use crate::observation::Slice;
-use crate::observation::tests::slice;
+use crate::observation::tests::{slice, zeros};
 use crate::regression::least_squares::tests::{normal, random};
-use tensor::array::Tensor;
-use tensor::axes::{Axis, AxisKind};
+use tensor::axes::AxisKind;
 
 const SIZE: [usize; 2] = [18, 12];
 const BINS: usize = 6;
@@ -55,19 +54,15 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
                 bright[p * BINS + bin] * share + 0.02 * normal(&mut r)
             });
             o.slices.insert(TRANSIENT.into(), seen);
-            let axis =
-                |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
-            let mut mean = Tensor::zeros(
-                "labelled",
-                vec![
-                    axis(AxisKind::Y, SIZE[1]),
-                    axis(AxisKind::X, SIZE[0]),
-                    axis(AxisKind::T, BINS),
-                    axis(AxisKind::Bounces, BOUNCES),
-                    axis(AxisKind::Label, 16),
-                    axis(AxisKind::Wavelength, 1),
-                ],
-            );
+            let axes = [
+                (AxisKind::Y, SIZE[1]),
+                (AxisKind::X, SIZE[0]),
+                (AxisKind::T, BINS),
+                (AxisKind::Bounces, BOUNCES),
+                (AxisKind::Label, 16),
+                (AxisKind::Wavelength, 1),
+            ];
+            let mut mean = zeros("labelled", axes);
             for (place, b) in bright.iter().enumerate() {
                 // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by
                 // facets (4).

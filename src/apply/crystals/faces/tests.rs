@@ -8,7 +8,7 @@ use crate::error::ApplyError;
 use crate::isolation::tests::mean;
 use crate::map::Map;
 use crate::observation::Observation;
-use crate::observation::tests::slice;
+use crate::observation::tests::{failed, slice};
 use crate::paths::Path;
 use crate::paths::tests::labelled;
 use crate::pinhole::{Pinhole, Rig};
@@ -120,12 +120,7 @@ fn wrong_normals_and_dull_faces_are_found() {
 #[test]
 fn what_is_missing_is_said() {
     let whole = observation(4, [8.0; 2], 1.0);
-    let failed = |change: &dyn Fn(&mut Observation)| {
-        let mut o = whole.clone();
-        change(&mut o);
-        let all = [o];
-        super::run(&all, &all).expect_err("it lacks something")
-    };
+    let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change);
     assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("roughness")).to_string().contains("roughness"));
     assert!(failed(&|o| drop(o.slices.remove("paths"))).to_string().contains("paths"));
