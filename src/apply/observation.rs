@@ -82,10 +82,7 @@ impl Observation {
             return Err(axis("whole Mueller matrices"));
         }
         if t.axes != slice.error.axes || t.data.len() != slice.error.data.len() {
-            return Err(ApplyError::Sizes {
-                variant: self.variant,
-                what: format!("means and errors of slice `{name}`"),
-            });
+            return Err(self.sizes(format!("means and errors of slice `{name}`")));
         }
         let mut pixels = Pixels {
             width: t.extent(AxisKind::X),
@@ -119,8 +116,29 @@ impl Observation {
         Ok(pixels)
     }
 
-    fn missing(&self, what: &'static str, name: &str) -> ApplyError {
+    /// Returns the calibrated camera and projector.
+    pub(crate) fn rig(&self) -> Result<&Rig, ApplyError> {
+        self.rig.as_ref().ok_or_else(|| self.missing("calibrated rig", "camera and projector"))
+    }
+
+    /// Returns a numeric scene parameter.
+    pub(crate) fn value(&self, name: &str) -> Result<f64, ApplyError> {
+        self.values.get(name).copied().ok_or_else(|| self.missing("value of the parameter", name))
+    }
+
+    pub(crate) fn missing(&self, what: &'static str, name: &str) -> ApplyError {
         ApplyError::Missing { variant: self.variant, what, name: name.to_owned() }
+    }
+
+    pub(crate) fn sizes(&self, what: impl Into<String>) -> ApplyError {
+        ApplyError::Sizes { variant: self.variant, what: what.into() }
+    }
+
+    /// Returns the error of a variant without a pixel that shows only `what`.
+    pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
+        let variant = self.variant;
+        let cause = format!("variant {variant} has no pixel that shows {what}");
+        ApplyError::Empty(cause + "; render it at a higher resolution")
     }
 }
 

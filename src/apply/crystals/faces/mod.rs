@@ -138,13 +138,10 @@ struct Seen {
 
 impl Seen {
     fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let missing = |what, name: &str| ApplyError::Missing { variant: o.variant, what, name: name.into() };
-        let rig = o.rig.as_ref();
-        let rig = rig.ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
-        let alpha = o.values.get("roughness").copied();
+        let rig = o.rig()?;
         let glass = Glass {
             index: Mineral::Quartz.indices(MIDDLE).iter().sum::<f64>() / 2.0,
-            alpha: alpha.ok_or_else(|| missing("value of the parameter", "roughness"))?,
+            alpha: o.value("roughness")?,
         };
         let (all, epipolar) = (o.pixels("polarimetric", true)?, o.pixels("epipolar", true)?);
         let paths = Paths::read(o, "paths")?;
@@ -157,10 +154,7 @@ impl Seen {
                 .all(|(m, channels)| ([m.width, m.height], m.channels) == (size, *channels))
             && [paths.width, paths.height] == size;
         if !equal {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: "the camera, slices and truth".into(),
-            });
+            return Err(o.sizes("the camera, slices and truth"));
         }
         let vector = |m: &Map, i: usize| Vector3::from_column_slice(&m.data[3 * i..3 * i + 3]);
         let count = size[0] * size[1];
@@ -169,10 +163,7 @@ impl Seen {
             (0..count).map(|i| share.data[i] >= WHOLE && normal[i].iter().all(|x| x.is_finite())).collect();
         let faces = of_one_face(size, &is_face, &normal);
         if faces.is_empty() {
-            return Err(ApplyError::Empty(format!(
-                "variant {} has no pixel that shows a single face of the crystal; render it at a higher resolution",
-                o.variant
-            )));
+            return Err(o.no_pixel("a single face of the crystal"));
         }
         let mut predicted = vec![0.0; count];
         for i in (0..count).filter(|i| is_face[*i]) {
