@@ -18,14 +18,15 @@ use sunstone::studio::StudioError;
 /// Return the descriptions of all applications as JSON: a list in the paper's order.
 #[pyfunction]
 pub fn applications_json() -> String {
-    let of = |a: Box<dyn Application>| {
-        let plan = a.plan();
-        let methods = a.methods().into_iter().map(|m| json!({"name": m.name, "source": m.source}));
-        let metrics = a.metrics().into_iter();
-        let metrics =
-            metrics.map(|m| json!({"name": m.name, "unit": m.unit, "more_is_better": m.more_is_better}));
+    let of = |a: Application| {
+        let plan = &a.plan;
+        let methods = a.methods.iter().map(|m| json!({"name": m.name, "source": m.source}));
+        let metrics = a
+            .metrics
+            .iter()
+            .map(|m| json!({"name": m.name, "unit": m.unit, "more_is_better": m.more_is_better}));
         json!({
-            "name": a.name(), "shows": a.shows(), "scene": plan.scene, "train": plan.train, "test": plan.test,
+            "name": a.name, "shows": a.shows, "scene": plan.scene, "train": plan.train, "test": plan.test,
             "methods": methods.collect::<Vec<_>>(), "metrics": metrics.collect::<Vec<_>>(),
             "preview": {"pixels": plan.preview.pixels, "spp": plan.preview.spp},
             "full": {"pixels": plan.full.pixels, "spp": plan.full.spp},
@@ -63,10 +64,10 @@ pub fn run_application<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyList>)> {
     let application = catalog::find(&asked.name).ok_or_else(|| {
-        let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
+        let known: Vec<&str> = catalog::all().iter().map(|a| a.name).collect();
         input(format!("name: unknown application `{}`; available: {}", asked.name, known.join(", ")))
     })?;
-    let plan = application.plan();
+    let plan = &application.plan;
     if asked.chain.is_some() && plan.slices.is_empty() {
         bail!("capture: `{}` captures its own input; remove this argument", asked.name);
     }
@@ -89,8 +90,8 @@ pub fn run_application<'py>(
     let settings =
         Settings { scenes, renders: asked.renders, preview: asked.preview, seeds: asked.seeds, links };
     let output = asked.output.as_deref();
-    let report = watched(py, progress, |watch| run(&*application, &settings, output, watch))??;
-    let text = report::document(&*application, &report).to_string();
+    let report = watched(py, progress, |watch| run(&application, &settings, output, watch))??;
+    let text = report::document(&application, &report).to_string();
     let pictures = PyList::empty(py);
     for picture in report.first.pictures {
         let map = picture.map;
@@ -106,7 +107,7 @@ pub fn run_application<'py>(
 }
 
 fn run(
-    application: &dyn Application,
+    application: &Application,
     settings: &Settings,
     output: Option<&Path>,
     watch: &dyn sunstone::Watch,

@@ -10,42 +10,27 @@ use crate::map::Map;
 use crate::observation::Observation;
 
 /// An application of the tensor, with the published methods for the same task.
-pub trait Application: Send + Sync {
-    /// Returns the name on the command line, one word.
-    fn name(&self) -> &'static str;
-
-    /// Returns what the application shows, a sentence.
-    fn shows(&self) -> &'static str;
-
-    /// Returns the scenes, slices and sizes that it needs.
-    fn plan(&self) -> Plan;
-
-    /// Returns all methods. The first is compared with the others.
-    fn methods(&self) -> Vec<Method>;
-
-    /// Returns the names of pictures other than methods and truths, such as elements that are drawn directly.
-    fn drawn(&self) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    /// Returns all metrics. The first is the main metric.
-    fn metrics(&self) -> Vec<Metric>;
-
-    /// Fits every method on `train` and tests it on `test`, the observations of one seed each.
-    ///
-    /// # Errors
-    /// [`ApplyError`].
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError>;
-
-    /// Returns the task of the first method if it computes a few linear functionals of Mueller matrices,
-    /// learned from `train`. Captures can then be optimized for it.
-    ///
-    /// # Errors
-    /// [`ApplyError`].
-    fn task(&self, _train: &[Observation]) -> Result<Option<Task>, ApplyError> {
-        Ok(None)
-    }
+#[derive(Clone, Debug)]
+pub struct Application {
+    /// Name on the command line, one word.
+    pub name: &'static str,
+    /// What the application shows, a sentence.
+    pub shows: &'static str,
+    pub plan: Plan,
+    /// All methods. The first is compared with the others.
+    pub methods: Vec<Method>,
+    /// Names of pictures other than methods and truths, such as elements that are drawn directly.
+    pub drawn: Vec<&'static str>,
+    /// All metrics. The first is the main metric.
+    pub metrics: Vec<Metric>,
+    pub run: Run,
+    /// Returns the task of the first method, learned from training observations, if it computes a few linear
+    /// functionals of Mueller matrices. Captures can then be optimized for it.
+    pub task: Option<fn(&[Observation]) -> Result<Task, ApplyError>>,
 }
+
+/// Fits every method on the first observations and tests it on the second, those of one seed each.
+pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>;
 
 /// The renders that an application needs.
 #[derive(Clone, Debug)]

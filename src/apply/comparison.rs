@@ -36,16 +36,16 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
 /// Returns the rows of all methods and metrics from scores with their seeds: metrics one after the other,
 /// methods in their order.
 #[must_use]
-pub fn compare(application: &dyn Application, scores: &[(u64, Score)]) -> Vec<Row> {
-    let methods = application.methods();
+pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
+    let methods = &application.methods;
     let mut rows = vec![];
-    for metric in application.metrics() {
+    for metric in application.metrics.iter().copied() {
         let table = |method: &Method| table(scores, method.name, metric.name);
         let Some(first) = methods.first() else {
             continue;
         };
         let ours = table(first);
-        for method in &methods {
+        for method in methods {
             let theirs = table(method);
             rows.push(Row {
                 method: *method,

@@ -82,10 +82,7 @@ impl Observation {
             return Err(axis("whole Mueller matrices"));
         }
         if t.axes != slice.error.axes || t.data.len() != slice.error.data.len() {
-            return Err(ApplyError::Sizes {
-                variant: self.variant,
-                what: format!("means and errors of slice `{name}`"),
-            });
+            return Err(self.sizes(format!("means and errors of slice `{name}`")));
         }
         let mut pixels = Pixels {
             width: t.extent(AxisKind::X),
@@ -119,8 +116,29 @@ impl Observation {
         Ok(pixels)
     }
 
-    fn missing(&self, what: &'static str, name: &str) -> ApplyError {
+    /// Returns the calibrated camera and projector.
+    pub(crate) fn rig(&self) -> Result<&Rig, ApplyError> {
+        self.rig.as_ref().ok_or_else(|| self.missing("calibrated rig", "camera and projector"))
+    }
+
+    /// Returns a numeric scene parameter.
+    pub(crate) fn value(&self, name: &str) -> Result<f64, ApplyError> {
+        self.values.get(name).copied().ok_or_else(|| self.missing("value of the parameter", name))
+    }
+
+    pub(crate) fn missing(&self, what: &'static str, name: &str) -> ApplyError {
         ApplyError::Missing { variant: self.variant, what, name: name.to_owned() }
+    }
+
+    pub(crate) fn sizes(&self, what: impl Into<String>) -> ApplyError {
+        ApplyError::Sizes { variant: self.variant, what: what.into() }
+    }
+
+    /// Returns the error of a variant without a pixel that shows only `what`.
+    pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
+        let variant = self.variant;
+        let cause = format!("variant {variant} has no pixel that shows {what}");
+        ApplyError::Empty(cause + "; render it at a higher resolution")
     }
 }
 
@@ -186,7 +204,22 @@ impl Pixels {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::application::Run;
     use tensor::axes::Axis;
+
+    /// Returns zeros with axes of these lengths, counted from 0.
+    pub(crate) fn zeros(name: &str, axes: impl IntoIterator<Item = (AxisKind, usize)>) -> Tensor {
+        let coords = |n: usize| (0..n).map(|i| i as f64).collect();
+        let axes = axes.into_iter().map(|(kind, n)| Axis { kind, coords: coords(n), chunk: n as u64 });
+        Tensor::zeros(name, axes.collect())
+    }
+
+    /// Returns the error of an application for an observation after a change.
+    pub(crate) fn failed(run: Run, whole: &Observation, change: &dyn Fn(&mut Observation)) -> ApplyError {
+        let mut o = whole.clone();
+        change(&mut o);
+        run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect_err("it lacks something")
+    }
 
     /// Returns a slice of matrices from a function of pixel, bin, element and wavelength, with errors
     /// `error`.
@@ -195,18 +228,10 @@ pub(crate) mod tests {
         error: f64,
         mut value: impl FnMut(usize, usize, usize, usize) -> f64,
     ) -> Slice {
-        let axis =
-            |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
-        let mut axes = vec![axis(AxisKind::Y, height), axis(AxisKind::X, width)];
-        if bins > 1 {
-            axes.push(axis(AxisKind::T, bins));
-        }
-        axes.extend([
-            axis(AxisKind::StokesOut, 4),
-            axis(AxisKind::StokesIn, 4),
-            axis(AxisKind::Wavelength, wavelengths),
-        ]);
-        let mut mean = Tensor::zeros("s", axes);
+        let times = (bins > 1).then_some((AxisKind::T, bins));
+        let matrix = [(AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4), (AxisKind::Wavelength, wavelengths)];
+        let pixels = [(AxisKind::Y, height), (AxisKind::X, width)];
+        let mut mean = zeros("s", pixels.into_iter().chain(times).chain(matrix));
         let mut error_of = mean.clone();
         for (i, v) in mean.data.iter_mut().enumerate() {
             let (lane, rest) = (i % wavelengths, i / wavelengths);

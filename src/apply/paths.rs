@@ -157,7 +157,7 @@ impl Paths {
 pub(crate) mod tests {
     use super::*;
     use crate::observation::Slice;
-    use tensor::axes::Axis;
+    use crate::observation::tests::zeros;
 
     /// Returns a slice of light by path from a function of pixel and path.
     pub(crate) fn labelled(
@@ -166,16 +166,14 @@ pub(crate) mod tests {
         wavelengths: usize,
         mut light: impl FnMut(usize, Path) -> f64,
     ) -> Slice {
-        let axis =
-            |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
-        let axes = vec![
-            axis(AxisKind::Y, height),
-            axis(AxisKind::X, width),
-            axis(AxisKind::Bounces, max_bounces),
-            axis(AxisKind::Label, 16),
-            axis(AxisKind::Wavelength, wavelengths),
+        let axes = [
+            (AxisKind::Y, height),
+            (AxisKind::X, width),
+            (AxisKind::Bounces, max_bounces),
+            (AxisKind::Label, 16),
+            (AxisKind::Wavelength, wavelengths),
         ];
-        let mut mean = Tensor::zeros("paths", axes);
+        let mut mean = zeros("paths", axes);
         for (i, v) in mean.data.iter_mut().enumerate() {
             let rest = i / wavelengths;
             let path = Path { label: (rest % 16) as u8, bounces: (rest / 16 % max_bounces) as u32 };

@@ -157,13 +157,7 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
             if kept.is_empty() {
                 continue;
             }
-            toml::to_string(&kept).map_err(|e| InputError {
-                file: path.to_owned(),
-                text: old.into(),
-                span: None,
-                message: e.to_string(),
-                help: Some(fix.to_owned()),
-            })?
+            toml::to_string(&kept).map_err(|e| InputError::new(path, old, None, e.to_string(), fix))?
         };
         out.push_str(section.trim_end());
         out.push_str("\n\n");

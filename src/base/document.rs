@@ -13,13 +13,8 @@ use toml::de::DeTable;
 /// # Errors
 /// [`InputError`] without a location, if the file cannot be read.
 pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
-    input::read_text(path).map_err(|e| InputError {
-        file: path.to_owned(),
-        text: "".into(),
-        span: None,
-        message: format!("cannot read the {what}: {e}"),
-        help: Some(fix.to_owned()),
-    })
+    input::read_text(path)
+        .map_err(|e| InputError::new(path, "", None, format!("cannot read the {what}: {e}"), fix))
 }
 
 /// Parses a document; `fix` returns the advice for an error message.
@@ -60,12 +55,7 @@ fn fault<T>(
         if e.message().contains(tables::WANTED) {
             help = format!("use a table of named values, such as {{ name = value }}; {help}");
         }
-        InputError {
-            file: path.to_owned(),
-            text: text.into(),
-            span: e.span(),
-            message: e.message().lines().collect::<Vec<_>>().join("; "),
-            help: Some(help),
-        }
+        let message = e.message().lines().collect::<Vec<_>>().join("; ");
+        InputError::new(path, text, e.span(), message, help)
     })
 }

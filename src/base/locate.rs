@@ -100,6 +100,19 @@ pub struct InputError {
 }
 
 impl InputError {
+    /// Returns an error in the text of a file, with advice how to fix it.
+    #[must_use]
+    pub fn new(
+        file: impl Into<PathBuf>,
+        text: impl Into<Arc<str>>,
+        span: Option<Range<usize>>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        let (file, text, message) = (file.into(), text.into(), message.into());
+        Self { file, text, span, message, help: Some(help.into()) }
+    }
+
     /// Returns line and column of the error, both counted from 1; columns are in characters.
     #[must_use]
     pub fn line_column(&self) -> Option<(usize, usize)> {

@@ -58,21 +58,21 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.name == "list" {
         let all = catalog::all();
-        let longest = all.iter().map(|a| a.name().len()).max().unwrap_or(0);
-        let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name(), a.shows())).collect();
+        let longest = all.iter().map(|a| a.name.len()).max().unwrap_or(0);
+        let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name, a.shows)).collect();
         return print(&lines.join("\n"));
     }
     let application = catalog::find(&a.name).ok_or_else(|| {
-        let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
+        let known: Vec<&str> = catalog::all().iter().map(|a| a.name).collect();
         Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
     })?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
         bail!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds);
     }
-    if a.capture.is_some() && application.plan().slices.is_empty() {
+    if a.capture.is_some() && application.plan.slices.is_empty() {
         bail!("`{}` captures its own input; remove --capture", a.name);
     }
-    let scene = application.plan().scene;
+    let scene = application.plan.scene;
     let scenes = match &a.scenes {
         Some(folder) => folder.clone(),
         None => applications::find_scenes(Path::new("."), scene)
@@ -122,21 +122,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::outside_stores([&folder, &settings.renders])?;
     let progress = Progress::start();
     // Open one variant first, so that a missing or invalid scene file leaves no empty folder behind.
-    Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;
+    Studio::open(&file, &settings.renders, &progress)?.variant(application.plan.train.first().copied())?;
     make_renders(&settings.renders)?;
-    let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
+    let done = applications::run(&application, &settings, &progress).map_err(|e| match (e, &a.capture) {
         // Errors of the capture are errors in the chain file, so the message names that file.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
             Failure::input(format!("{}: {e}", chain.display()))
         }
         (e, _) => failure(e),
     })?;
-    report::write(&*application, &done, &settings, &folder).map_err(|e| match e {
+    report::write(&application, &done, &settings, &folder).map_err(|e| match e {
         ReportError::Write { .. } => Failure::failed(e),
         ReportError::Figure(_) => Failure::failed(e),
     })?;
-    let mut text = table(&*application, &done, &settings.links);
-    for verdict in report::verdicts(&*application, &done, &settings.links) {
+    let mut text = table(&application, &done, &settings.links);
+    for verdict in report::verdicts(&application, &done, &settings.links) {
         let _ = writeln!(text, "{verdict}");
     }
     let _ = write!(text, "{}: tables and pictures ({} new renders)", folder.display(), done.rendered);
@@ -173,12 +173,12 @@ impl From<StudioError> for Failure {
 }
 
 /// Formats the report as a text table.
-fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
-    let plan = application.plan();
+fn table(application: &Application, r: &Report, links: &Links) -> String {
+    let plan = &application.plan;
     let mut out = format!(
         "{}: {}\n{} training variants, {} test variants, {} seeds; {} pixels wide, {} samples per pixel\n",
-        application.name(),
-        application.shows(),
+        application.name,
+        application.shows,
         plan.train.len(),
         plan.test.len(),
         r.seeds,
@@ -186,7 +186,7 @@ fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
         r.size.spp
     );
     rows(&mut out, &r.rows, None);
-    let first = application.metrics().first().copied();
+    let first = application.metrics.first().copied();
     for through in &r.through {
         let share = 100.0 * through.count.clipped as f64 / through.count.pixels.max(1) as f64;
         let clipped = if through.count.clipped > 0 {

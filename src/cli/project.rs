@@ -84,13 +84,8 @@ fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
             // Names of columns.
             [] if first => {}
             _ => {
-                return Err(InputError {
-                    file: path.to_owned(),
-                    text: text.as_str().into(),
-                    span: Some(span),
-                    message: format!("expected x,y,z, got `{}`", line.trim()),
-                    help: Some(fix.into()),
-                });
+                let message = format!("expected x,y,z, got `{}`", line.trim());
+                return Err(InputError::new(path, text.as_str(), Some(span), message, fix));
             }
         }
         first = false;

@@ -24,12 +24,8 @@ struct Figures {
 pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
     let file: Figures =
         document::parse(path, text, |_| "`sunstone schema` describes figures under [[figures]]".to_owned())?;
-    let error = |figure: &Located<Figure>, message: String, help: String| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: Some(figure.span()),
-        message,
-        help: Some(help),
+    let error = |figure: &Located<Figure>, message: String, help: String| {
+        InputError::new(path, text, Some(figure.span()), message, help)
     };
     for (i, figure) in file.figures.iter().enumerate() {
         let (name, slice) = (&figure.name, figure.view.slice());

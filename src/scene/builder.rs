@@ -302,13 +302,7 @@ impl SceneBuilder {
 
 /// Returns an error located at an argument.
 fn fault(place: &str, message: String, fix: &str) -> InputError {
-    InputError {
-        file: format!("{IN_CODE}: {place}").into(),
-        text: "".into(),
-        span: None,
-        message,
-        help: Some(fix.to_owned()),
-    }
+    InputError::new(format!("{IN_CODE}: {place}"), "", None, message, fix)
 }
 
 /// Returns the key path of a byte of a scene's text, such as `objects[1].shape.ply.file`. List indices start

@@ -88,7 +88,7 @@ pub struct Report {
 /// # Errors
 /// [`ApplicationError`].
 pub fn run(
-    application: &dyn Application,
+    application: &Application,
     settings: &Settings,
     watch: &dyn Watch,
 ) -> Result<Report, ApplicationError> {
@@ -97,7 +97,7 @@ pub fn run(
 
 /// An application with its settings and data.
 pub struct Run<'a> {
-    application: &'a dyn Application,
+    application: &'a Application,
     settings: &'a Settings,
     watch: &'a dyn Watch,
     observer: Observer<'a>,
@@ -109,14 +109,14 @@ impl<'a> Run<'a> {
     /// # Errors
     /// [`ApplicationError::Seeds`]; [`ApplicationError::Studio`] if the scene file cannot be read.
     pub fn new(
-        application: &'a dyn Application,
+        application: &'a Application,
         settings: &'a Settings,
         watch: &'a dyn Watch,
     ) -> Result<Self, ApplicationError> {
         if !(1..=MOST_SEEDS).contains(&settings.seeds) {
             return Err(ApplicationError::Seeds(settings.seeds));
         }
-        let plan = application.plan();
+        let plan = application.plan.clone();
         let size = if settings.preview { plan.preview } else { plan.full };
         let path = settings.scenes.join(plan.scene);
         Ok(Self {
@@ -142,7 +142,7 @@ impl<'a> Run<'a> {
     pub fn inputs(&mut self) -> Result<String, ApplicationError> {
         let Self { application, settings, observer, .. } = self;
         let Size { pixels, spp } = observer.size;
-        let (name, seeds) = (application.name(), settings.seeds);
+        let (name, seeds) = (application.name, settings.seeds);
         let mut out = format!("{name}, {pixels} pixels, {spp} samples, seeds 1 to {seeds}\n");
         let variants = [&observer.plan.train[..], &observer.plan.test].concat();
         for number in variants {
@@ -185,7 +185,7 @@ impl<'a> Run<'a> {
                 variants.iter().map(|v| observer.observe(*v, seed)).collect()
             };
             let (train, test) = (all(&train)?, all(&test)?);
-            let outcome = application.run(&train, &test)?;
+            let outcome = (application.run)(&train, &test)?;
             links::capture(application, &settings.links, &train, &test, watch, &mut through)?;
             scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
             first.get_or_insert(outcome);

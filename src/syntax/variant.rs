@@ -43,13 +43,7 @@ pub struct Variant {
 pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
     let file = SceneFile::read(path, text)?;
     let vary = Vary::new(path, text, &file)?;
-    let fault = |message: String, help: &str| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: None,
-        message,
-        help: Some(help.to_owned()),
-    };
+    let fault = |message: String, help: &str| InputError::new(path, text, None, message, help);
     if file.vary.is_empty() {
         return Err(fault(
             format!("variant {number} does not exist: the scene has no [vary] table"),
@@ -102,13 +96,7 @@ impl<'a> Vary<'a> {
     }
 
     fn error(&self, span: Range<usize>, message: String, help: impl Into<String>) -> InputError {
-        InputError {
-            file: self.path.to_owned(),
-            text: self.text.into(),
-            span: Some(span),
-            message,
-            help: Some(help.into()),
-        }
+        InputError::new(self.path, self.text, Some(span), message, help)
     }
 
     fn document(&self) -> Result<DeTable<'a>, InputError> {

@@ -107,7 +107,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
 fn scenes_of_applications_have_their_variants() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     for application in catalog::all() {
-        let plan = application.plan();
+        let plan = &application.plan;
         let path = root.join(plan.scene);
         let text = scene::read(&path).expect("a scene file");
         let mut hashes = std::collections::BTreeSet::new();
@@ -136,7 +136,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     let at = folder.path();
     let listed = stdout(&run(at, &["apply", "list"], 0));
     for application in catalog::all() {
-        assert!(listed.contains(application.name()), "{listed}");
+        assert!(listed.contains(application.name), "{listed}");
     }
     assert!(stderr(&run(at, &["apply", "alchemy"], 2)).contains("metamerism"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--preview"], 2)).contains("--scenes"));

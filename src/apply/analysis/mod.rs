@@ -8,15 +8,12 @@
 
 mod scanlines;
 
-use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
+use crate::application::{Application, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::isolation::seen::Sight;
 use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
 use crate::observation::Observation;
 use crate::paths::Path;
-
-#[derive(Clone, Copy, Debug)]
-pub struct Analysis;
 
 const fn slicing(name: &'static str, source: &'static str, dimensions: [bool; 3]) -> Isolation {
     let [space, time, polarization] = dimensions;
@@ -41,17 +38,11 @@ const TASKS: [Task; 5] = [
     task!("several specular", Path::multi_specular, 0.2),
 ];
 
-impl Application for Analysis {
-    fn name(&self) -> &'static str {
-        "analysis"
-    }
-
-    fn shows(&self) -> &'static str {
-        "what space, time and polarization reveal about matt, mirrored, single and multiple reflections (Fig. 2, 3)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
+pub(crate) fn application() -> Application {
+    Application {
+        name: "analysis",
+        shows: "what space, time and polarization reveal about matt, mirrored, single and multiple reflections (Fig. 2, 3)",
+        plan: Plan {
             scene: "mirror_room/variants.toml",
             train: (0..3).collect(),
             // Variants 3 to 9 were used to define the tasks and metrics.
@@ -60,28 +51,21 @@ impl Application for Analysis {
             truth: vec![Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 16 }],
             preview: Size { pixels: 64, spp: 32 },
             full: Size { pixels: 128, spp: 128 },
-        }
+        },
+        methods: METHODS.iter().map(|m| m.method).collect(),
+        drawn: scanlines::elements().collect(),
+        metrics: metrics_of(&TASKS),
+        run,
+        task: None,
     }
+}
 
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let mut outcome = isolation::run(&TASKS, &METHODS, Sight::SpaceAndTime, train, test)?;
+    if let Some(shown) = test.first() {
+        outcome.pictures.extend(scanlines::pictures(shown)?);
     }
-
-    fn drawn(&self) -> Vec<&'static str> {
-        scanlines::elements().collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        metrics_of(&TASKS)
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let mut outcome = isolation::run(&TASKS, &METHODS, Sight::SpaceAndTime, train, test)?;
-        if let Some(shown) = test.first() {
-            outcome.pictures.extend(scanlines::pictures(shown)?);
-        }
-        Ok(outcome)
-    }
+    Ok(outcome)
 }
 
 #[cfg(test)]

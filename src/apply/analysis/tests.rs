@@ -42,10 +42,10 @@ fn room(kinds: &[Kind]) -> Vec<Observation> {
 #[ignore = "slow: tools/check --all"]
 fn dimensions_tell_what_they_can() {
     let all = room(&kinds());
-    let outcome = Analysis.run(&all[..3], &all[3..]).expect("it runs");
+    let outcome = run(&all[..3], &all[3..]).expect("it runs");
     let area = |method, task: &str| mean(&outcome.scores, method, &format!("{task}: area"));
     for m in METHODS {
-        for metric in Analysis.metrics() {
+        for metric in metrics_of(&TASKS) {
             assert!(
                 mean(&outcome.scores, m.method.name, metric.name).is_finite(),
                 "{} {}",
@@ -76,8 +76,8 @@ fn dimensions_tell_what_they_can() {
     let names: Vec<&str> = outcome.pictures.iter().map(|p| p.name).collect();
     assert!(names.contains(&"s-s' scanline") && names.contains(&"x-t scanline"));
     // Figure files name pictures by methods, by drawn elements, and by names that begin with truth.
-    let methods: Vec<&str> = Analysis.methods().iter().map(|m| m.name).collect();
-    let known = |m: &str| m.starts_with("truth") || methods.contains(&m) || Analysis.drawn().contains(&m);
+    let Application { methods, drawn, .. } = application();
+    let known = |m: &str| m.starts_with("truth") || methods.iter().any(|k| k.name == m) || drawn.contains(&m);
     assert!(outcome.pictures.iter().all(|p| known(p.method)));
 }
 
@@ -86,5 +86,5 @@ fn dimensions_tell_what_they_can() {
 fn scanlines_want_their_axes() {
     let mut all = room(&kinds());
     all[3].slices.insert(scanlines::SPACE.into(), slice([4, 1, 1, 1], 0.0, |_, _, _, _| 0.0));
-    assert!(matches!(Analysis.run(&all[..3], &all[3..]), Err(ApplyError::Axis { .. })));
+    assert!(matches!(run(&all[..3], &all[3..]), Err(ApplyError::Axis { .. })));
 }

@@ -159,12 +159,8 @@ pub fn load(path: &Path) -> Result<Chain, InputError> {
 /// As [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let file: ChainFile = document::parse(path, text, |_| FIX.to_owned())?;
-    let fault = |span: Range<usize>, message: String, fix: &str| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: Some(span),
-        message,
-        help: Some(fix.to_owned()),
+    let fault = |span: Range<usize>, message: String, fix: &str| {
+        InputError::new(path, text, Some(span), message, fix)
     };
     let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
     let nominal = match &*file.scheme {

@@ -22,9 +22,6 @@ use predicted::{MIDDLE, folded, order};
 use rayon::prelude::*;
 use seen::{Probe, Seen};
 
-#[derive(Clone, Copy, Debug)]
-pub struct Crystals;
-
 const METRICS: [Metric; 5] = [
     Metric::new("retardance, median error", "deg", false),
     Metric::new("retardance, mean error", "deg", false),
@@ -60,18 +57,12 @@ fn without(variant: u64) -> u64 {
     variant + 1
 }
 
-impl Application for Crystals {
-    fn name(&self) -> &'static str {
-        "crystals"
-    }
-
-    fn shows(&self) -> &'static str {
-        "retardance of quartz and calcite from decompositions of epipolar and other light, compared with theory (Fig. 7)"
-    }
-
-    fn plan(&self) -> Plan {
-        let layer = |name, layer, through| Truth::Layer { name, layer, through };
-        Plan {
+pub(crate) fn application() -> Application {
+    let layer = |name, layer, through| Truth::Layer { name, layer, through };
+    Application {
+        name: "crystals",
+        shows: "retardance of quartz and calcite from decompositions of epipolar and other light, compared with theory (Fig. 7)",
+        plan: Plan {
             scene: "crystals/variants.toml",
             train: vec![0, 2, 4, 6],
             test: (8..20).step_by(2).collect(),
@@ -84,35 +75,32 @@ impl Application for Crystals {
             ],
             preview: Size { pixels: 48, spp: 64 },
             full: Size { pixels: 128, spp: 256 },
+        },
+        methods: METHODS.iter().map(|m| m.0).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: None,
+    }
+}
+
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Seen::new)?;
+    let mut outcome = Outcome::default();
+    for (method, probe) in METHODS {
+        let floor = floor(&train, probe);
+        for seen in &test {
+            outcome.scores.extend(scores(method.name, probe, seen, floor));
+            outcome.pictures.extend(pictures(method.name, probe, seen));
         }
+        outcome.notes.push(format!(
+            "{}, seed {}: {:.2}° of the errors are not due to sampling noise",
+            method.name,
+            test[0].seed,
+            floor.to_degrees()
+        ));
     }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.0).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Seen::new)?;
-        let mut outcome = Outcome::default();
-        for (method, probe) in METHODS {
-            let floor = floor(&train, probe);
-            for seen in &test {
-                outcome.scores.extend(scores(method.name, probe, seen, floor));
-                outcome.pictures.extend(pictures(method.name, probe, seen));
-            }
-            outcome.notes.push(format!(
-                "{}, seed {}: {:.2}° of the errors are not due to sampling noise",
-                method.name,
-                test[0].seed,
-                floor.to_degrees()
-            ));
-        }
-        Ok(outcome)
-    }
+    Ok(outcome)
 }
 
 /// Returns error and standard error, radians, of every pixel and wavelength with a retardance.

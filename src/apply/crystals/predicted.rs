@@ -90,7 +90,7 @@ impl Slab {
             if (map.width, map.height, map.channels) == (w, h, channels) {
                 Ok(map)
             } else {
-                Err(ApplyError::Sizes { variant: o.variant, what: format!("the camera and {name}") })
+                Err(o.sizes(format!("the camera and {name}")))
             }
         };
         let (optical, length, normal) =

@@ -52,14 +52,11 @@ fn measured(p: &Pixels, pixel: usize, lane: usize) -> Measured {
 
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let missing = |what, name: &str| ApplyError::Missing { variant: o.variant, what, name: name.into() };
-        let rig = o.rig.as_ref().ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
-        let value =
-            |name: &str| o.values.get(name).copied().ok_or_else(|| missing("value of the parameter", name));
+        let rig = o.rig()?;
         let mineral = o.words.get("mineral").and_then(|name| Mineral::named(name));
-        let mineral = mineral.ok_or_else(|| missing("known mineral in the parameter", "mineral"))?;
-        let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
-        let message = Slab { mineral, axis, thickness: value("thickness")? };
+        let mineral = mineral.ok_or_else(|| o.missing("known mineral in the parameter", "mineral"))?;
+        let axis = Vector3::new(o.value("axis_x")?, o.value("axis_y")?, -1.0).normalize();
+        let message = Slab { mineral, axis, thickness: o.value("thickness")? };
         let mean = &o.slice("polarimetric")?.mean;
         let wavelengths: Vec<f64> =
             mean.find(AxisKind::Wavelength).map(|at| mean.axes[at].coords.clone()).ok_or_else(|| {
@@ -72,15 +69,12 @@ impl Seen {
         let size = rig.camera.resolution;
         for p in [&polarimetric, &epipolar, &nonepipolar, &without] {
             if [p.width, p.height] != size || p.wavelengths != wavelengths.len() || p.bins != 1 {
-                return Err(ApplyError::Sizes { variant: o.variant, what: "the camera and slices".into() });
+                return Err(o.sizes("the camera and slices"));
             }
         }
         let pixels = message.pixels(&rig.camera, o, &wavelengths)?;
         if pixels.is_empty() {
-            return Err(ApplyError::Empty(format!(
-                "variant {} has no pixel that shows the slab from face to face; render it at a higher resolution",
-                o.variant
-            )));
+            return Err(o.no_pixel("the slab from face to face"));
         }
         let plate = |pixel: usize, lane: usize| measured(&without, pixel, lane).mean.try_inverse();
         let mirror = Matrix4::from_diagonal(&[1.0, 1.0, -1.0, -1.0].into());

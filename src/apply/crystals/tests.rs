@@ -2,12 +2,12 @@
 
 use super::mineral::Mineral;
 use super::predicted::{MIDDLE, Slab};
-use super::{Crystals, METHODS, METRICS};
-use crate::application::{Application, Outcome};
+use super::{METHODS, METRICS};
+use crate::application::Outcome;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
-use crate::observation::tests::slice;
+use crate::observation::tests::{failed, slice};
 use crate::pinhole::{Pinhole, Rig};
 use nalgebra::{Matrix4, Vector3};
 use tensor::axes::AxisKind;
@@ -104,7 +104,7 @@ fn run(case: Case) -> Outcome {
     let of = |variants: [u64; 2]| variants.map(|v| observation(v, case));
     // Training uses slabs with a correct thickness.
     let known = |variants: [u64; 2]| variants.map(|v| observation(v, Case { thicker: 0.0, ..case }));
-    Crystals.run(&known([0, 2]), &of([8, 10])).expect("it runs")
+    super::run(&known([0, 2]), &of([8, 10])).expect("it runs")
 }
 
 fn score(outcome: &Outcome, method: &str, metric: usize, variant: u64) -> f64 {
@@ -164,13 +164,8 @@ fn a_wrong_thickness_is_found() {
 #[test]
 fn what_is_missing_is_said() {
     let whole = observation(0, PLAIN);
-    assert!(matches!(Crystals.run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
-    let failed = |change: &dyn Fn(&mut Observation)| {
-        let mut o = whole.clone();
-        change(&mut o);
-        let all = [o];
-        Crystals.run(&all, &all).expect_err("it lacks something").to_string()
-    };
+    assert!(matches!(super::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
+    let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change).to_string();
     assert!(failed(&|o| o.rig = None).contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("thickness")).contains("thickness"));
     assert!(failed(&|o| _ = o.words.insert("mineral".into(), "salt".into())).contains("mineral"));

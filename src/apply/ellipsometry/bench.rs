@@ -35,11 +35,10 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let pixels = o.pixels(LIGHT, true)?;
-        let sizes = |what: &str| ApplyError::Sizes { variant: o.variant, what: what.to_owned() };
         let (width, height, lanes) = (pixels.width, pixels.height, pixels.wavelengths);
         let object = o.truth(OBJECT)?;
         if (object.width, object.height) != (width, height) {
-            return Err(sizes("the map of objects and the light"));
+            return Err(o.sizes("the map of objects and the light"));
         }
         let mean = &o.slice(LIGHT)?.mean;
         let nm: Vec<f64> =
@@ -51,7 +50,7 @@ impl Bench {
             }
         }
         let image = MuellerImage::of_array(matrices, vec![height, width, lanes], &nm)
-            .map_err(|e| sizes(&e.to_string()))?;
+            .map_err(|e| o.sizes(e.to_string()))?;
         let bench = Self {
             variant: o.variant,
             width,

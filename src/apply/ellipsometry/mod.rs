@@ -20,9 +20,6 @@ use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
 use rayon::prelude::*;
 
-#[derive(Clone, Copy, Debug)]
-pub struct Ellipsometry;
-
 /// Number of captures in the paper, and number of captures of its pseudo truth.
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
@@ -77,17 +74,11 @@ const METHODS: [(Method, Kind); 9] = [
     (Method::new("A-optimal bound, array", "closed form"), Kind::Bound(true)),
 ];
 
-impl Application for Ellipsometry {
-    fn name(&self) -> &'static str {
-        "ellipsometry"
-    }
-
-    fn shows(&self) -> &'static str {
-        "Mueller matrices of gold and of unseen materials from few captures at learned angles (Fig. 4, 9, 10)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
+pub(crate) fn application() -> Application {
+    Application {
+        name: "ellipsometry",
+        shows: "Mueller matrices of gold and of unseen materials from few captures at learned angles (Fig. 4, 9, 10)",
+        plan: Plan {
             scene: "materials/variants.toml",
             train: (0..10).collect(),
             test: (10..20).collect(),
@@ -98,53 +89,50 @@ impl Application for Ellipsometry {
             ],
             preview: Size { pixels: 48, spp: 16 },
             full: Size { pixels: 128, spp: 64 },
-        }
+        },
+        methods: METHODS.iter().map(|(m, _)| *m).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: None,
     }
+}
 
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|(m, _)| *m).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Bench::new)?;
-        let moment = second_moment(&train)?;
-        let drr = Family { array: false, learnt: false, prior: false };
-        let pseudo_truth = drr.with(PSEUDO, &moment)?;
-        let mut outcome = Outcome::default();
-        for (i, (method, kind)) in METHODS.iter().enumerate() {
-            let schemes = match kind {
-                Kind::Bound(_) => vec![],
-                Kind::Captures(family) => [SHOWN]
-                    .into_iter()
-                    .chain(CURVE.map(|(_, captures)| captures))
-                    .map(|captures| family.with(captures, &moment))
-                    .collect::<Result<Vec<_>, _>>()?,
-            };
-            let judged: Vec<Judged> = test
-                .par_iter()
-                .map(|bench| match kind {
-                    Kind::Bound(array) => Ok(judge_bound(bench, *array)),
-                    Kind::Captures(_) => judge(bench, &schemes, &pseudo_truth, 256 * (i as u64 + 1)),
-                })
-                .collect::<Result<_, ApplyError>>()?;
-            for (bench, judged) in test.iter().zip(judged) {
-                outcome.scores.extend(Score::each(method.name, bench.variant, &METRICS, judged.values));
-                if let Some(found) = judged.found {
-                    outcome.pictures.extend(pictures(method.name, bench, &found));
-                }
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Bench::new)?;
+    let moment = second_moment(&train)?;
+    let drr = Family { array: false, learnt: false, prior: false };
+    let pseudo_truth = drr.with(PSEUDO, &moment)?;
+    let mut outcome = Outcome::default();
+    for (i, (method, kind)) in METHODS.iter().enumerate() {
+        let schemes = match kind {
+            Kind::Bound(_) => vec![],
+            Kind::Captures(family) => [SHOWN]
+                .into_iter()
+                .chain(CURVE.map(|(_, captures)| captures))
+                .map(|captures| family.with(captures, &moment))
+                .collect::<Result<Vec<_>, _>>()?,
+        };
+        let judged: Vec<Judged> = test
+            .par_iter()
+            .map(|bench| match kind {
+                Kind::Bound(array) => Ok(judge_bound(bench, *array)),
+                Kind::Captures(_) => judge(bench, &schemes, &pseudo_truth, 256 * (i as u64 + 1)),
+            })
+            .collect::<Result<_, ApplyError>>()?;
+        for (bench, judged) in test.iter().zip(judged) {
+            outcome.scores.extend(Score::each(method.name, bench.variant, &METRICS, judged.values));
+            if let Some(found) = judged.found {
+                outcome.pictures.extend(pictures(method.name, bench, &found));
             }
         }
-        for bench in &test {
-            let [element, _] = pictures("truth", bench, bench.truth());
-            outcome.pictures.push(element);
-        }
-        outcome.notes.extend(notes(&moment));
-        Ok(outcome)
     }
+    for bench in &test {
+        let [element, _] = pictures("truth", bench, bench.truth());
+        outcome.pictures.push(element);
+    }
+    outcome.notes.extend(notes(&moment));
+    Ok(outcome)
 }
 
 /// The metrics of a method on a variant, and the matrices of 15 captures.

@@ -56,7 +56,7 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
 #[ignore = "slow: tools/check --all"]
 fn errors_are_those_of_closed_forms() {
     let all = observations(5, 6, 0..8, 1);
-    let outcome = Ellipsometry.run(&all[..3], &all[3..]).expect("it runs");
+    let outcome = run(&all[..3], &all[3..]).expect("it runs");
     let drr = 0.5 * (196.0_f64 / 16.0).sqrt();
     let learnt = 0.5 * (440.0_f64 / 15.0 / 16.0).sqrt();
     let close = |found: f64, want: f64| (found / want - 1.0).abs() < 5.0 * (8.0 / 8640.0_f64).sqrt();
@@ -84,13 +84,13 @@ fn errors_are_those_of_closed_forms() {
 #[ignore = "slow: tools/check --all"]
 fn priors_help_where_they_know() {
     let same = observations(5, 6, 0..7, 1);
-    let known = Ellipsometry.run(&same[..3], &same[3..]).expect("it runs");
+    let known = run(&same[..3], &same[3..]).expect("it runs");
     assert!(of(&known, "L-QRPR-P with a prior", 0) < 0.8 * of(&known, "L-QRPR-P", 0));
     let (few, open) = (of(&known, "L-QRPR with a prior", 5), of(&known, "L-QRPR", 5));
     assert!(few < 0.5 * open, "{few} against {open}");
     let train = observations(5, 6, 0..3, 1);
     let test = observations(6, 6, 3..7, 1);
-    let unknown = Ellipsometry.run(&train, &test).expect("it runs");
+    let unknown = run(&train, &test).expect("it runs");
     let (few, of_known) = (of(&unknown, "L-QRPR with a prior", 5), of(&known, "L-QRPR with a prior", 5));
     assert!(few > 10.0 * of_known, "{few} against {of_known}");
     // Least squares does not depend on the data.
@@ -126,11 +126,11 @@ fn what_is_missing_is_named() {
     let all = observations(5, 2, 0..2, 1);
     let mut lame = all[1].clone();
     lame.truth.clear();
-    let failed = Ellipsometry.run(&all[..1], &[lame]).expect_err("no objects");
+    let failed = run(&all[..1], &[lame]).expect_err("no objects");
     assert!(failed.to_string().contains("truth map `object`"), "{failed}");
-    assert!(matches!(Ellipsometry.run(&[], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
     let mut dark = all[0].clone();
     let light = dark.slices.get_mut(LIGHT).expect("it");
     light.mean.data.fill(0.0);
-    assert!(matches!(Ellipsometry.run(&[dark], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[dark], &all), Err(ApplyError::Empty(_))));
 }

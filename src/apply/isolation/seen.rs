@@ -96,10 +96,6 @@ pub enum Sight {
     Coaxial,
 }
 
-fn sizes(o: &Observation, what: &str) -> ApplyError {
-    ApplyError::Sizes { variant: o.variant, what: what.into() }
-}
-
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
 /// Returns the parts of a rig of camera and projector, and the image size.
@@ -107,14 +103,14 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
     let check = |p: Pixels| {
-        if [p.width, p.height] == size { Ok(p) } else { Err(sizes(o, "slices")) }
+        if [p.width, p.height] == size { Ok(p) } else { Err(o.sizes("slices")) }
     };
     let all = images(&polarimetric, |_, _| true);
     let epipolar = images(&check(o.pixels(EPIPOLAR, true)?)?, |_, _| true);
     let transient = check(o.pixels(TRANSIENT, false)?)?;
     let gated = if timed { Some(check(o.pixels(GATED, true)?)?) } else { None };
     if gated.as_ref().is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements)) {
-        return Err(sizes(o, "slices in time"));
+        return Err(o.sizes("slices in time"));
     }
     let first = first_light(&transient);
     let mut parts = BTreeMap::new();
@@ -160,7 +156,7 @@ impl Seen {
         };
         let paths = Paths::read(o, PATHS)?;
         if (paths.width, paths.height) != (width, height) {
-            return Err(sizes(o, "slices and truth"));
+            return Err(o.sizes("slices and truth"));
         }
         let everything = paths.all().data;
         let mut truth = vec![];
@@ -169,7 +165,7 @@ impl Seen {
             if let Some(region) = task.region {
                 let within = region(o)?;
                 if within.len() != light.len() {
-                    return Err(sizes(o, "slices and truth maps"));
+                    return Err(o.sizes("slices and truth maps"));
                 }
                 for (light, within) in light.iter_mut().zip(&within) {
                     if !within {

@@ -8,6 +8,7 @@ use crate::observation::tests::slice;
 use crate::paths::Path;
 use crate::paths::tests::labelled;
 use crate::regression::least_squares::tests::{normal, random};
+use std::ops::Range;
 
 /// The appearance of a kind of light.
 #[derive(Clone, Copy, Debug)]
@@ -118,16 +119,18 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
 
 /// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013;
 /// the best of many uninformative candidates is uninformative on other variants.
-const NONE: std::ops::Range<f64> = 0.43..0.57;
+const NONE: Range<f64> = 0.43..0.57;
 
-fn only(table: &[(&'static str, f64)], tell: &[&str]) {
+/// Asserts that the methods in `tell` have areas above `least`, and all others areas in `none`.
+pub(crate) fn assert_only(table: &[(&str, f64)], tell: &[&str], least: f64, none: &Range<f64>) {
     for (name, a) in table {
-        if tell.contains(name) {
-            assert!(*a > 0.95, "{name} {a} {table:?}");
-        } else {
-            assert!(NONE.contains(a), "{name} {a} {table:?}");
-        }
+        let good = if tell.contains(name) { *a > least } else { none.contains(a) };
+        assert!(good, "{name} {a} {table:?}");
     }
+}
+
+fn only(table: &[(&str, f64)], tell: &[&str]) {
+    assert_only(table, tell, 0.95, &NONE);
 }
 
 #[test]

@@ -21,9 +21,6 @@ use classifier::{Classifier, Features};
 use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
 use seen::{Scoring, Seen, group};
 
-#[derive(Clone, Copy, Debug)]
-pub struct Metamerism;
-
 /// Number of bootstrap draws.
 const DRAWS: usize = 1000;
 
@@ -59,17 +56,11 @@ const fn learning(name: &'static str, source: &'static str, learn: Learn) -> Lea
     Learning { method: Method { name, source }, learn }
 }
 
-impl Application for Metamerism {
-    fn name(&self) -> &'static str {
-        "metamerism"
-    }
-
-    fn shows(&self) -> &'static str {
-        "real fruit against painted plastic of the same colour, distinguished by the polarization of epipolar light (Fig. 14)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
+pub(crate) fn application() -> Application {
+    Application {
+        name: "metamerism",
+        shows: "real fruit against painted plastic of the same colour, distinguished by the polarization of epipolar light (Fig. 14)",
+        plan: Plan {
             scene: "fruits/variants.toml",
             train: (0..8).collect(),
             test: (8..20).collect(),
@@ -80,45 +71,42 @@ impl Application for Metamerism {
             ],
             preview: Size { pixels: 48, spp: 16 },
             full: Size { pixels: 128, spp: 64 },
+        },
+        methods: METHODS.iter().map(|m| m.method).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: Some(task),
+    }
+}
+
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Seen::new)?;
+    let mut outcome = Outcome::default();
+    for Learning { method, learn } in METHODS {
+        let scoring = learn(&train)?;
+        let groups: Vec<Group> = test.iter().map(|seen| group(&*scoring, seen)).collect();
+        for (seen, group) in test.iter().zip(&groups) {
+            outcome.scores.push(Score {
+                method: method.name,
+                metric: METRICS[0].name,
+                variant: seen.variant,
+                value: roc::area(&group.positive, &group.negative),
+            });
+            outcome.pictures.push(picture(method.name, &*scoring, seen));
         }
+        outcome.notes.push(intervals(method.name, test[0].seed, &groups));
     }
+    Ok(outcome)
+}
 
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Seen::new)?;
-        let mut outcome = Outcome::default();
-        for Learning { method, learn } in METHODS {
-            let scoring = learn(&train)?;
-            let groups: Vec<Group> = test.iter().map(|seen| group(&*scoring, seen)).collect();
-            for (seen, group) in test.iter().zip(&groups) {
-                outcome.scores.push(Score {
-                    method: method.name,
-                    metric: METRICS[0].name,
-                    variant: seen.variant,
-                    value: roc::area(&group.positive, &group.negative),
-                });
-                outcome.pictures.push(picture(method.name, &*scoring, seen));
-            }
-            outcome.notes.push(intervals(method.name, test[0].seed, &groups));
-        }
-        Ok(outcome)
-    }
-
-    fn task(&self, _train: &[Observation]) -> Result<Option<Task>, ApplyError> {
-        Ok(Some(Task {
-            slice: "epipolar",
-            method: METHODS[0].method.name,
-            baselines: METHODS[2..5].iter().map(|m| m.method.name).collect(),
-            functionals: vec![std::array::from_fn(|e| if e == 10 { -1.0 } else { 0.0 })],
-        }))
-    }
+fn task(_train: &[Observation]) -> Result<Task, ApplyError> {
+    Ok(Task {
+        slice: "epipolar",
+        method: METHODS[0].method.name,
+        baselines: METHODS[2..5].iter().map(|m| m.method.name).collect(),
+        functionals: vec![std::array::from_fn(|e| if e == 10 { -1.0 } else { 0.0 })],
+    })
 }
 
 fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture {

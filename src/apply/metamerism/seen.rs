@@ -1,6 +1,7 @@
 //! One variant of the fruits, and the interface of scores.
 
 use crate::error::ApplyError;
+use crate::isolation::seen::within;
 use crate::metrics::roc::Group;
 use crate::observation::{Observation, Pixels};
 
@@ -17,9 +18,8 @@ pub(super) struct Seen {
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let whole = |name: &str| -> Result<Vec<usize>, ApplyError> {
-            let map = o.truth(name)?;
-            let values = map.data.iter().step_by(map.channels.max(1)).enumerate();
-            Ok(values.filter(|(_, v)| **v >= 1.0).map(|(i, _)| i).collect())
+            let whole = within(o, name, |v| v[0] >= 1.0)?;
+            Ok((0..whole.len()).filter(|p| whole[*p]).collect())
         };
         let seen = Self {
             variant: o.variant,
@@ -33,13 +33,10 @@ impl Seen {
         let inside = seen.real.iter().chain(&seen.fake).all(|p| *p < n);
         if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths
         {
-            return Err(ApplyError::Sizes { variant: o.variant, what: "slices and truth maps".into() });
+            return Err(o.sizes("slices and truth maps"));
         }
         if seen.real.is_empty() || seen.fake.is_empty() {
-            return Err(ApplyError::Empty(format!(
-                "variant {} has no pixel that shows only a real or only a fake fruit; render it at a higher resolution",
-                o.variant
-            )));
+            return Err(o.no_pixel("only a real or only a fake fruit"));
         }
         Ok(seen)
     }

@@ -1,6 +1,7 @@
 //! Tests with fruit that differs in one known way: each score detects only its own difference.
 
 use super::*;
+use crate::isolation::tests::{assert_only, mean};
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
@@ -64,11 +65,8 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
 
 fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     let all = observations(d, 8);
-    let outcome = Metamerism.run(&all[..4], &all[4..]).expect("it runs");
-    let mean = |name: &str| {
-        let mine: Vec<f64> = outcome.scores.iter().filter(|s| s.method == name).map(|s| s.value).collect();
-        mine.iter().sum::<f64>() / mine.len() as f64
-    };
+    let outcome = run(&all[..4], &all[4..]).expect("it runs");
+    let mean = |name| mean(&outcome.scores, name, METRICS[0].name);
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
@@ -77,13 +75,7 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], tell: &[&str]) {
-    for (name, a) in table {
-        if tell.contains(name) {
-            assert!(*a > 0.9, "{name} {a} {table:?}");
-        } else {
-            assert!(NONE.contains(a), "{name} {a} {table:?}");
-        }
-    }
+    assert_only(table, tell, 0.9, &NONE);
 }
 
 #[test]
@@ -131,17 +123,17 @@ fn without_fruit_it_says_so() {
     if let Some(map) = all[1].truth.get_mut("fake") {
         map.data.fill(0.0);
     }
-    assert!(matches!(Metamerism.run(&all[..1], &all[1..]), Err(ApplyError::Empty(_))));
-    assert!(matches!(Metamerism.run(&[], &all[..1]), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&all[..1], &all[1..]), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all[..1]), Err(ApplyError::Empty(_))));
 }
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
-    let task = Metamerism.task(&[]).expect("nothing to learn").expect("it is linear");
-    let names: Vec<&str> = Metamerism.methods().iter().map(|m| m.name).collect();
-    assert_eq!(task.method, names[0]);
+    let application = application();
+    let task = application.task.expect("it is linear")(&[]).expect("nothing to learn");
+    assert_eq!(task.method, application.methods[0].name);
     assert_eq!(task.baselines, ["RGB", "epipolar RGB", "degree of polarization"]);
-    assert!(Metamerism.plan().slices.contains(&task.slice));
+    assert!(application.plan.slices.contains(&task.slice));
     assert_eq!(task.functionals[0].iter().sum::<f64>(), -1.0);
 }

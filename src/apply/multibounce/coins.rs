@@ -6,10 +6,11 @@
 //! sign of (3,3) separates odd from even. Epipolar light is separated from other light by whether camera and
 //! projector both see the same room, or one of them a mirrored one.
 
-use super::application::Multibounce;
-use crate::application::Truth;
+use super::methods::{METHODS, application};
+use crate::application::{Application, Truth};
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{Task, seen, task};
+use crate::isolation::seen::{self, Sight};
+use crate::isolation::{self, Task, task};
 use crate::paths::Path;
 
 /// Selects paths of exactly `bounces` reflections by metal.
@@ -31,10 +32,13 @@ const TASKS: [Task; 5] = [
     task!("table alone", Path::single_diffuse, 0.5).named(Element::of(Space::Epipolar, [2, 1])),
 ];
 
-pub const COINS: Multibounce = Multibounce {
-    name: "multibounce-coins",
-    shows: "which Mueller element isolates which light between coins and a mirror (Fig. 13)",
-    scene: "coins_mirror/variants.toml",
-    maps: &[Truth::Material { name: "table", of: &["table"] }],
-    tasks: &TASKS,
-};
+pub(crate) fn coins() -> Application {
+    let shows = "which Mueller element isolates which light between coins and a mirror (Fig. 13)";
+    let table = Truth::Material { name: "table", of: &["table"] };
+    application(
+        ["multibounce-coins", shows, "coins_mirror/variants.toml"],
+        &[table],
+        &TASKS,
+        |train, test| isolation::run(&TASKS, &METHODS, Sight::Space, train, test),
+    )
+}

@@ -1,10 +1,11 @@
 //! A disco ball between painted walls (Fig. 13 a to j).
 
-use super::application::Multibounce;
-use crate::application::Truth;
+use super::methods::{METHODS, application};
+use crate::application::{Application, Truth};
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{Task, seen, task};
+use crate::isolation::seen::{self, Sight};
+use crate::isolation::{self, Task, task};
 use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
@@ -48,14 +49,14 @@ const TASKS: [Task; 6] = [
         .named(Element::of(Space::NonEpipolar, [0, 2]).negative()),
 ];
 
-pub const DISCO_BALL: Multibounce = Multibounce {
-    name: "multibounce",
-    shows: "which Mueller element isolates which light between a disco ball and painted walls (Fig. 13)",
-    scene: "disco_ball/variants.toml",
-    maps: &[
+pub(crate) fn disco_ball() -> Application {
+    let shows = "which Mueller element isolates which light between a disco ball and painted walls (Fig. 13)";
+    let maps = [
         Truth::Material { name: "floor", of: &["floor"] },
         Truth::Material { name: "walls", of: &["floor", "white", "red", "blue"] },
         Truth::Layer { name: "position", layer: "position", through: false },
-    ],
-    tasks: &TASKS,
-};
+    ];
+    application(["multibounce", shows, "disco_ball/variants.toml"], &maps, &TASKS, |train, test| {
+        isolation::run(&TASKS, &METHODS, Sight::Space, train, test)
+    })
+}

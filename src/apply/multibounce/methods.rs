@@ -1,6 +1,7 @@
-//! Methods that both scenes of camera and projector use.
+//! The methods and the plan of both scenes of camera and projector.
 
-use crate::isolation::{Family, Isolation};
+use crate::application::{Application, Plan, Run, Size, Truth, itself};
+use crate::isolation::{Family, Isolation, Task, metrics_of, seen};
 
 pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
     Family::Any { space, time, polarization }
@@ -29,3 +30,33 @@ pub(super) const METHODS: [Isolation; 8] = [
     Isolation::new("time only", "learnt: (0,0) of early or late light", any(false, true, false)),
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
+
+/// Returns the application of a scene. `maps` are the truth maps for the regions of tasks; `run` isolates the
+/// tasks' light by [`METHODS`].
+pub(super) fn application(
+    [name, shows, scene]: [&'static str; 3],
+    maps: &[Truth],
+    tasks: &[Task],
+    run: Run,
+) -> Application {
+    let paths = Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 16 };
+    Application {
+        name,
+        shows,
+        plan: Plan {
+            scene,
+            train: (0..3).collect(),
+            // Variants 3 to 9 were used to define the tasks and metrics.
+            test: (10..17).collect(),
+            slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
+            truth: [&[paths], maps].concat(),
+            preview: Size { pixels: 64, spp: 32 },
+            full: Size { pixels: 128, spp: 128 },
+        },
+        methods: METHODS.iter().map(|m| m.method).collect(),
+        drawn: vec![],
+        metrics: metrics_of(tasks),
+        run,
+        task: None,
+    }
+}

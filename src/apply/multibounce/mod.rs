@@ -6,16 +6,14 @@
 //! sign and with a sign learned from the training variants. The comparison includes any element of space and
 //! polarization, and polarization, space, time or intensity alone.
 
-mod application;
 mod coins;
 mod disco_ball;
 mod methods;
 mod statue;
 
-pub use application::Multibounce;
-pub use coins::COINS;
-pub use disco_ball::DISCO_BALL;
-pub use statue::Statue;
+pub(crate) use coins::coins;
+pub(crate) use disco_ball::disco_ball;
+pub(crate) use statue::statue;
 
 #[cfg(test)]
 mod tests;

@@ -8,17 +8,12 @@
 //! caption's (3,3) cannot show.
 
 use super::methods::any;
-use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
-use crate::error::ApplyError;
+use crate::application::{Application, Plan, Size, Truth, itself};
 use crate::isolation::element::{Element, Space};
 use crate::isolation::seen::Sight;
 use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
-use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::SPECULAR;
-
-#[derive(Clone, Copy, Debug)]
-pub struct Statue;
 
 /// Selects paths to the statue and back via the mirror.
 fn in_the_mirror(p: Path) -> bool {
@@ -44,17 +39,11 @@ const METHODS: [Isolation; 7] = [
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
 
-impl Application for Statue {
-    fn name(&self) -> &'static str {
-        "multibounce-statue"
-    }
-
-    fn shows(&self) -> &'static str {
-        "which Mueller element at which time isolates which light of a statue and a mirror in front of a coaxial rig (Fig. 13)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
+pub(crate) fn statue() -> Application {
+    Application {
+        name: "multibounce-statue",
+        shows: "which Mueller element at which time isolates which light of a statue and a mirror in front of a coaxial rig (Fig. 13)",
+        plan: Plan {
             scene: "statue_mirror/variants.toml",
             train: (0..6).collect(),
             test: (6..14).collect(),
@@ -62,18 +51,11 @@ impl Application for Statue {
             truth: vec![Truth::Slice { name: seen::PATHS, slice: seen::PATHS, of: itself, samples: 4 }],
             preview: Size { pixels: 40, spp: 32 },
             full: Size { pixels: 96, spp: 128 },
-        }
-    }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        metrics_of(&TASKS)
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        isolation::run(&TASKS, &METHODS, Sight::Coaxial, train, test)
+        },
+        methods: METHODS.iter().map(|m| m.method).collect(),
+        drawn: vec![],
+        metrics: metrics_of(&TASKS),
+        run: |train, test| isolation::run(&TASKS, &METHODS, Sight::Coaxial, train, test),
+        task: None,
     }
 }

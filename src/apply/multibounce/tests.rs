@@ -1,20 +1,20 @@
 //! Tests with rooms in which each light matches the paper's element, and rooms in which it does not.
 
 use super::*;
-use crate::application::{Application, Outcome};
+use crate::application::{Application, Outcome, Truth};
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
 use crate::observation::Observation;
 
 /// The named regions cover the whole image; its upper half is on one diagonal and its lower half on the
 /// other.
-fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
+fn room(application: &Application, kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {
-        for truth in application.plan().truth {
-            if let crate::application::Truth::Material { name, .. } = truth {
+        for truth in &application.plan.truth {
+            if let Truth::Material { name, .. } = truth {
                 let map = Map::from_fn(SIZE[0], SIZE[1], 1, |_, _, out| out[0] = 1.0);
-                o.truth.insert(name.into(), map);
+                o.truth.insert((*name).into(), map);
             }
             // Upper right of a ball at (0, 0), or lower right.
             let position = Map::from_fn(SIZE[0], SIZE[1], 3, |_, y, out| {
@@ -27,9 +27,9 @@ fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
     all
 }
 
-fn run(application: &dyn Application, kinds: &[Kind]) -> Outcome {
+fn run(application: &Application, kinds: &[Kind]) -> Outcome {
     let all = room(application, kinds);
-    application.run(&all[..3], &all[3..]).expect("it runs")
+    (application.run)(&all[..3], &all[3..]).expect("it runs")
 }
 
 fn area(outcome: &Outcome, method: &str, task: &str) -> f64 {
@@ -50,7 +50,7 @@ fn hands_tell_odd_from_even() {
         Kind { shares: &[(15, -0.7)], delay: 4, ..Kind::new(6, 3) },
         Kind { shares: &[(4, -0.3)], epipolar: false, ..Kind::new(10, 2) },
     ];
-    let outcome = run(&COINS, &coins);
+    let outcome = run(&super::coins(), &coins);
     assert!(area(&outcome, NAMED, "two reflections by metal") > 0.95);
     assert!(area(&outcome, NAMED, "mirror to table") > 0.95);
     // One and three reflections have the same handedness: time distinguishes them, the element does not.
@@ -73,7 +73,7 @@ fn signs_that_are_not_the_papers_are_told() {
     let ball = |sign| [Kind::new(8, 1), Kind { shares: &[(1, 0.4)], ..Kind::new(4, 1) }, kind(sign)];
     let signs: [(&'static [(usize, f64)], bool); 2] = [(&[(2, 0.4)], true), (&[(2, -0.4)], false)];
     for (sign, right) in signs {
-        let outcome = run(&DISCO_BALL, &ball(sign));
+        let outcome = run(&disco_ball(), &ball(sign));
         let [left, other] = TURNS.map(|t| area(&outcome, NAMED, t));
         let (good, bad) = if right { (left, other) } else { (other, left) };
         // A fifth of the negatives are patches of the other diagonal, which have the same sign here: they are
@@ -96,19 +96,19 @@ fn signs_that_are_not_the_papers_are_told() {
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn plans_name_what_tasks_need() {
-    for application in [&DISCO_BALL as &dyn Application, &COINS] {
-        let all = room(application, &[Kind::new(8, 1), Kind::new(4, 1)]);
-        assert!(application.run(&all[..1], &all[1..]).is_ok());
+    for application in [disco_ball(), coins()] {
+        let all = room(&application, &[Kind::new(8, 1), Kind::new(4, 1)]);
+        assert!((application.run)(&all[..1], &all[1..]).is_ok());
         let mut bare = all.clone();
         bare[0].slices.remove("paths");
-        assert!(application.run(&bare[..1], &bare[1..]).is_err());
+        assert!((application.run)(&bare[..1], &bare[1..]).is_err());
     }
 }
 
 #[test]
 fn diagonals_are_of_the_ball() {
     let [up_right, other] = [1.0, -1.0].map(|side| {
-        let mut all = room(&DISCO_BALL, &[Kind::new(8, 1)]);
+        let mut all = room(&disco_ball(), &[Kind::new(8, 1)]);
         all[0].values.extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);
         disco_ball::diagonal(&all[0], side).expect("maps")
     });
@@ -125,7 +125,7 @@ fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
         Kind { delay: 4, ..Kind::new(10, 3) },
         Kind { shares: mirrored, delay: 4, ..Kind::new(6, 3) },
     ];
-    run(&Statue, &kinds)
+    run(&super::statue(), &kinds)
 }
 
 #[test]

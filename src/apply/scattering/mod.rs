@@ -12,7 +12,7 @@
 mod descattering;
 mod seen;
 
-use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::application::{Application, Metric, Outcome, Picture, Plan, Score, Size, Truth};
 use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -22,9 +22,6 @@ use crate::regression::moments::Linear;
 use descattering::{BASELINES, Descattering, METHODS};
 use rayon::prelude::*;
 use seen::Seen;
-
-#[derive(Clone, Copy, Debug)]
-pub struct Scattering;
 
 /// Number of variants of one arrangement of objects: the first without milk, then five concentrations.
 const CONCENTRATIONS: u64 = 6;
@@ -47,21 +44,15 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
     Metric { name, unit, more_is_better: true }
 }
 
-impl Application for Scattering {
-    fn name(&self) -> &'static str {
-        "scattering"
-    }
-
-    fn shows(&self) -> &'static str {
-        "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements, compared with descattering by space, \
-         polarization and time (Fig. 12)"
-    }
-
-    fn plan(&self) -> Plan {
-        let of = |things: &[u64], milk: &[u64]| {
-            things.iter().flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m)).collect()
-        };
-        Plan {
+pub(crate) fn application() -> Application {
+    let of = |things: &[u64], milk: &[u64]| {
+        things.iter().flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m)).collect()
+    };
+    Application {
+        name: "scattering",
+        shows: "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements, compared with descattering by space, \
+         polarization and time (Fig. 12)",
+        plan: Plan {
             scene: "milky_tank/variants.toml",
             train: of(&[0, 2], &[2, 4]),
             test: of(&[1, 3], &[1, 3, 5]),
@@ -79,80 +70,77 @@ impl Application for Scattering {
             ],
             preview: Size { pixels: 72, spp: 16 },
             full: Size { pixels: 240, spp: 64 },
-        }
+        },
+        methods: METHODS.iter().map(|m| m.method).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: Some(task),
     }
+}
 
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Seen::new)?;
-        let wavelengths = seen::wavelengths(&train, &test)?;
-        let mut outcome = Outcome::default();
-        for method in &METHODS {
-            let name = method.method.name;
-            let fits: Vec<Linear> = (0..wavelengths)
-                .into_par_iter()
-                .map(|lane| method.learn(&train, lane))
-                .collect::<Result<_, _>>()?;
-            outcome.notes.extend(method.note(&fits));
-            if let Some(map) = weight_map(&fits) {
-                outcome.pictures.push(Picture {
-                    method: name,
-                    name: "weights",
-                    variant: None,
-                    shared: false,
-                    map,
-                });
-            }
-            for seen in &test {
-                let map = image(method, &fits, seen);
-                outcome.scores.extend(scores(name, &map, seen));
-                outcome.pictures.push(Picture {
-                    method: name,
-                    name: "image",
-                    variant: Some(seen.variant),
-                    shared: true,
-                    map,
-                });
-            }
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Seen::new)?;
+    let wavelengths = seen::wavelengths(&train, &test)?;
+    let mut outcome = Outcome::default();
+    for method in &METHODS {
+        let name = method.method.name;
+        let fits: Vec<Linear> = (0..wavelengths)
+            .into_par_iter()
+            .map(|lane| method.learn(&train, lane))
+            .collect::<Result<_, _>>()?;
+        outcome.notes.extend(method.note(&fits));
+        if let Some(map) = weight_map(&fits) {
+            outcome.pictures.push(Picture {
+                method: name,
+                name: "weights",
+                variant: None,
+                shared: false,
+                map,
+            });
         }
         for seen in &test {
+            let map = image(method, &fits, seen);
+            outcome.scores.extend(scores(name, &map, seen));
             outcome.pictures.push(Picture {
-                method: "truth: clear water",
+                method: name,
                 name: "image",
                 variant: Some(seen.variant),
                 shared: true,
-                map: seen.truth.clone(),
+                map,
             });
         }
-        outcome.notes.push(
-            "gains and offsets of every method are learned from the training variants; negative estimates count as dark; only pixels that \
-             see an object in the milk count"
-                .into(),
-        );
-        Ok(outcome)
     }
+    for seen in &test {
+        outcome.pictures.push(Picture {
+            method: "truth: clear water",
+            name: "image",
+            variant: Some(seen.variant),
+            shared: true,
+            map: seen.truth.clone(),
+        });
+    }
+    outcome.notes.push(
+        "gains and offsets of every method are learned from the training variants; negative estimates count as dark; only pixels that \
+         see an object in the milk count"
+            .into(),
+    );
+    Ok(outcome)
+}
 
-    fn task(&self, train: &[Observation]) -> Result<Option<Task>, ApplyError> {
-        let train = train.iter().map(Seen::new).collect::<Result<Vec<_>, _>>()?;
-        let wavelengths = seen::wavelengths(&train, &[])?;
-        let functional = |lane| -> Result<[f64; 16], ApplyError> {
-            let fit = METHODS[0].learn(&train, lane)?;
-            Ok(std::array::from_fn(|e| fit.weights[e]))
-        };
-        Ok(Some(Task {
-            slice: "epipolar",
-            method: METHODS[0].method.name,
-            baselines: METHODS[BASELINES..].iter().map(|m| m.method.name).collect(),
-            functionals: (0..wavelengths).map(functional).collect::<Result<_, _>>()?,
-        }))
-    }
+fn task(train: &[Observation]) -> Result<Task, ApplyError> {
+    let train = train.iter().map(Seen::new).collect::<Result<Vec<_>, _>>()?;
+    let wavelengths = seen::wavelengths(&train, &[])?;
+    let functional = |lane| -> Result<[f64; 16], ApplyError> {
+        let fit = METHODS[0].learn(&train, lane)?;
+        Ok(std::array::from_fn(|e| fit.weights[e]))
+    };
+    Ok(Task {
+        slice: "epipolar",
+        method: METHODS[0].method.name,
+        baselines: METHODS[BASELINES..].iter().map(|m| m.method.name).collect(),
+        functionals: (0..wavelengths).map(functional).collect::<Result<_, _>>()?,
+    })
 }
 
 /// Returns the image of a method for a variant. Negative radiance is set to 0.

@@ -1,6 +1,7 @@
 //! One variant of the tank as the methods see it.
 
 use crate::error::ApplyError;
+use crate::isolation::seen::within;
 use crate::map::Map;
 use crate::observation::{Observation, Pixels};
 
@@ -32,10 +33,7 @@ pub(super) struct Seen {
 
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let whole = |name: &str| -> Result<Vec<bool>, ApplyError> {
-            let map = o.truth(name)?;
-            Ok(map.data.iter().step_by(map.channels.max(1)).map(|v| *v >= 1.0).collect())
-        };
+        let whole = |name: &str| within(o, name, |v| v[0] >= 1.0);
         let texture = o.truth("texture")?;
         let mut seen = Self {
             variant: o.variant,
@@ -56,7 +54,7 @@ impl Seen {
             && seen.truth.data.len() == n * lanes
             && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3];
         if !equal {
-            return Err(ApplyError::Sizes { variant: o.variant, what: "slices and truth maps".into() });
+            return Err(o.sizes("slices and truth maps"));
         }
         let counted = seen.truth.data.chunks_exact(lanes.max(1)).zip(&seen.mask).filter(|(_, m)| **m);
         seen.peak = counted.flat_map(|(v, _)| v.iter().copied()).fold(0.0, f64::max);

@@ -98,8 +98,8 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
 /// Returns the PSNR of every method, averaged over the two test variants.
 fn psnr_of(milk: Milk) -> Vec<(&'static str, f64)> {
     let all = observations(milk, 11);
-    let outcome = Scattering.run(&all[..2], &all[2..]).expect("it runs");
-    Scattering.methods().iter().map(|m| (m.name, mean(&outcome.scores, m.name, "PSNR"))).collect()
+    let outcome = run(&all[..2], &all[2..]).expect("it runs");
+    METHODS.iter().map(|m| m.method).map(|m| (m.name, mean(&outcome.scores, m.name, "PSNR"))).collect()
 }
 
 fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
@@ -217,9 +217,9 @@ fn images_of_an_analyzer_are_those_of_the_forward_model() {
 #[test]
 fn what_is_missing_is_said() {
     let mut all = observations(PLAIN, 3);
-    assert!(matches!(Scattering.run(&[], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
     all[1].slices.remove("gated");
-    assert!(matches!(Scattering.run(&all[..2], &all[2..]), Err(ApplyError::Missing { .. })));
+    assert!(matches!(run(&all[..2], &all[2..]), Err(ApplyError::Missing { .. })));
 }
 
 /// Captures are optimized for the elements that the first method uses.
@@ -227,10 +227,11 @@ fn what_is_missing_is_said() {
 fn the_task_is_that_of_the_first_method() {
     let milk = Milk { linear: 0.5, circular: 0.3, things: 0.2, epipolar: 0.5, bins: 2 };
     let all = observations(milk, 3);
-    let task = Scattering.task(&all[..2]).expect("it learns").expect("it is linear");
-    let names: Vec<&str> = Scattering.methods().iter().map(|m| m.name).collect();
+    let application = application();
+    let task = application.task.expect("it is linear")(&all[..2]).expect("it learns");
+    let names: Vec<&str> = application.methods.iter().map(|m| m.name).collect();
     assert_eq!(task.method, names[0]);
     assert!(task.baselines.len() == 6 && task.baselines.iter().all(|b| names[1..].contains(b)));
-    assert!(Scattering.plan().slices.contains(&task.slice));
+    assert!(application.plan.slices.contains(&task.slice));
     assert!(task.functionals.len() == 3 && task.functionals.iter().all(|w| w[0] != 0.0));
 }

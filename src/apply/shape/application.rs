@@ -14,9 +14,6 @@ use crate::map::Map;
 use crate::observation::{self, Observation};
 use rayon::prelude::*;
 
-#[derive(Clone, Copy, Debug)]
-pub struct ShapeScan;
-
 pub(super) const METRICS: [Metric; 5] = [
     Metric::new("normals, mean error", "deg", false),
     Metric::new("normals, median error", "deg", false),
@@ -66,20 +63,14 @@ fn unsolved(method: &'static str) -> impl Fn(ShapeError) -> ApplyError {
     move |e| ApplyError::Unsolved { method, cause: e.to_string() }
 }
 
-impl Application for ShapeScan {
-    fn name(&self) -> &'static str {
-        "shape"
-    }
-
-    fn shows(&self) -> &'static str {
-        "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)"
-    }
-
-    /// Even variants are translucent, odd ones their sprayed twins; each six variants include all materials
-    /// and statues.
-    fn plan(&self) -> Plan {
-        let layer = |name, layer| Truth::Layer { name, layer, through: false };
-        Plan {
+pub(crate) fn application() -> Application {
+    let layer = |name, layer| Truth::Layer { name, layer, through: false };
+    Application {
+        name: "shape",
+        shows: "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)",
+        // Even variants are translucent, odd ones their sprayed twins; each six variants include all materials
+        // and statues.
+        plan: Plan {
             scene: "sss_statue/variants.toml",
             train: vec![0, 4, 8],
             test: (12..24).step_by(2).collect(),
@@ -92,35 +83,31 @@ impl Application for ShapeScan {
             ],
             preview: Size { pixels: 64, spp: 32 },
             full: Size { pixels: 128, spp: 256 },
+        },
+        methods: METHODS.iter().map(|m| m.0).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: None,
+    }
+}
+
+pub(super) fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Seen::new)?;
+    let mut outcome = Outcome::default();
+    for (method, route) in METHODS {
+        let failed = unsolved(method.name);
+        let (parameters, words) = route.learn(&train).map_err(&failed)?;
+        let surfaces: Result<Vec<_>, _> = test.par_iter().map(|seen| route.run(seen, &parameters)).collect();
+        for (seen, surface) in test.iter().zip(surfaces.map_err(&failed)?) {
+            outcome.scores.extend(scores(method.name, seen, &surface));
+            outcome.pictures.extend(pictures(method.name, seen, &surface));
         }
+        outcome.notes.push(format!("{}, seed {}: {words}", method.name, test[0].seed));
     }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.0).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Seen::new)?;
-        let mut outcome = Outcome::default();
-        for (method, route) in METHODS {
-            let failed = unsolved(method.name);
-            let (parameters, words) = route.learn(&train).map_err(&failed)?;
-            let surfaces: Result<Vec<_>, _> =
-                test.par_iter().map(|seen| route.run(seen, &parameters)).collect();
-            for (seen, surface) in test.iter().zip(surfaces.map_err(&failed)?) {
-                outcome.scores.extend(scores(method.name, seen, &surface));
-                outcome.pictures.extend(pictures(method.name, seen, &surface));
-            }
-            outcome.notes.push(format!("{}, seed {}: {words}", method.name, test[0].seed));
-        }
-        let truths = test.iter().map(|seen| colours("truth", seen.variant, &seen.normals));
-        outcome.pictures.extend(truths);
-        Ok(outcome)
-    }
+    let truths = test.iter().map(|seen| colours("truth", seen.variant, &seen.normals));
+    outcome.pictures.extend(truths);
+    Ok(outcome)
 }
 
 fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {

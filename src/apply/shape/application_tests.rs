@@ -1,26 +1,22 @@
 //! Tests of the application with a known sphere.
 
-use super::application::{METHODS, METRICS, ShapeScan};
+use super::application::{self, METHODS, METRICS};
 use super::methods::tests::scene;
 use super::methods::{Inputs, Light, Method};
 use super::synthetic::Shape;
-use crate::application::{Application, Outcome};
+use crate::application::Outcome;
 use crate::error::ApplyError;
+use crate::isolation::tests::mean;
 use crate::map::Map;
+use crate::observation::tests::{failed, zeros};
 use crate::observation::{Observation, Slice};
 use nalgebra::Vector3;
 use std::sync::LazyLock;
-use tensor::array::Tensor;
-use tensor::axes::{Axis, AxisKind};
+use tensor::axes::AxisKind;
 
 fn slice(map: &Map, kinds: &[(AxisKind, usize)]) -> Slice {
-    let axes = [(AxisKind::Y, map.height), (AxisKind::X, map.width)];
-    let axes = axes.iter().chain(kinds).map(|(kind, n)| Axis {
-        kind: *kind,
-        coords: (0..*n).map(|i| i as f64).collect(),
-        chunk: *n as u64,
-    });
-    let mut mean = Tensor::zeros("s", axes.collect());
+    let pixels = [(AxisKind::Y, map.height), (AxisKind::X, map.width)];
+    let mut mean = zeros("s", pixels.iter().chain(kinds).copied());
     for (to, from) in mean.data.iter_mut().zip(&map.data) {
         *to = *from as f32;
     }
@@ -61,16 +57,14 @@ fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -
 fn run(elsewhere: f64) -> Outcome {
     let ((inputs, shape), (sprayed, _)) = (scene(elsewhere), scene(0.0));
     let of = |variant| observation(variant, &inputs, &sprayed, &shape);
-    ShapeScan.run(&[of(0)], &[of(1)]).expect("it runs")
+    application::run(&[of(0)], &[of(1)]).expect("it runs")
 }
 
 /// Without indirect light.
 static CLEAR: LazyLock<Outcome> = LazyLock::new(|| run(0.0));
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
-    let mut all = outcome.scores.iter();
-    let found = all.find(|s| s.method == method && s.metric == METRICS[metric].name);
-    found.expect("a score").value
+    mean(&outcome.scores, method, METRICS[metric].name)
 }
 
 /// Returns the scans with this light, in the order of the table.
@@ -126,13 +120,8 @@ fn light_from_beside_is_found_where_it_is() {
 fn what_is_missing_is_said_and_names_are_the_methods() {
     let (inputs, shape) = scene(0.0);
     let whole = observation(0, &inputs, &inputs, &shape);
-    assert!(matches!(ShapeScan.run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
-    let failed = |change: &dyn Fn(&mut Observation)| {
-        let mut o = whole.clone();
-        change(&mut o);
-        let all = [o];
-        ShapeScan.run(&all, &all).expect_err("it lacks something")
-    };
+    assert!(matches!(application::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
+    let failed = |change: &dyn Fn(&mut Observation)| failed(application::run, &whole, change);
     let missing = failed(&|o| o.rig = None);
     assert!(missing.to_string().contains("calibrated rig"), "{missing}");
     let missing = failed(&|o| drop(o.slices.remove("sprayed columns")));

@@ -44,17 +44,13 @@ fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Re
 
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let rig = o.rig.clone().ok_or_else(|| ApplyError::Missing {
-            variant: o.variant,
-            what: "calibrated rig",
-            name: "camera and projector".into(),
-        })?;
+        let rig = o.rig()?;
         let size = rig.camera.resolution;
         let fits = |map: Map, what: &str| {
             if [map.width, map.height] == size {
                 Ok(map)
             } else {
-                Err(ApplyError::Sizes { variant: o.variant, what: format!("the camera and {what}") })
+                Err(o.sizes(format!("the camera and {what}")))
             }
         };
         let light = |name: &str| {
@@ -64,11 +60,7 @@ impl Seen {
         let mueller = |name: &str| fits(image(o, name, 16, "whole Mueller matrices")?, name);
         let truth = |name: &str, channels: usize| {
             let map = fits(o.truth(name)?.clone(), name)?;
-            if map.channels == channels {
-                Ok(map)
-            } else {
-                Err(ApplyError::Sizes { variant: o.variant, what: format!("channels of {name}") })
-            }
+            if map.channels == channels { Ok(map) } else { Err(o.sizes(format!("channels of {name}"))) }
         };
         let (share, position, normal) = (truth("statue", 1)?, truth("position", 3)?, truth("normal", 3)?);
         let camera = &rig.camera;
@@ -77,10 +69,7 @@ impl Seen {
             out[0] = f64::from(u8::from(share.at(x, y)[0] >= 1.0 && known));
         });
         if mask.data.iter().all(|m| *m == 0.0) {
-            return Err(ApplyError::Empty(format!(
-                "variant {} has no pixel that shows only the statue; render it at a higher resolution",
-                o.variant
-            )));
+            return Err(o.no_pixel("only the statue"));
         }
         let forward = camera.axes.column(2).into_owned();
         let depth = Map::from_fn(size[0], size[1], 1, |x, y, out| {

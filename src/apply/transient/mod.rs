@@ -21,9 +21,6 @@ use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
 use score::{Measure, Scoring};
 use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
 
-#[derive(Clone, Copy, Debug)]
-pub struct Transient;
-
 /// A metric of a scoring.
 type Judge = fn(&Scoring, &Seen, Target) -> f64;
 
@@ -60,17 +57,11 @@ const METHODS: [(Method, Measure); 6] = [
     (Method::new("(3,3) summed over time", "without time"), Measure::Integrated),
 ];
 
-impl Application for Transient {
-    fn name(&self) -> &'static str {
-        "transient"
-    }
-
-    fn shows(&self) -> &'static str {
-        "light after one or two specular reflections, per bin of travel time, from its circular polarization (Fig. 8)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
+pub(crate) fn application() -> Application {
+    Application {
+        name: "transient",
+        shows: "light after one or two specular reflections, per bin of travel time, from its circular polarization (Fig. 8)",
+        plan: Plan {
             scene: "painted_doll/variants.toml",
             train: (0..6).collect(),
             test: (6..14).collect(),
@@ -78,41 +69,40 @@ impl Application for Transient {
             truth: vec![Truth::Slice { name: LABELLED, slice: LABELLED, of: itself, samples: 4 }],
             preview: Size { pixels: 40, spp: 32 },
             full: Size { pixels: 96, spp: 128 },
-        }
+        },
+        methods: METHODS.iter().map(|(m, _)| *m).collect(),
+        drawn: vec![],
+        metrics: METRICS.iter().map(|(m, ..)| *m).collect(),
+        run,
+        task: None,
     }
+}
 
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|(m, _)| *m).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.iter().map(|(m, ..)| *m).collect()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, Seen::new)?;
-        let mut outcome = Outcome::default();
-        for (method, measure) in METHODS {
-            let scoring = Scoring::learn(measure, &train);
-            for seen in &test {
-                let values = METRICS.map(|(_, judge, target)| judge(&scoring, seen, target));
-                let metrics = METRICS.iter().map(|(metric, ..)| metric);
-                outcome.scores.extend(Score::each(method.name, seen.variant, metrics, values));
-                outcome.pictures.extend(TARGETS.map(|target| {
-                    picture(method.name, measure != Measure::CircularShare, seen, target, |place| {
-                        scoring.score(seen, target, place).max(0.0)
-                    })
-                }));
-            }
-        }
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [train, test] = observation::seen(train, test, Seen::new)?;
+    let mut outcome = Outcome::default();
+    for (method, measure) in METHODS {
+        let scoring = Scoring::learn(measure, &train);
         for seen in &test {
+            let values = METRICS.map(|(_, judge, target)| judge(&scoring, seen, target));
+            let metrics = METRICS.iter().map(|(metric, ..)| metric);
+            outcome.scores.extend(Score::each(method.name, seen.variant, metrics, values));
             outcome.pictures.extend(TARGETS.map(|target| {
-                picture("truth: labels", true, seen, target, |place| seen.light(target, place))
+                picture(method.name, measure != Measure::CircularShare, seen, target, |place| {
+                    scoring.score(seen, target, place).max(0.0)
+                })
             }));
-            outcome.notes.push(of_all(seen));
         }
-        Ok(outcome)
     }
+    for seen in &test {
+        outcome.pictures.extend(
+            TARGETS.map(|target| {
+                picture("truth: labels", true, seen, target, |place| seen.light(target, place))
+            }),
+        );
+        outcome.notes.push(of_all(seen));
+    }
+    Ok(outcome)
 }
 
 /// Draws values of lit places, summed over bins.

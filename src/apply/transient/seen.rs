@@ -45,10 +45,7 @@ impl Seen {
         if sizes.map(|kind| labels.tensor.extent(kind))
             != [pixels.width, pixels.height, pixels.bins, pixels.wavelengths]
         {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: format!("slices `{TRANSIENT}` and `{LABELLED}`"),
-            });
+            return Err(o.sizes(format!("slices `{TRANSIENT}` and `{LABELLED}`")));
         }
         let places = pixels.count() * pixels.bins;
         let mut labelled = [vec![0.0; places], vec![0.0; places]];

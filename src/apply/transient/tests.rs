@@ -3,10 +3,9 @@
 use super::*;
 use crate::isolation::tests::mean;
 use crate::observation::Slice;
-use crate::observation::tests::slice;
+use crate::observation::tests::{slice, zeros};
 use crate::regression::least_squares::tests::{normal, random};
-use tensor::array::Tensor;
-use tensor::axes::{Axis, AxisKind};
+use tensor::axes::AxisKind;
 
 const SIZE: [usize; 2] = [18, 12];
 const BINS: usize = 6;
@@ -55,19 +54,15 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
                 bright[p * BINS + bin] * share + 0.02 * normal(&mut r)
             });
             o.slices.insert(TRANSIENT.into(), seen);
-            let axis =
-                |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: n as u64 };
-            let mut mean = Tensor::zeros(
-                "labelled",
-                vec![
-                    axis(AxisKind::Y, SIZE[1]),
-                    axis(AxisKind::X, SIZE[0]),
-                    axis(AxisKind::T, BINS),
-                    axis(AxisKind::Bounces, BOUNCES),
-                    axis(AxisKind::Label, 16),
-                    axis(AxisKind::Wavelength, 1),
-                ],
-            );
+            let axes = [
+                (AxisKind::Y, SIZE[1]),
+                (AxisKind::X, SIZE[0]),
+                (AxisKind::T, BINS),
+                (AxisKind::Bounces, BOUNCES),
+                (AxisKind::Label, 16),
+                (AxisKind::Wavelength, 1),
+            ];
+            let mut mean = zeros("labelled", axes);
             for (place, b) in bright.iter().enumerate() {
                 // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by
                 // facets (4).
@@ -83,7 +78,7 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
 }
 
 fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
-    let outcome = Transient.run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
+    let outcome = run(&observations(d, 0..3), &observations(d, 3..6)).expect("it runs");
     move |method, metric| mean(&outcome.scores, method, metric)
 }
 
@@ -141,7 +136,7 @@ fn signs_are_learnt_from_training_variants_alone() {
     let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
     let bright = Differs { bright: 6.0, ..AS_IN_NATURE };
     let area = |train, test| {
-        let outcome = Transient.run(&observations(train, 0..3), &observations(test, 3..6)).expect("it runs");
+        let outcome = run(&observations(train, 0..3), &observations(test, 3..6)).expect("it runs");
         let s = outcome.scores.iter().find(|s| s.method == "transient intensity" && s.metric == INVERTING);
         s.expect("a score").value
     };
@@ -167,12 +162,12 @@ fn what_is_missing_is_named() {
     let all = observations(AS_IN_NATURE, 0..2);
     let mut lame = all[1].clone();
     lame.slices.remove(LABELLED);
-    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    let failed = run(&all[..1], &[lame]).expect_err("no labels");
     assert!(failed.to_string().contains("slice `labelled`"), "{failed}");
     let mut lame = all[1].clone();
     let labels = lame.slices.get_mut(LABELLED).expect("it");
     labels.mean = labels.mean.sum(AxisKind::Label);
-    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    let failed = run(&all[..1], &[lame]).expect_err("no labels");
     assert!(failed.to_string().contains("does not resolve labels"), "{failed}");
-    assert!(matches!(Transient.run(&[], &all), Err(ApplyError::Empty(_))));
+    assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
 }

@@ -6,7 +6,7 @@
 //! therefore q + J(ĉ - c) - q̂. The camera's error cancels in it, so both residuals are independent.
 
 use super::device::{Device, Seen};
-use super::pose::{Pose, cross};
+use super::pose::Pose;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Matrix6, MatrixXx6, SMatrix, Vector2, Vector3, Vector6};
 
 /// A corner of the board in one view.
@@ -225,7 +225,7 @@ impl State {
 /// Returns the derivative of R x + t by a change of the pose. `turned` is R x.
 fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     let mut m = SMatrix::<f64, 3, 6>::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-cross(turned));
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-turned.cross_matrix());
     m.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
     m
 }

@@ -17,7 +17,6 @@ pub struct Calibration {
     /// The `[camera]` table of a scene file.
     pub camera: DeviceTable,
     /// The `[projector]` table of a scene file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector: Option<DeviceTable>,
     pub quality: Quality,
     pub covariance: CovarianceTable,
@@ -32,9 +31,7 @@ pub struct DeviceTable {
     /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the center of the first pixel.
     pub opencv_matrix: [[f64; 3]; 3],
     /// Lens coefficients in OpenCV's order.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Vec<f64>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<[f64; 4]>,
     pub pose: PoseTable,
 }
@@ -72,11 +69,9 @@ pub struct Quality {
     /// Standard errors of the camera's parameters by name.
     pub camera_errors: BTreeMap<String, f64>,
     /// Standard errors of the projector's parameters by name.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector_errors: Option<BTreeMap<String, f64>>,
     /// Standard errors of the projector's pose in its own frame: three angles (radians), three lengths
     /// (meters).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -263,13 +258,8 @@ impl Calibration {
         if sound(&calibration.camera) && calibration.projector.as_ref().is_none_or(sound) {
             return Ok(calibration);
         }
-        Err(InputError {
-            file: path.to_owned(),
-            text: text.into(),
-            span: None,
-            message: "the matrix, the distortion coefficients or the pose of a device are invalid".into(),
-            help: Some(fix.into()),
-        })
+        let message = "the matrix, the distortion coefficients or the pose of a device are invalid";
+        Err(InputError::new(path, text, None, message, fix))
     }
 }
 

@@ -5,7 +5,7 @@
 
 use super::device::Device;
 use super::homography::{apply, normalization, null_vector};
-use super::pose::{Pose, cross};
+use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
 /// q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q; F has norm 1.
@@ -21,7 +21,7 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
 #[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
-    let essential = cross(&relative.translation) * relative.rotation;
+    let essential = relative.translation.cross_matrix() * relative.rotation;
     let f = k(projector).try_inverse()?.transpose() * essential * k(camera).try_inverse()?;
     let f = f / f.norm();
     f.iter().all(|x| x.is_finite()).then_some(f)

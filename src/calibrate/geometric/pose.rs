@@ -87,12 +87,6 @@ fn nearest_rotation(r: Matrix3<f64>) -> Matrix3<f64> {
     r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
 }
 
-/// Returns the matrix of v ×.
-#[must_use]
-pub fn cross(v: &Vector3<f64>) -> Matrix3<f64> {
-    v.cross_matrix()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

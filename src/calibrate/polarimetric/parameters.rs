@@ -94,12 +94,8 @@ impl Parameter {
     #[must_use]
     pub fn step(&self) -> f64 {
         match self {
-            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => {
-                1e-3
-            }
-            Self::Extinction(..) | Self::SensorExtinction => 1e-5,
-            Self::Diattenuation(_) => 1e-5,
-            Self::GalvoIndex | Self::GalvoAbsorption => 1e-3,
+            Self::Extinction(..) | Self::SensorExtinction | Self::Diattenuation(_) => 1e-5,
+            _ => 1e-3,
         }
     }
 

@@ -36,16 +36,12 @@ pub struct Radiometry {
     /// Readings from this value on are saturated, in DN.
     pub saturated_from_dn: u32,
     /// Signal above the dark frame at which the camera saturates, in DN, if it was reached.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation_dn: Option<f64>,
     /// Descriptions of quantities that the frames do not determine.
     pub untold: Vec<String>,
     pub dark: Dark,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub linearity: Option<Linearity>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub flat: Option<Flat>,
 }
 

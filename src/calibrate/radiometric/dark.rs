@@ -26,9 +26,7 @@ pub struct Dark {
     pub variance: PixelMap,
     pub variance_sigma: PixelMap,
     /// Dark current in DN/s; needs at least two exposures.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rate: Option<PixelMap>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_sigma: Option<PixelMap>,
 }
 

@@ -1,7 +1,6 @@
 //! Accumulates frames of one setting into the mean and variance of each pixel.
 
 use super::error::RadiometricError;
-use instrument::{RawFrame, pixels};
 
 /// Means and variances of the frames of one setting.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,18 +69,6 @@ impl Stack {
             self.clipped[i] |= *dn == self.top_dn;
         }
         Ok(())
-    }
-
-    /// Adds a raw frame of a camera.
-    ///
-    /// # Errors
-    /// [`RadiometricError::Size`] if the bytes do not match the region, otherwise those of [`Self::add`].
-    pub fn add_raw(&mut self, frame: &RawFrame) -> Result<(), RadiometricError> {
-        let numbers = pixels::unpack(frame).ok_or_else(|| RadiometricError::Size {
-            found: frame.bytes.len() * 8 / frame.format.bits() as usize,
-            want: self.mean.len(),
-        })?;
-        self.add(&numbers)
     }
 
     /// Returns the exposure in s.

@@ -32,7 +32,6 @@ pub struct Transfer {
     /// Covariance of σ² and 1/g: (σ², σ²), (σ², 1/g), (1/g, 1/g).
     pub covariance: [f64; 3],
     /// Electrons at saturation, if it was reached.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub full_well_e: Option<f64>,
     /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,

@@ -176,7 +176,7 @@ impl Prepared {
             }
             Known::Template(t) => {
                 let (first, last) = (
-                    (arrival + t.start_ps() / self.bin_ps).floor() - 1.0,
+                    (arrival + t.first_ps / self.bin_ps).floor() - 1.0,
                     (arrival + (t.end_ps() / self.bin_ps).min(most)).ceil() + 1.0,
                 );
                 for k in first as i64..last as i64 {

@@ -18,12 +18,6 @@ pub struct Template {
 }
 
 impl Template {
-    /// Returns the first grid point in ps.
-    #[must_use]
-    pub fn start_ps(&self) -> f64 {
-        self.first_ps
-    }
-
     /// Returns the last grid point in ps.
     #[must_use]
     pub fn end_ps(&self) -> f64 {

@@ -72,7 +72,6 @@ pub struct Temporal {
     /// Standard error of the time zero including that of the response, which all pixels share.
     pub sigma_ps: PixelMap,
     /// Error of the clock, if planes at two or more distances were captured.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
     pub response: Impulse,
 }

@@ -153,13 +153,8 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
             if line.trim().is_empty() || line.starts_with('#') {
                 continue;
             }
-            let refused = |message: String| InputError {
-                file: a.events.clone(),
-                text: text.as_str().into(),
-                span: Some(span.clone()),
-                message,
-                help: Some(fix.into()),
-            };
+            let refused =
+                |message: String| InputError::new(&a.events, text.as_str(), Some(span.clone()), message, fix);
             let Some(event) = event(line) else {
                 wrong = Some(refused(format!("`{}` is not an event", line.trim())));
                 return Err(ErrorKind::InvalidInput.into());

@@ -96,19 +96,11 @@ const FIX: &str = "create one: sunstone pbrdf pca --prior prior.toml -o componen
 /// [`InputError`] with file, location and fix if it is not 16 × 16, symmetric and positive semidefinite.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;
-    let whole: std::sync::Arc<str> = text.as_str().into();
-    let error = |span, message: String| InputError {
-        file: path.to_owned(),
-        text: whole.clone(),
-        span,
-        message,
-        help: Some(FIX.to_owned()),
-    };
     let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;
     // The name is only informative.
     let _ = file.name;
     let rows = &file.second_moment;
-    let wrong = |message: &str| Err(error(Some(rows.span()), message.to_owned()));
+    let wrong = |message: &str| Err(InputError::new(path, text.as_str(), Some(rows.span()), message, FIX));
     if rows.len() != 16 || rows.iter().any(|row| row.len() != 16) {
         return wrong("expected 16 rows of 16 numbers in `second_moment`");
     }

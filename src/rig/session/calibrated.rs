@@ -59,12 +59,8 @@ impl Believed {
             let path = rig.parent().unwrap_or(Path::new("")).join(file);
             let text = document::read(&path, "calibration", FIX)?;
             let found: Document = calibration_file::parse(&path, &text, FIX)?;
-            let wrong = |span: Option<std::ops::Range<usize>>, message: String, fix: &str| InputError {
-                file: path.clone(),
-                text: text.as_str().into(),
-                span,
-                message,
-                help: Some(fix.to_owned()),
+            let wrong = |span: Option<std::ops::Range<usize>>, message: String, fix: &str| {
+                InputError::new(&path, text.as_str(), span, message, fix)
             };
             let pair = found.camera.as_ref().zip(found.projector.as_ref());
             if found.detector.cmos.is_none() && found.detector.spad.is_none() && pair.is_none() {

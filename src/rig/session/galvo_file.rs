@@ -27,8 +27,9 @@ type Behind = (Wiring, AnalogLimits);
 
 /// Returns the limits of a galvo, and its wiring if a card drives it.
 pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), Fault> {
-    let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
-    let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);
+    let range_deg = file.range_deg.unwrap_or([20.0; 2]);
+    let good = range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
+    let settle = Duration::try_from_secs_f64(file.settle_us.unwrap_or(300.0) / 1e6);
     let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
     let help = "set range_deg = [x, y], each above 0 and at most 60, and settle_us from 0 to less than 1e9";
     let settle = settle.ok_or(("invalid setting in [galvo]".to_owned(), help))?;
@@ -44,7 +45,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), F
             let help = "add driver = \"analog\", or remove it";
             return Err((format!("`{name}` applies only to driver = \"analog\""), help));
         }
-        let limits = GalvoLimits { range_deg: file.range_deg, resolution_deg: RESOLUTION_DEG, settle };
+        let limits = GalvoLimits { range_deg, resolution_deg: RESOLUTION_DEG, settle };
         return Ok((limits, None));
     }
     let card = card(file.card.unwrap_or_default())?;
@@ -55,7 +56,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), F
             Some(PerAxis::Both(v)) => [v; 2],
             Some(PerAxis::Each(v)) => v,
         },
-        range_deg: file.range_deg,
+        range_deg,
         rate_hz: file.rate_hz.unwrap_or(1e5),
         travel: file.speed_deg_per_s.map_or(Travel::Stepped, Travel::Smooth),
         settle,

@@ -1,5 +1,6 @@
 //! Converts the raw frames of a run to intensities per mask, with the element angles that the encoders read.
 
+use crate::instrument::PixelFormat;
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::estimate::Estimate;
 use polarimetry::capture::detector::polarizer_array::{Method, demosaic, demosaic_variance};
@@ -128,12 +129,8 @@ impl Run {
     /// Returns the bits per pixel of the camera's format.
     #[must_use]
     pub fn bits(&self) -> u32 {
-        match self.work["format"].as_str() {
-            Some("Mono8") => 8,
-            Some("Mono10p") => 10,
-            Some("Mono12p") => 12,
-            _ => 16,
-        }
+        let format = PixelFormat::ALL.into_iter().find(|f| self.work["format"] == f.name());
+        format.map_or(16, PixelFormat::bits)
     }
 
     /// Returns the camera's gain relative to 0 dB.

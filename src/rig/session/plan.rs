@@ -148,13 +148,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
          `bin_ps`"
             .to_owned()
     })?;
-    let fault = |span: Range<usize>, (message, help): Fault| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: Some(span),
-        message,
-        help: Some(help.to_owned()),
-    };
+    let fault =
+        |span: Range<usize>, (message, help): Fault| InputError::new(path, text, Some(span), message, help);
     let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
     let scheme = match &*file.scheme {
         SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
@@ -298,8 +293,9 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
             "use fewer or wider bins, or remove `time_tags`",
         ));
     }
-    if !(1.0..=1e10).contains(&file.rate_hz) {
-        return Err((format!("`rate_hz` is {}", file.rate_hz), "set pulses per second, from 1 to 1e10"));
+    let rate_hz = file.rate_hz.unwrap_or(1e7);
+    if !(1.0..=1e10).contains(&rate_hz) {
+        return Err((format!("`rate_hz` is {rate_hz}"), "set pulses per second, from 1 to 1e10"));
     }
     Ok(ScanWork {
         points: file.points,
@@ -308,7 +304,7 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
         bins: file.bins,
         bin_ps: file.bin_ps,
         offset_ps: file.offset_ps,
-        rate_hz: file.rate_hz,
+        rate_hz,
         time_tags: file.time_tags,
     })
 }

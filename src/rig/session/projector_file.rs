@@ -1,7 +1,7 @@
 //! The `[projector]` table of a rig file: limits, and for a DLPC350 its flash, LEDs and triggers.
 
 use super::Fault;
-use super::rig_syntax::{Driver, ProjectorFile};
+use super::rig_syntax::{Driver, Led, ProjectorFile};
 use crate::driver::dlpc350::flash;
 use crate::driver::dlpc350::projector::Flash;
 use crate::driver::dlpc350::trigger::Triggers;
@@ -16,10 +16,11 @@ pub type FlashPlan = (Flash, u8, Triggers);
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
     let help = "set size = [columns, rows], each from 1 to 65536, bits from 1 to 8, and shortest_ms from 0 to less than 1e6";
     let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));
-    let shortest = Duration::try_from_secs_f64(p.shortest_ms / 1e3).ok();
-    let shortest = shortest.filter(|_| p.shortest_ms < 1e6 && pixels && (1..=8).contains(&p.bits));
+    let (bits, shortest_ms) = (p.bits.unwrap_or(1), p.shortest_ms.unwrap_or(0.235));
+    let shortest = Duration::try_from_secs_f64(shortest_ms / 1e3).ok();
+    let shortest = shortest.filter(|_| shortest_ms < 1e6 && pixels && (1..=8).contains(&bits));
     let shortest = shortest.ok_or_else(|| ("invalid setting in [projector]".to_owned(), help))?;
-    let limits = ProjectorLimits { size: p.size, patterns: p.patterns, bits: p.bits, shortest };
+    let limits = ProjectorLimits { size: p.size, patterns: p.patterns.unwrap_or(4096), bits, shortest };
     if p.driver != Driver::Dlpc350 {
         if p.triggers != Triggers::default() || !p.flash.is_empty() {
             let what = "`flash` and `triggers` apply only to driver = \"dlpc350\"";
@@ -33,7 +34,8 @@ pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, 
     let held = flash::load(&files).map_err(|e| (e, help))?;
     let triggers = p.triggers.commands();
     triggers.map_err(|e| (format!("triggers: {e}"), "correct `triggers`, or remove them"))?;
-    let leds = p.leds.iter().fold(0, |all, led| all | *led as u8);
+    let leds = p.leds.as_deref().unwrap_or(&[Led::Green]);
+    let leds = leds.iter().fold(0, |all, led| all | *led as u8);
     Ok((limits, Some((held, leds, p.triggers))))
 }
 

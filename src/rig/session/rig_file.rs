@@ -137,13 +137,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
          [bench]"
             .to_owned()
     })?;
-    let fault = |span: Range<usize>, (message, help): Fault| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: Some(span),
-        message,
-        help: Some(help.to_owned()),
-    };
+    let fault =
+        |span: Range<usize>, (message, help): Fault| InputError::new(path, text, Some(span), message, help);
     for (name, stage) in &file.stages {
         check_stage(name, stage).map_err(|e| fault(stage.span(), e))?;
     }
@@ -159,12 +154,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })?
     .unzip();
     let laser = checked(&file.laser, &fault, |l| {
-        let good = is_wavelength(l.nm) && l.rate_hz[0] > 0.0 && l.rate_hz[1] >= l.rate_hz[0];
+        let rate_hz = l.rate_hz.unwrap_or([1e5, 8e7]);
+        let good = is_wavelength(l.nm) && rate_hz[0] > 0.0 && rate_hz[1] >= rate_hz[0];
         if !good {
             let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
             return Err(("invalid setting in [laser]".into(), help));
         }
-        Ok((l.driver.clone(), LaserLimits { nm: l.nm, rate_hz: l.rate_hz }))
+        Ok((l.driver.clone(), LaserLimits { nm: l.nm, rate_hz }))
     })?;
     let laser_table = match file.laser.as_ref().filter(|l| l.driver == Driver::Scpi) {
         None => None,
@@ -178,14 +174,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         }
     };
     let counter = checked(&file.counter, &fault, |c| {
-        let good = (1..=1 << 20).contains(&c.bins) && c.finest_ps > 0.0 && c.finest_ps < 1e9;
+        let (bins, finest_ps) = (c.bins.unwrap_or(32_768), c.finest_ps.unwrap_or(25.0));
+        let good = (1..=1 << 20).contains(&bins) && finest_ps > 0.0 && finest_ps < 1e9;
         if !good {
             let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
             return Err(("invalid setting in [counter]".into(), help));
         }
         let limits = CounterLimits {
-            bins: c.bins,
-            finest_ps: c.finest_ps,
+            bins,
+            finest_ps,
             longest: Duration::from_secs(3600),
             full: u64::from(u32::MAX),
             tags: (c.driver == Driver::Simulated).then_some(TAGS),
@@ -279,14 +276,15 @@ fn check_stage(name: &str, stage: &StageFile) -> Result<(), Fault> {
 }
 
 fn camera_limits(file: &CameraFile) -> Result<CameraLimits, Fault> {
-    let pixels = file.size.iter().chain(&file.step).all(|n| (1..=65_536).contains(n));
-    let row_time = Duration::try_from_secs_f64(file.row_time_us / 1e3 / 1e3).ok();
-    let row_time = row_time.filter(|_| file.row_time_us / 1e3 < 1e6 && pixels);
+    let (step, row_time_us) = (file.step.unwrap_or([1, 1]), file.row_time_us.unwrap_or(10.0));
+    let pixels = file.size.iter().chain(&step).all(|n| (1..=65_536).contains(n));
+    let row_time = Duration::try_from_secs_f64(row_time_us / 1e3 / 1e3).ok();
+    let row_time = row_time.filter(|_| row_time_us / 1e3 < 1e6 && pixels);
     let help =
         "set size and step = [columns, rows], each from 1 to 65536, and row_time_us from 0 to less than 1e9";
     Ok(CameraLimits {
         size: file.size,
-        step: file.step,
+        step,
         exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
         gain_db: [0.0, 48.0],
         formats: PixelFormat::ALL.to_vec(),
@@ -376,7 +374,8 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
             return Err((what, "set degrees, above 0 and below 170"));
         }
     }
-    if !(file.brightness > 0.0 && file.brightness < 1e30) {
+    let brightness = file.brightness.unwrap_or(1.0);
+    if !(brightness > 0.0 && brightness < 1e30) {
         return Err(("`brightness` is out of range".into(), "set a number above 0 and below 1e30"));
     }
     check_wavelength(file.wavelength_nm)?;
@@ -385,8 +384,8 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
     check_detectors("bench", &cmos, &spad)?;
     Ok(BenchPlan {
         scene,
-        slice: file.slice.clone(),
-        brightness: file.brightness,
+        slice: file.slice.clone().unwrap_or_else(|| "spatial".into()),
+        brightness,
         nm: file.wavelength_nm,
         optics: None,
         fov_deg: [file.camera_fov_deg, file.projector_fov_deg],

@@ -96,18 +96,14 @@ pub(super) struct ProjectorFile {
     #[serde(default)]
     pub(super) driver: Driver,
     pub(super) size: [u32; 2],
-    #[serde(default = "one")]
-    pub(super) bits: u8,
-    #[serde(default = "many")]
-    pub(super) patterns: usize,
-    #[serde(default = "quarter")]
-    pub(super) shortest_ms: f64,
+    pub(super) bits: Option<u8>,
+    pub(super) patterns: Option<usize>,
+    pub(super) shortest_ms: Option<f64>,
     /// Images of the flash (`dlpc350`).
     #[serde(default)]
     pub(super) flash: Vec<PathBuf>,
     /// Active LEDs (`dlpc350`).
-    #[serde(default = "green")]
-    pub(super) leds: Vec<Led>,
+    pub(super) leds: Option<Vec<Led>>,
     /// Triggers (`dlpc350`).
     #[serde(default)]
     pub(super) triggers: Triggers,
@@ -122,38 +118,15 @@ pub(super) enum Led {
     Blue = 4,
 }
 
-fn green() -> Vec<Led> {
-    vec![Led::Green]
-}
-
-fn one() -> u8 {
-    1
-}
-fn many() -> usize {
-    4096
-}
-fn quarter() -> f64 {
-    0.235
-}
-
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraFile {
     #[serde(default)]
     pub(super) driver: Driver,
     pub(super) size: [u32; 2],
-    #[serde(default = "unit_step")]
-    pub(super) step: [u32; 2],
-    #[serde(default = "row_time")]
-    pub(super) row_time_us: f64,
+    pub(super) step: Option<[u32; 2]>,
+    pub(super) row_time_us: Option<f64>,
     pub(super) serial: Option<String>,
-}
-
-fn unit_step() -> [u32; 2] {
-    [1, 1]
-}
-fn row_time() -> f64 {
-    10.0
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -161,10 +134,8 @@ fn row_time() -> f64 {
 pub(super) struct GalvoFile {
     #[serde(default)]
     pub(super) driver: Driver,
-    #[serde(default = "galvo_range")]
-    pub(super) range_deg: [f64; 2],
-    #[serde(default = "settle")]
-    pub(super) settle_us: f64,
+    pub(super) range_deg: Option<[f64; 2]>,
+    pub(super) settle_us: Option<f64>,
     pub(super) volts_per_degree: Option<PerAxis>,
     pub(super) channels: Option<[usize; 2]>,
     pub(super) rate_hz: Option<f64>,
@@ -197,26 +168,14 @@ impl Default for CardFile {
     }
 }
 
-fn galvo_range() -> [f64; 2] {
-    [20.0; 2]
-}
-fn settle() -> f64 {
-    300.0
-}
-
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LaserFile {
     #[serde(default)]
     pub(super) driver: Driver,
     pub(super) nm: f64,
-    #[serde(default = "rates")]
-    pub(super) rate_hz: [f64; 2],
+    pub(super) rate_hz: Option<[f64; 2]>,
     pub(super) table: Option<PathBuf>,
-}
-
-fn rates() -> [f64; 2] {
-    [1e5, 8e7]
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -224,19 +183,10 @@ fn rates() -> [f64; 2] {
 pub(super) struct CounterFile {
     #[serde(default)]
     pub(super) driver: Driver,
-    #[serde(default = "counter_bins")]
-    pub(super) bins: usize,
-    #[serde(default = "finest")]
-    pub(super) finest_ps: f64,
+    pub(super) bins: Option<usize>,
+    pub(super) finest_ps: Option<f64>,
     pub(super) library: Option<PathBuf>,
     pub(super) th260: Option<Th260Settings>,
-}
-
-fn counter_bins() -> usize {
-    32_768
-}
-fn finest() -> f64 {
-    25.0
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -260,10 +210,8 @@ pub(super) struct BenchFile {
     pub(super) scene: Option<PathBuf>,
     pub(super) spp: Option<u32>,
     pub(super) sample: Option<SampleFile>,
-    #[serde(default = "unit")]
-    pub(super) brightness: f64,
-    #[serde(default = "spatial")]
-    pub(super) slice: String,
+    pub(super) brightness: Option<f64>,
+    pub(super) slice: Option<String>,
     pub(super) wavelength_nm: f64,
     pub(super) optics: Option<PathBuf>,
     pub(super) camera_fov_deg: Option<f64>,
@@ -276,14 +224,6 @@ pub(super) struct BenchFile {
     pub(super) spad: Option<Spad>,
     #[serde(default)]
     pub(super) faults: Vec<FaultAt>,
-}
-
-fn unit() -> f64 {
-    1.0
-}
-
-fn spatial() -> String {
-    "spatial".into()
 }
 
 /// One file or several. Later files override earlier ones.
@@ -308,7 +248,6 @@ impl Files {
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
     /// Files from `sunstone calibrate`: parameters of detectors, camera and projector.
-    #[serde(default)]
     pub(super) calibration: Option<Located<Files>>,
     pub(super) wavelength_nm: Option<f64>,
     #[serde(default)]

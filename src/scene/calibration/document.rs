@@ -22,13 +22,7 @@ pub(super) struct Document {
 impl Document {
     /// Reads a file in the format of its extension.
     pub(super) fn load(path: &Path) -> Result<Self, InputError> {
-        let failed = |message: String| InputError {
-            file: path.to_owned(),
-            text: "".into(),
-            span: None,
-            message,
-            help: Some(FIX.into()),
-        };
+        let failed = |message: String| InputError::new(path, "", None, message, FIX);
         let mut bytes = vec![];
         base::input::open(path)
             .and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes))
@@ -41,12 +35,8 @@ impl Document {
 
     pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-        let error = |text: &str, at: Option<usize>, message: String| InputError {
-            file: path.to_owned(),
-            text: text.into(),
-            span: at.map(|at| at..at),
-            message,
-            help: Some(FIX.into()),
+        let error = |text: &str, at: Option<usize>, message: String| {
+            InputError::new(path, text, at.map(|at| at..at), message, FIX)
         };
         let (text, root) = if extension == "npz" {
             let root = npz::read(bytes).map_err(|e| error("", None, e))?;
@@ -73,13 +63,7 @@ impl Document {
     /// Returns an error located at the value of a key path.
     pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
         let named = if keys.is_empty() { String::new() } else { format!("`{}`: ", keys.join(".")) };
-        InputError {
-            file: self.file.clone(),
-            text: self.text.clone(),
-            span: self.find(keys),
-            message: format!("{named}{message}"),
-            help: Some(help.to_owned()),
-        }
+        InputError::new(&self.file, self.text.clone(), self.find(keys), format!("{named}{message}"), help)
     }
 
     /// Returns the location of the last key; each key is searched for after the previous one.

@@ -50,13 +50,7 @@ impl Source {
 
     pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
         let (file, text) = self.main();
-        self.placed(InputError {
-            file,
-            text,
-            span: Some(span.clone()),
-            message: message.into(),
-            help: Some(help.into()),
-        })
+        self.placed(InputError::new(file, text, Some(span.clone()), message, help))
     }
 
     /// Converts an error's location from the concatenation to a file and its offset.

@@ -244,7 +244,7 @@ impl Running {
     }
 
     /// Adds the table of results.
-    pub(super) fn compared(self, application: &dyn Application) -> Through {
+    pub(super) fn compared(self, application: &Application) -> Through {
         Through {
             label: self.link.label,
             place: self.place,
@@ -259,7 +259,7 @@ impl Running {
 /// Captures one seed's observations through all links, and runs the application on each. The first seed
 /// determines the links.
 pub(super) fn capture(
-    application: &dyn Application,
+    application: &Application,
     links: &Links,
     train: &[Observation],
     test: &[Observation],
@@ -269,7 +269,7 @@ pub(super) fn capture(
     if all.is_empty() {
         *all = links.settled(application, train)?;
     }
-    let slices = application.plan().slices;
+    let slices = &application.plan.slices;
     let seed = train.first().map_or(0, |o| o.seed);
     let nm = wavelengths(train);
     for running in all {
@@ -280,13 +280,12 @@ pub(super) fn capture(
                 if watch.interrupted() {
                     return Err(LinksError::Interrupted);
                 }
-                Ok(running.link.observe(&rig, o, &slices, &mut running.count)?)
+                Ok(running.link.observe(&rig, o, slices, &mut running.count)?)
             })
             .collect()
         };
         let (train, test) = (captured(train)?, captured(test)?);
-        let outcome = application
-            .run(&train, &test)
+        let outcome = (application.run)(&train, &test)
             .map_err(|cause| LinksError::Captured { label: running.link.label.clone(), cause })?;
         running.scores.extend(outcome.scores.into_iter().map(|s| (seed, s)));
     }
@@ -294,11 +293,7 @@ pub(super) fn capture(
 }
 
 impl Links {
-    fn settled(
-        &self,
-        application: &dyn Application,
-        train: &[Observation],
-    ) -> Result<Vec<Running>, LinksError> {
+    fn settled(&self, application: &Application, train: &[Observation]) -> Result<Vec<Running>, LinksError> {
         match self {
             Self::None => Ok(vec![]),
             Self::Chain(chain) => Ok(chain
@@ -310,7 +305,7 @@ impl Links {
                 })
                 .collect()),
             Self::Sweep(chain, part, values) => {
-                let task = application.task(train)?;
+                let task = application.task.map(|task| task(train)).transpose()?;
                 let mut all = sweep(chain, *part, values);
                 all.iter_mut().for_each(|r| r.task.clone_from(&task));
                 Ok(all)
@@ -350,15 +345,16 @@ pub const WHOLE: &str = "all captures";
 fn few(
     chain: &Chain,
     range: RangeInclusive<usize>,
-    application: &dyn Application,
+    application: &Application,
     train: &[Observation],
 ) -> Result<Vec<Running>, LinksError> {
-    let task = application.task(train)?.ok_or_else(|| {
+    let task = application.task.ok_or_else(|| {
         ApplyError::Empty(format!(
             "the result of `{}` is not linear in the Mueller matrices, so captures cannot be chosen for it; use metamerism or scattering",
-            application.name()
+            application.name
         ))
     })?;
+    let task = task(train)?;
     let expected = Expected::of(train, task.slice)?;
     let calibrated = chain.beliefs.contains(&Belief::Calibrated);
     let belief = calibrated.then_some(Belief::Calibrated);
@@ -373,7 +369,7 @@ fn few(
     );
     whole.task = Some(task.clone());
     let mut out = vec![whole];
-    let plan = application.plan();
+    let plan = &application.plan;
     let noise = |scheme: &polarimetry::capture::scheme::Scheme| -> Result<f64, LinksError> {
         let Some(o) = train.first() else {
             return Ok(0.0);

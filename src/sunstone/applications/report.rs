@@ -32,7 +32,7 @@ const COLUMNS: usize = 4;
 /// # Errors
 /// [`ReportError`].
 pub fn write(
-    application: &dyn Application,
+    application: &Application,
     report: &Report,
     settings: &Settings,
     folder: &Path,
@@ -57,14 +57,14 @@ pub fn write(
 
 /// Returns the verdicts of a sweep, or of few captures, as sentences.
 #[must_use]
-pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -> Vec<String> {
+pub fn verdicts(application: &Application, report: &Report, links: &Links) -> Vec<String> {
     let of = |metric| curves::sentences(metric, links, &curves::verdicts(metric, report, links));
-    application.metrics().into_iter().flat_map(of).collect()
+    application.metrics.iter().copied().flat_map(of).collect()
 }
 
 /// Writes the table and the charts of a sweep, or of few captures.
 fn curve(
-    application: &dyn Application,
+    application: &Application,
     report: &Report,
     links: &Links,
     folder: &Path,
@@ -74,7 +74,7 @@ fn curve(
         Links::Sweep(_, part, _) => format!("sweep_{}", part.name()),
         Links::Few(..) => "captures".to_owned(),
     };
-    let Some(metric) = application.metrics().first().copied() else {
+    let Some(metric) = application.metrics.first().copied() else {
         return Ok(());
     };
     let points = curves::points(metric, report, links);
@@ -84,11 +84,11 @@ fn curve(
         .map_err(|cause| ReportError::Write { path, cause })?;
     let mut charts: Vec<(String, String, Vec<Point>)> = vec![];
     if let Links::Few(..) = links {
-        charts.push((name, format!("{}: few captures", application.name()), points));
+        charts.push((name, format!("{}: few captures", application.name), points));
     } else {
         for of in points.chunk_by(|a, b| a.series == b.series) {
             let series = &of[0].series;
-            let title = format!("{}: {}, {series}", application.name(), axis.label);
+            let title = format!("{}: {}, {series}", application.name, axis.label);
             charts.push((format!("{name}_{series}"), title, of.to_vec()));
         }
     }
@@ -150,7 +150,7 @@ fn scores_csv(report: &Report) -> String {
 
 /// Returns the content of `report.json`.
 #[must_use]
-pub fn document(application: &dyn Application, report: &Report) -> Value {
+pub fn document(application: &Application, report: &Report) -> Value {
     let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
     let rows = |rows: &[Row]| -> Vec<Value> {
         rows.iter()
@@ -172,9 +172,9 @@ pub fn document(application: &dyn Application, report: &Report) -> Value {
             })
         })
         .collect();
-    let plan = application.plan();
+    let plan = &application.plan;
     json!({
-        "application": application.name(), "shows": application.shows(),
+        "application": application.name, "shows": application.shows,
         "by": format!("sunstone {}", env!("CARGO_PKG_VERSION")),
         "scene": plan.scene, "train": plan.train, "test": plan.test,
         "pixels": report.size.pixels, "spp": report.size.spp, "seeds": report.seeds,

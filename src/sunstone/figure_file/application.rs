@@ -33,7 +33,7 @@ pub struct Applications<'a> {
 struct Run<'a> {
     /// The first panel that shows it.
     at: &'a Located<ViewFile>,
-    application: Box<dyn Application>,
+    application: Application,
     scenes: PathBuf,
     seeds: u64,
     links: Links,
@@ -44,7 +44,7 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn size(&self, preview: bool) -> Size {
-        let plan = self.application.plan();
+        let plan = &self.application.plan;
         if preview { plan.preview } else { plan.full }
     }
 }
@@ -76,7 +76,7 @@ impl<'a> Applications<'a> {
         let source = self.source;
         let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
         let chain = source.beside(&view.chain);
-        let links = curves::links(view, &chain, &*application).map_err(source.at(at))?;
+        let links = curves::links(view, &chain, &application).map_err(source.at(at))?;
         let key = (view.name.as_str(), curves::words(view));
         self.add(at, key, application, links)
     }
@@ -84,14 +84,14 @@ impl<'a> Applications<'a> {
     fn picture(&mut self, at: &'a Located<ViewFile>, view: &'a ApplyFile) -> Result<(), FigureFileError> {
         let source = self.source;
         let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
-        let mut names: Vec<&str> = application.methods().iter().map(|m| m.name).collect();
-        names.extend(application.drawn());
+        let mut names: Vec<&str> = application.methods.iter().map(|m| m.name).collect();
+        names.extend(&application.drawn);
         if !view.method.starts_with(TRUTH) && !names.contains(&view.method.as_str()) {
             let message = format!("application `{}` has no method `{}`", view.name, view.method);
             let help = format!("use one of: {}", names.join("; "));
             return Err(source.error(at, message, help).into());
         }
-        let plan = application.plan();
+        let plan = &application.plan;
         if let Some(v) = view.variant.filter(|v| !plan.test.contains(v)) {
             let message = format!("variant {v} is not a test variant of application `{}`", view.name);
             let help = format!("use one of: {}", list(&plan.test));
@@ -111,13 +111,13 @@ impl<'a> Applications<'a> {
         &mut self,
         at: &'a Located<ViewFile>,
         key: (&'a str, String),
-        application: Box<dyn Application>,
+        application: Application,
         links: Links,
     ) -> Result<(), FigureFileError> {
         if self.all.contains_key(&key) {
             return Ok(());
         }
-        let (source, plan) = (self.source, application.plan());
+        let (source, plan) = (self.source, &application.plan);
         let folder = source.path.parent().unwrap_or(Path::new("."));
         let scenes = self
             .settings
@@ -157,11 +157,11 @@ impl<'a> Applications<'a> {
                 seeds: run.seeds,
                 links: run.links.clone(),
             };
-            let mut now = applications::Run::new(&*run.application, &settings, self.watch)?;
+            let mut now = applications::Run::new(&run.application, &settings, self.watch)?;
             let mut inputs = now.inputs()?;
             run.rendered = now.rendered();
             let Size { pixels, spp } = run.size(preview);
-            let mut name = format!("{}_{pixels}px_{spp}spp_{}seeds", run.application.name(), run.seeds);
+            let mut name = format!("{}_{pixels}px_{spp}spp_{}seeds", run.application.name, run.seeds);
             if run.links != Links::None {
                 // The whole content of the chain file.
                 let links = format!("{:?}", run.links);
@@ -182,7 +182,7 @@ impl<'a> Applications<'a> {
                 }
                 e => e.into(),
             })?;
-            let mut fit = Fit::of(report, &*run.application, &run.links);
+            let mut fit = Fit::of(report, &run.application, &run.links);
             if let Some(place) = place {
                 place.write(&mut fit);
             }
@@ -218,7 +218,7 @@ impl<'a> Applications<'a> {
     ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
         let (run, fit) = self.found(at, (&view.name, curves::words(view)))?;
         let (tile, mut values) =
-            curves::tile(view, &*run.application, &run.links, fit).map_err(self.source.at(at))?;
+            curves::tile(view, &run.application, &run.links, fit).map_err(self.source.at(at))?;
         values.extend(self.sizes(run));
         Ok((tile, values))
     }
@@ -298,7 +298,7 @@ impl<'a> Applications<'a> {
         }
         if let Some(v) = view.variant {
             out.push(number("variant".into(), v as f64));
-            let path = run.scenes.join(run.application.plan().scene);
+            let path = run.scenes.join(run.application.plan.scene);
             let studio = Studio::open(&path, &self.settings.renders, self.watch)?;
             out.extend(varied(&studio.variant(Some(v))?));
         }
@@ -308,7 +308,7 @@ impl<'a> Applications<'a> {
 
 fn unknown<T>(source: &Source, at: &Located<T>, name: &str) -> base::locate::InputError {
     let all = catalog::all();
-    let known: Vec<&str> = all.iter().map(|a| a.name()).collect();
+    let known: Vec<&str> = all.iter().map(|a| a.name).collect();
     let help = format!("use one of: {}", known.join(", "));
     source.error(at, format!("unknown application `{name}`"), help)
 }

@@ -22,15 +22,15 @@ pub fn words(view: &CurvesFile) -> String {
 }
 
 /// Returns the capture chain of a view, and checks the view without running the application.
-pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> Result<Links, Fault> {
-    let name = application.name();
+pub fn links(view: &CurvesFile, chain: &Path, application: &Application) -> Result<Links, Fault> {
+    let name = application.name;
     let fault = |message: String, help: &str| Err((message, help.to_owned()));
-    if application.plan().slices.is_empty() {
+    if application.plan.slices.is_empty() {
         let message = format!("application `{name}` captures its own input");
         return fault(message, "remove the view");
     }
     metric(view, application)?;
-    let known: Vec<&str> = application.methods().iter().map(|m| m.name).collect();
+    let known: Vec<&str> = application.methods.iter().map(|m| m.name).collect();
     if let Some(m) = view.methods.iter().find(|m| !known.contains(&m.as_str())) {
         let message = format!("application `{name}` has no method `{m}`");
         return Err((message, format!("use some of: {}", known.join("; "))));
@@ -76,8 +76,8 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
     }
 }
 
-fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fault> {
-    let all = application.metrics();
+fn metric(view: &CurvesFile, application: &Application) -> Result<Metric, Fault> {
+    let all = &application.metrics;
     let found = match &view.metric {
         None => all.first(),
         Some(name) => all.iter().find(|m| m.name == name),
@@ -86,7 +86,7 @@ fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fa
         let name = view.metric.as_deref().unwrap_or_default();
         let known: Vec<&str> = all.iter().map(|m| m.name).collect();
         (
-            format!("application `{}` has no metric `{name}`", application.name()),
+            format!("application `{}` has no metric `{name}`", application.name),
             format!("use one of: {}", known.join("; ")),
         )
     })
@@ -110,13 +110,13 @@ fn drawn(p: &Point, difference: bool) -> curves::Point {
 /// Returns the chart of a view, and the values for its caption.
 pub fn tile(
     view: &CurvesFile,
-    application: &dyn Application,
+    application: &Application,
     links: &Links,
     fit: &Fit,
 ) -> Result<(Tile, Vec<(String, Value)>), Fault> {
     let metric = metric(view, application)?;
     let few = matches!(links, Links::Few(..));
-    let ours = application.methods().first().map_or("", |m| m.name);
+    let ours = application.methods.first().map_or("", |m| m.name);
     let own = || fit.points.iter().filter(|p| p.metric == metric.name);
     let belief = view.belief.clone().or_else(|| Some(own().next()?.series.clone()));
     let shown = |p: &&Point| {
@@ -131,7 +131,7 @@ pub fn tile(
     let mut chart = curves::chart("", metric, axis, &curves::named(points, links));
     // The index in the list determines a method's colour, for scores and for differences.
     let listed: Vec<&str> = match &view.methods[..] {
-        [] => application.methods().iter().map(|m| m.name).collect(),
+        [] => application.methods.iter().map(|m| m.name).collect(),
         some => some.iter().map(String::as_str).collect(),
     };
     for (i, s) in chart.series.iter_mut().enumerate() {

@@ -98,9 +98,9 @@ pub struct Picture {
 
 impl Fit {
     /// Converts a report; sweeps and reports of few captures have no images.
-    pub fn of(mut report: Report, application: &dyn Application, links: &Links) -> Self {
+    pub fn of(mut report: Report, application: &Application, links: &Links) -> Self {
         let (mut points, mut verdicts) = (vec![], vec![]);
-        for metric in application.metrics() {
+        for metric in application.metrics.iter().copied() {
             let name = || metric.name.to_owned();
             let own = curves::points(metric, &report, links).into_iter();
             points.extend(own.map(|p| {

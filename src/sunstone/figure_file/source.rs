@@ -59,13 +59,7 @@ impl Source {
         message: impl Into<String>,
         help: impl Into<String>,
     ) -> InputError {
-        InputError {
-            file: self.path.clone(),
-            text: Arc::clone(&self.text),
-            span: Some(at.span()),
-            message: message.into(),
-            help: Some(help.into()),
-        }
+        InputError::new(&self.path, Arc::clone(&self.text), Some(at.span()), message, help)
     }
 
     /// Returns a function that adds a location to an error.
@@ -133,13 +127,9 @@ impl Source {
         }
         let shown = file.panels.iter().filter(|p| p.view.is_some()).count();
         if shown == 0 || file.panels.len() > MOST_PANELS {
-            return Err(InputError {
-                file: self.path.clone(),
-                text: Arc::clone(&self.text),
-                span: None,
-                message: format!("{} panels, of which {shown} have a view", file.panels.len()),
-                help: Some("add 1 to 200 [[panels]], at least one with a view".into()),
-            });
+            let message = format!("{} panels, of which {shown} have a view", file.panels.len());
+            let help = "add 1 to 200 [[panels]], at least one with a view";
+            return Err(InputError::new(&self.path, Arc::clone(&self.text), None, message, help));
         }
         file.panels.iter().try_for_each(|p| self.check_panel(p))
     }

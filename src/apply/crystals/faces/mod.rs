@@ -20,9 +20,6 @@ use crate::paths::{Path, Paths};
 use nalgebra::Vector3;
 use predicted::Glass;
 
-#[derive(Clone, Copy, Debug)]
-pub struct CrystalFaces;
-
 const METRICS: [Metric; 5] = [
     Metric::new("correlation with one reflection at the true normals", "", true),
     Metric::new("surface light, area under the curve", "", true),
@@ -65,18 +62,12 @@ const WHOLE: f64 = 0.999;
 const SAME_FACE_COS: f64 = 0.999_848;
 const UNLIKE: f64 = 0.984_808;
 
-impl Application for CrystalFaces {
-    fn name(&self) -> &'static str {
-        "crystals-faces"
-    }
-
-    fn shows(&self) -> &'static str {
-        "the profile of a crystal's rough faces in -(3,3) of epipolar light, compared with true normals and labels (Fig. 7)"
-    }
-
-    fn plan(&self) -> Plan {
-        let layer = |name, layer| Truth::Layer { name, layer, through: false };
-        Plan {
+pub(crate) fn application() -> Application {
+    let layer = |name, layer| Truth::Layer { name, layer, through: false };
+    Application {
+        name: "crystals-faces",
+        shows: "the profile of a crystal's rough faces in -(3,3) of epipolar light, compared with true normals and labels (Fig. 7)",
+        plan: Plan {
             scene: "crystals/faces.toml",
             train: vec![0],
             // Variants 1 to 3 were used to define the metrics.
@@ -90,31 +81,28 @@ impl Application for CrystalFaces {
             ],
             preview: Size { pixels: 64, spp: 512 },
             full: Size { pixels: 128, spp: 1024 },
+        },
+        methods: METHODS.iter().map(|m| m.0).collect(),
+        drawn: vec![],
+        metrics: METRICS.to_vec(),
+        run,
+        task: None,
+    }
+}
+
+fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+    let [_, test] = observation::seen(train, test, Seen::new)?;
+    let mut outcome = Outcome::default();
+    for seen in &test {
+        for (method, image) in METHODS {
+            let values = seen.values(image);
+            let scores = Score::each(method.name, seen.variant, &METRICS, seen.judge(&values));
+            outcome.scores.extend(scores);
+            outcome.pictures.push(seen.picture(method.name, "image", &values));
         }
+        outcome.pictures.push(seen.picture("true normals", "surface light", &seen.surface));
     }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.0).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        METRICS.to_vec()
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [_, test] = observation::seen(train, test, Seen::new)?;
-        let mut outcome = Outcome::default();
-        for seen in &test {
-            for (method, image) in METHODS {
-                let values = seen.values(image);
-                let scores = Score::each(method.name, seen.variant, &METRICS, seen.judge(&values));
-                outcome.scores.extend(scores);
-                outcome.pictures.push(seen.picture(method.name, "image", &values));
-            }
-            outcome.pictures.push(seen.picture("true normals", "surface light", &seen.surface));
-        }
-        Ok(outcome)
-    }
+    Ok(outcome)
 }
 
 /// Returns the pixels of the crystal whose normals equal those of all their neighbours on it.
@@ -150,13 +138,10 @@ struct Seen {
 
 impl Seen {
     fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let missing = |what, name: &str| ApplyError::Missing { variant: o.variant, what, name: name.into() };
-        let rig = o.rig.as_ref();
-        let rig = rig.ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
-        let alpha = o.values.get("roughness").copied();
+        let rig = o.rig()?;
         let glass = Glass {
             index: Mineral::Quartz.indices(MIDDLE).iter().sum::<f64>() / 2.0,
-            alpha: alpha.ok_or_else(|| missing("value of the parameter", "roughness"))?,
+            alpha: o.value("roughness")?,
         };
         let (all, epipolar) = (o.pixels("polarimetric", true)?, o.pixels("epipolar", true)?);
         let paths = Paths::read(o, "paths")?;
@@ -169,10 +154,7 @@ impl Seen {
                 .all(|(m, channels)| ([m.width, m.height], m.channels) == (size, *channels))
             && [paths.width, paths.height] == size;
         if !equal {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: "the camera, slices and truth".into(),
-            });
+            return Err(o.sizes("the camera, slices and truth"));
         }
         let vector = |m: &Map, i: usize| Vector3::from_column_slice(&m.data[3 * i..3 * i + 3]);
         let count = size[0] * size[1];
@@ -181,10 +163,7 @@ impl Seen {
             (0..count).map(|i| share.data[i] >= WHOLE && normal[i].iter().all(|x| x.is_finite())).collect();
         let faces = of_one_face(size, &is_face, &normal);
         if faces.is_empty() {
-            return Err(ApplyError::Empty(format!(
-                "variant {} has no pixel that shows a single face of the crystal; render it at a higher resolution",
-                o.variant
-            )));
+            return Err(o.no_pixel("a single face of the crystal"));
         }
         let mut predicted = vec![0.0; count];
         for i in (0..count).filter(|i| is_face[*i]) {

@@ -1,14 +1,14 @@
 //! Tests with a roof of two known faces over a striped ground.
 
+use super::METRICS;
 use super::predicted::Glass;
-use super::{CrystalFaces, METRICS};
-use crate::application::{Application, Outcome};
+use crate::application::Outcome;
 use crate::crystals::mineral::Mineral;
 use crate::error::ApplyError;
 use crate::isolation::tests::mean;
 use crate::map::Map;
 use crate::observation::Observation;
-use crate::observation::tests::slice;
+use crate::observation::tests::{failed, slice};
 use crate::paths::Path;
 use crate::paths::tests::labelled;
 use crate::pinhole::{Pinhole, Rig};
@@ -84,7 +84,7 @@ fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation
 }
 
 fn run(o: Observation) -> Outcome {
-    CrystalFaces.run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect("it runs")
+    super::run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect("it runs")
 }
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
@@ -120,12 +120,7 @@ fn wrong_normals_and_dull_faces_are_found() {
 #[test]
 fn what_is_missing_is_said() {
     let whole = observation(4, [8.0; 2], 1.0);
-    let failed = |change: &dyn Fn(&mut Observation)| {
-        let mut o = whole.clone();
-        change(&mut o);
-        let all = [o];
-        CrystalFaces.run(&all, &all).expect_err("it lacks something")
-    };
+    let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change);
     assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));
     assert!(failed(&|o| _ = o.values.remove("roughness")).to_string().contains("roughness"));
     assert!(failed(&|o| drop(o.slices.remove("paths"))).to_string().contains("paths"));

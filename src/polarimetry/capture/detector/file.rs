@@ -20,7 +20,6 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Detector {
@@ -60,32 +59,19 @@ struct DetectorFile {
     spad: Option<Located<Spad>>,
     #[serde(default)]
     detector: Calibrated,
-    #[serde(default)]
-    radiometric: IgnoredAny,
-    #[serde(default)]
-    temporal: IgnoredAny,
-    #[serde(default)]
-    camera: IgnoredAny,
-    #[serde(default)]
-    projector: IgnoredAny,
-    #[serde(default)]
-    quality: IgnoredAny,
-    #[serde(default)]
-    covariance: IgnoredAny,
-    #[serde(default)]
-    polarimetric: IgnoredAny,
-    #[serde(default)]
-    name: IgnoredAny,
-    #[serde(default)]
-    source: IgnoredAny,
-    #[serde(default)]
-    sensor: IgnoredAny,
-    #[serde(default)]
-    coaxial: IgnoredAny,
-    #[serde(default)]
-    generator: IgnoredAny,
-    #[serde(default)]
-    analyzer: IgnoredAny,
+    radiometric: Option<IgnoredAny>,
+    temporal: Option<IgnoredAny>,
+    camera: Option<IgnoredAny>,
+    projector: Option<IgnoredAny>,
+    quality: Option<IgnoredAny>,
+    covariance: Option<IgnoredAny>,
+    polarimetric: Option<IgnoredAny>,
+    name: Option<IgnoredAny>,
+    source: Option<IgnoredAny>,
+    sensor: Option<IgnoredAny>,
+    coaxial: Option<IgnoredAny>,
+    generator: Option<IgnoredAny>,
+    analyzer: Option<IgnoredAny>,
 }
 
 /// `[detector]` of a calibration, which may hold both.
@@ -112,14 +98,7 @@ pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
-    let whole: Arc<str> = text.into();
-    let error = |span: Option<Range<usize>>, message: String, help: &str| InputError {
-        file: path.to_owned(),
-        text: whole.clone(),
-        span,
-        message,
-        help: Some(help.to_owned()),
-    };
+    let error = |span, message: String, help: &str| InputError::new(path, text, span, message, help);
     let file: DetectorFile = document::parse(path, text, |_| {
         "expected a table [cmos] or [spad], with `demosaic` above it for a polarizer array".to_owned()
     })?;

@@ -1,12 +1,9 @@
 //! The mosaic of polarizers on a sensor (division of focal plane), and demosaicking.
 //!
-//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2. Its colour version,
-//! IMX250MYR, adds a Bayer mosaic with one such block per field, so that a pattern of 4×4 pixels repeats:
+//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2:
 //!
-//! > 90°  45°         R  R  G  G
-//! > 135°  0°         R  R  G  G
-//! >                  G  G  B  B
-//! >                  G  G  B  B
+//! > 90°  45°
+//! > 135°  0°
 //!
 //! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one,
 //! column 0 the left one). Images of the four polarizers are in the order of
@@ -28,12 +25,6 @@ pub fn polarizer(x: usize, y: usize) -> usize {
     LAYOUT[y % 2][x % 2]
 }
 
-/// Returns the Bayer field over a pixel: 0 red, 1 green in a red row, 2 green in a blue row, 3 blue.
-#[must_use]
-pub fn bayer_field(x: usize, y: usize) -> usize {
-    y / 2 % 2 * 2 + x / 2 % 2
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -52,58 +43,16 @@ pub struct Images {
     pub height: usize,
 }
 
-/// Mosaics of polarizers, one per field of a Bayer mosaic, each with half the width and height.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bayer<T> {
-    /// Red, green in red rows, green in blue rows, blue; each a mosaic for [`demosaic`].
-    pub fields: [Vec<T>; 4],
-    /// Columns of each field.
-    pub width: usize,
-    /// Rows of each field.
-    pub height: usize,
-}
-
 /// Returns the raw frame of a sensor from one full-resolution image per polarizer.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless all images have `width`·`height` values.
 pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result<Vec<T>, DetectorError> {
-    mosaic_bayer([images; 3], width, height)
-}
-
-/// Returns the raw frame of a colour sensor; `images` is by colour (red, green, blue), then by polarizer.
-///
-/// # Errors
-/// [`DetectorError::Count`] unless all images have `width`·`height` values.
-pub fn mosaic_bayer<T: Copy>(
-    images: [[&[T]; 4]; 3],
-    width: usize,
-    height: usize,
-) -> Result<Vec<T>, DetectorError> {
-    for image in images.iter().flatten() {
+    for image in images {
         area("an image of a polarizer", width, height, image.len())?;
     }
-    let colour = |field: usize| [0, 1, 1, 2][field];
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let raw = pixels.map(|(x, y)| images[colour(bayer_field(x, y))][polarizer(x, y)][y * width + x]);
-    Ok(raw.collect())
-}
-
-/// Splits the raw frame of a colour sensor into its Bayer fields. Rows and columns beyond the last 4×4 block
-/// are dropped.
-///
-/// # Errors
-/// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
-pub fn split_bayer<T: Copy>(raw: &[T], width: usize, height: usize) -> Result<Bayer<T>, DetectorError> {
-    area("a raw frame", width, height, raw.len())?;
-    let (w, h) = (width / 4 * 2, height / 4 * 2);
-    let fields = std::array::from_fn(|field| {
-        let from = |n: usize, offset: usize| n / 2 * 4 + n % 2 + offset * 2;
-        let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
-        let values = pixels.map(|(x, y)| raw[from(y, field / 2) * width + from(x, field % 2)]);
-        values.collect()
-    });
-    Ok(Bayer { fields, width: w, height: h })
+    Ok(pixels.map(|(x, y)| images[polarizer(x, y)][y * width + x]).collect())
 }
 
 /// Demosaics a raw frame.
@@ -202,8 +151,6 @@ mod tests {
         let raw = raw_of(&images([4, 4], |_, _, p| ARRAY_DEG[p]), [4, 4]);
         let (top, below) = ([90.0, 45.0, 90.0, 45.0], [135.0, 0.0, 135.0, 0.0]);
         assert_eq!(raw, [top, below, top, below].concat());
-        let fields: Vec<_> = (0..16).map(|i| bayer_field(i % 4, i / 4)).collect();
-        assert_eq!(fields, [0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3]);
     }
 
     #[test]
@@ -241,26 +188,6 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    #[test]
-    fn bayer_fields_are_mosaics_of_their_colours() {
-        let colours: [_; 3] = std::array::from_fn(|c| images([11, 9], |_, _, p| (10 * c + p) as f64));
-        let slices = colours.each_ref().map(|c| c.each_ref().map(Vec::as_slice));
-        let raw = mosaic_bayer(slices, 11, 9).expect("has the size");
-        let split = split_bayer(&raw, 11, 9).expect("has the size");
-        assert_eq!((split.width, split.height), (4, 4));
-        for (field, colour) in [0, 1, 1, 2].into_iter().enumerate() {
-            assert_eq!(
-                split.fields[field],
-                raw_of(&images([4, 4], |_, _, p| (10 * colour + p) as f64), [4, 4])
-            );
-        }
-        // Positions: the field below and right of a block's corner.
-        let numbers: Vec<_> = (0..64).collect();
-        let split = split_bayer(&numbers, 8, 8).expect("has the size");
-        assert_eq!(split.fields[0][..4], [0, 1, 4, 5]);
-        assert_eq!(split.fields[3][4..8], [26, 27, 30, 31]);
-    }
-
     /// Averages of one, two or four equal variances, and of fewer at the borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
@@ -292,7 +219,6 @@ mod tests {
             for method in [Method::Superpixel, Method::Bilinear] {
                 prop_assert_eq!(demosaic(&raw, w, h, method).is_ok(), n == w * h);
             }
-            prop_assert_eq!(split_bayer(&raw, w, h).is_ok(), n == w * h);
             prop_assert_eq!(mosaic([&raw; 4].map(std::vec::Vec::as_slice), w, h).is_ok(), n == w * h);
         }
     }

@@ -89,22 +89,14 @@ pub(super) struct SchemeFile {
     #[serde(default)]
     pub(super) analyzer: Vec<Located<ElementFile>>,
     // Tables of a calibration file that other modules read.
-    #[serde(default)]
-    polarimetric: IgnoredAny,
-    #[serde(default)]
-    camera: IgnoredAny,
-    #[serde(default)]
-    projector: IgnoredAny,
-    #[serde(default)]
-    quality: IgnoredAny,
-    #[serde(default)]
-    covariance: IgnoredAny,
-    #[serde(default)]
-    radiometric: IgnoredAny,
-    #[serde(default)]
-    temporal: IgnoredAny,
-    #[serde(default)]
-    detector: IgnoredAny,
+    polarimetric: Option<IgnoredAny>,
+    camera: Option<IgnoredAny>,
+    projector: Option<IgnoredAny>,
+    quality: Option<IgnoredAny>,
+    covariance: Option<IgnoredAny>,
+    radiometric: Option<IgnoredAny>,
+    temporal: Option<IgnoredAny>,
+    detector: Option<IgnoredAny>,
 }
 
 /// The largest allowed angle in degrees, and the limit of all other numbers.
@@ -123,13 +115,7 @@ impl Text<'_> {
         message: String,
         help: &str,
     ) -> InputError {
-        InputError {
-            file: self.path.to_owned(),
-            text: self.text.clone(),
-            span,
-            message,
-            help: Some(help.to_owned()),
-        }
+        InputError::new(self.path, self.text.clone(), span, message, help)
     }
 
     pub(super) fn spectral(

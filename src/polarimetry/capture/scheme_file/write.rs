@@ -7,44 +7,33 @@ use super::super::spectral_value::SpectralValue;
 use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
-/// The written fields: only those that differ from an ideal element.
+/// The written fields: only those that differ from an ideal element; TOML leaves out `None`.
 #[derive(Serialize)]
 struct ElementOut {
     name: String,
     kind: KindFile,
     angle_deg: SettingFile,
-    #[serde(skip_serializing_if = "Option::is_none")]
     retardance_deg: Option<SettingFile>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     axis_offset_deg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     transmittance: Option<SpectralValue>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     extinction: Option<SpectralValue>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     retardance_error_deg: Option<SpectralValue>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     order: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     index: Option<f64>,
 }
 
 #[derive(Serialize)]
 struct SensorOut {
     kind: SensorKind,
-    #[serde(skip_serializing_if = "Option::is_none")]
     extinction: Option<SpectralValue>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     axis_offsets_deg: Option<[f64; 4]>,
 }
 
 #[derive(Serialize)]
 struct SchemeOut {
     name: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     source: Option<[f64; 4]>,
     sensor: SensorOut,
-    #[serde(skip_serializing_if = "Option::is_none")]
     coaxial: Option<Coaxial>,
     generator: Vec<ElementOut>,
     analyzer: Vec<ElementOut>,

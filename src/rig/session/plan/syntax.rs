@@ -67,14 +67,9 @@ pub(super) struct ScanFile {
     pub(super) bin_ps: f64,
     #[serde(default)]
     pub(super) offset_ps: f64,
-    #[serde(default = "ten_megahertz")]
-    pub(super) rate_hz: f64,
+    pub(super) rate_hz: Option<f64>,
     #[serde(default)]
     pub(super) time_tags: bool,
-}
-
-fn ten_megahertz() -> f64 {
-    1e7
 }
 
 /// Limits of retries and waits.
