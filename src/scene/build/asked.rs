@@ -20,15 +20,13 @@ pub(crate) struct Uses {
     pub heights: bool,
 }
 
-/// Uses recorded so far, and attribute values.
+/// Uses recorded so far.
 #[derive(Default)]
 pub(crate) struct Attributes {
     /// Uses of the material being built.
     pub open: Uses,
     /// Uses of each finished material.
     pub of_material: BTreeMap<u32, Uses>,
-    /// Attribute values at triangle corners.
-    pub corners: Vec<[[f32; 4]; 3]>,
 }
 
 impl Attributes {

@@ -83,7 +83,7 @@ pub(super) fn give(
         let fix = "use an attribute with one property";
         return fault(ctx, "is a colour, but a number is expected".into(), fix);
     }
-    let first = ctx.attributes.corners.len();
+    let first = ctx.textures.corners.len();
     if first + corners.values.len() > MOST_CORNERS {
         let what = format!("exceeds the limit of {MOST_CORNERS} triangles with attributes");
         return fault(ctx, what, "use a coarser mesh, or an image");
@@ -103,7 +103,7 @@ pub(super) fn give(
     let texel = |value| picture::texel(&ctx.wavelengths, value);
     let spectral = |triangle: &[[f32; 3]; 3]| order.map(|k| texel(triangle[k]));
     let more: Vec<_> = corners.values.iter().map(spectral).collect();
-    ctx.attributes.corners.extend(more);
+    ctx.textures.corners.extend(more);
     // Adjacent triangles do not share texture coordinates, so they do not share vertices either.
     let all = mesh.indices.as_flattened().iter().map(|i| *i as usize);
     let of_corner = |i: usize| Vec2::from_array(corner_uv((first + i / 3) as u32, i % 3));
