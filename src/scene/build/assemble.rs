@@ -257,18 +257,10 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
             continue;
         };
         if name.is_empty() {
-            return Err(ctx.error(
-                object.span(),
-                "the object's name is empty",
-                "set a name, or remove the key",
-            ));
+            bail!(ctx, object.span(), "the object's name is empty", "set a name, or remove the key");
         }
         if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
-            return Err(ctx.error(
-                object.span(),
-                format!("duplicate object name `{name}`"),
-                "rename one of them",
-            ));
+            bail!(ctx, object.span(), "duplicate object name `{name}`", "rename one of them");
         }
     }
     Ok(())

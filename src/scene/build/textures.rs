@@ -148,11 +148,7 @@ pub(super) fn sky(
 pub(super) fn heights(ctx: &mut Context, file: &Located<ImageAlbedo>) -> Result<u32, InputError> {
     ctx.within(file.scale, file.span(), "scale", &(1.0..=1.0))?;
     if file.filter == Filter::Nearest {
-        return Err(ctx.error(
-            file.span(),
-            "filter = \"nearest\" of a bump map gives no slopes",
-            "remove filter",
-        ));
+        bail!(ctx, file.span(), "filter = \"nearest\" of a bump map gives no slopes", "remove filter");
     }
     image(ctx, file, numbers(file))
 }

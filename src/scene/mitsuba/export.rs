@@ -240,11 +240,7 @@ fn integrator(settings: &Settings) -> Element {
 /// Returns the horizontal field of view in degrees. Mitsuba's pinholes have square pixels and no distortion.
 fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
-        return Err(ctx.error(
-            span,
-            format!("Mitsuba cannot express the lens distortion of the {what}"),
-            "remove the distortion",
-        ));
+        bail!(ctx, span, "Mitsuba cannot express the lens distortion of the {what}", "remove the distortion");
     }
     if (p.focal.x - p.focal.y).abs() > 1e-9 * p.focal.x {
         return Err(ctx.error(

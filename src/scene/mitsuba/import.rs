@@ -383,11 +383,7 @@ impl<'a> Parts<'a> {
             }
             "integrator" if self.integrator.is_none() => self.integrator = Some(node),
             "integrator" => {
-                return Err(source.error(
-                    &node.span,
-                    "the scene has a second integrator",
-                    "keep one integrator",
-                ));
+                bail!(source, &node.span, "the scene has a second integrator", "keep one integrator");
             }
             "bsdf" => self.bsdfs.push(node),
             "shape" => self.shapes.push(node),

@@ -154,11 +154,7 @@ pub(super) fn facets<'a>(
         "beckmann" => Distribution::Beckmann,
         "ggx" => Distribution::Ggx,
         _ => {
-            return importer.error(
-                &node.span,
-                format!("unsupported distribution `{kind}`"),
-                "use beckmann or ggx",
-            );
+            bail!(importer.source, &node.span, "unsupported distribution `{kind}`", "use beckmann or ggx");
         }
     };
     let has = |name: &str| node.named(name).is_some() || node.get(name).is_some();

@@ -177,11 +177,7 @@ impl<'s> Reader<'s> {
     pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = self.start_tag(xml);
         if depth > DEEPEST {
-            return Err(self.source.error(
-                &span,
-                "elements are nested too deeply",
-                "give elements an id, and use <ref>",
-            ));
+            bail!(self.source, &span, "elements are nested too deeply", "give elements an id, and use <ref>");
         }
         let root = depth == 0;
         // An included file has its own root.
@@ -329,11 +325,7 @@ impl<'s> Reader<'s> {
                 self.property(xml, node)?;
             }
             _ => {
-                return Err(self.source.error(
-                    &span,
-                    format!("unsupported element <{tag}>"),
-                    "replace it by its contents",
-                ));
+                bail!(self.source, &span, "unsupported element <{tag}>", "replace it by its contents");
             }
         }
         Ok(())
