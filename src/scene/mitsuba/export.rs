@@ -117,7 +117,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     let used: Vec<u32> = all.map(|s| s.placed.material).collect();
     let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
     let bsdfs = writer.all(&used)?;
-    let (ids, needs) = (writer.ids(), writer.needs());
+    let (ids, needs) = (writer.ids, writer.needs);
 
     let mut scene = Element::new("scene").with("version", "3.0.0");
     scene.comment(
