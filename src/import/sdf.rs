@@ -248,6 +248,7 @@ impl Grid<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve_tests::measures;
 
     fn vol(size: [usize; 3], distance: impl Fn(DVec3) -> f64) -> Vol {
         let mut values = vec![];
@@ -262,22 +263,12 @@ mod tests {
         Vol { size, channels: 1, bbox: [[0.0; 3], [1.0; 3]], values }
     }
 
-    fn area_and_volume(mesh: &Mesh) -> [f64; 2] {
-        let mut sums = [0.0; 2];
-        for corners in &mesh.indices {
-            let [a, b, c] = corners.map(|i| mesh.positions[i as usize].as_dvec3());
-            sums[0] += (b - a).cross(c - a).length() / 2.0;
-            sums[1] += a.dot(b.cross(c)) / 6.0;
-        }
-        sums
-    }
-
     #[test]
-    fn a_sphere_has_its_radius_area_and_volume() {
+    fn a_sphere_has_its_radius_measures() {
         let sphere = vol([33, 41, 37], |p| p.distance(DVec3::splat(0.5)) - 0.3);
         for normals in [Normals::Smooth, Normals::Analytic] {
             let found = surface(&sphere, normals).unwrap();
-            let [area, volume] = area_and_volume(&found.mesh);
+            let [area, volume] = measures(&found.mesh);
             assert!((area / (4.0 * std::f64::consts::PI * 0.09) - 1.0).abs() < 5e-3, "{area}");
             assert!((volume / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 5e-3, "{volume}");
             assert!(found.deviation < NEAR);
@@ -293,7 +284,7 @@ mod tests {
     #[test]
     fn a_plane_reaches_the_edges_of_its_grid() {
         let found = surface(&vol([2, 2, 2], |p| p.z - 0.25), Normals::Smooth).unwrap();
-        let [area, volume] = area_and_volume(&found.mesh);
+        let [area, volume] = measures(&found.mesh);
         assert!((area - 1.0).abs() < 1e-6 && (volume - 0.25 / 3.0).abs() < 1e-6);
         assert!(found.mesh.normals.iter().all(|n| n.z > 0.9999));
     }
