@@ -5,15 +5,64 @@
 //!
 //! [`Textures::corners`]: transport::material::texture::Textures::corners
 
-use super::asked::{Asked, Uses};
 use super::context::Context;
-use base::locate::InputError;
+use base::locate::{InputError, Located};
 use glam::Vec2;
 use import::attribute::Corners;
 use import::picture;
+use std::collections::BTreeMap;
 use syntax::texture::AttributeFile;
 use transport::geometry::mesh::Mesh;
 use transport::material::texture::{MOST_CORNERS, corner_uv};
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Asked {
+    pub name: Located<String>,
+    /// Whether the attribute must be one number, not a colour.
+    pub number: bool,
+    /// Largest factor of the attribute as an albedo.
+    pub albedo: f64,
+}
+
+/// What a material looks up by texture coordinates.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Uses {
+    pub asked: Option<Asked>,
+    pub images: bool,
+    pub heights: bool,
+}
+
+/// Uses recorded so far.
+#[derive(Default)]
+pub(crate) struct Attributes {
+    /// Uses of the material being built.
+    pub open: Uses,
+    /// Uses of each finished material.
+    pub of_material: BTreeMap<u32, Uses>,
+}
+
+impl Attributes {
+    pub fn of(&self, material: u32) -> Option<&Asked> {
+        self.of_material.get(&material)?.asked.as_ref()
+    }
+
+    pub fn has_image(&mut self) {
+        self.open.images = true;
+    }
+
+    pub fn has_heights(&mut self) {
+        self.open.heights = true;
+    }
+
+    pub fn heights(&self, material: u32) -> bool {
+        self.of_material.get(&material).is_some_and(|uses| uses.heights)
+    }
+
+    /// Returns the attribute of any material that uses one.
+    pub fn first(&self) -> Option<&Asked> {
+        self.of_material.values().find_map(|uses| uses.asked.as_ref())
+    }
+}
 
 /// Starts a material and returns the uses of the material that refers to it.
 pub(super) fn begin(ctx: &mut Context) -> Uses {

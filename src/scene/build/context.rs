@@ -1,6 +1,6 @@
 //! State shared by all build steps: the location of errors, files read, notes.
 
-use super::asked::Attributes;
+use super::attributes::Attributes;
 use super::textures::Images;
 use base::document;
 use base::locate::{InputError, Located};

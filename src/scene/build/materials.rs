@@ -1,7 +1,6 @@
 //! Converts materials of a file to the flat table of [`Materials`].
 
-use super::asked::Attributes;
-use super::attributes;
+use super::attributes::{self, Attributes};
 use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;

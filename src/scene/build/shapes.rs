@@ -1,7 +1,6 @@
 //! Converts objects of a scene file to triangles and quadrics.
 
-use super::asked::Asked;
-use super::attributes;
+use super::attributes::{self, Asked};
 use super::context::{Context, HUGE};
 use super::devices::vector;
 use super::smooth;

@@ -4,8 +4,7 @@
 //! after the previous ones), values separated by spaces or commas. Errors are recorded and reading continues.
 
 use super::folders::{Alias, Folders, read_text};
-use super::parse::parse;
-use super::source::Source;
+use super::source::{Source, parse};
 use super::tree::{Child, Inside, Node, Property, Value, number, numbers, pairs};
 use base::locate::InputError;
 use glam::{DAffine3, DMat3, DVec3};
