@@ -46,7 +46,7 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
         let what = format!("the grid has {x} x {y} x {z} points with {} values per point", vol.channels);
-        return Err(ImportError::malformed(what, FIX));
+        return Err(ImportError::new(what, FIX));
     }
     let grid = Grid { size: vol.size, values: &vol.values };
     let mut parts = 1;
@@ -62,12 +62,11 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
         }
     }
     match best {
-        None => Err(ImportError::unsupported(
-            format!("the surface has more than {MOST} triangles"),
-            "use fewer points",
-        )),
+        None => {
+            Err(ImportError::new(format!("the surface has more than {MOST} triangles"), "use fewer points"))
+        }
         Some(found) if found.mesh.indices.is_empty() => {
-            Err(ImportError::malformed("the distances have no change of sign", FIX))
+            Err(ImportError::new("the distances have no change of sign", FIX))
         }
         Some(found) => Ok(found),
     }
