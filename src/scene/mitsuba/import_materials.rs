@@ -69,14 +69,11 @@ impl MaterialReader {
         if node.broken {
             return self.missing();
         }
-        match self.material(importer, node, false, turned, None) {
-            Ok(made) => made,
-            Err(e) => {
-                importer.source.report(e);
-                self.open.truncate(open);
-                self.missing()
-            }
-        }
+        let made = self.material(importer, node, false, turned, None);
+        importer.source.accept(made).unwrap_or_else(|| {
+            self.open.truncate(open);
+            self.missing()
+        })
     }
 
     /// Returns a substitute for an invalid BSDF, so that the rest can be read.

@@ -95,10 +95,8 @@ fn plugin(
         broken: false,
     };
     for p in &object.properties {
-        if let Err(e) = property(source, p, &mut node, depth) {
-            source.report(e);
-            node.broken = true;
-        }
+        let read = source.accept(property(source, p, &mut node, depth));
+        node.broken |= read.is_none();
     }
     Ok(node)
 }

@@ -209,11 +209,9 @@ impl<'s> Reader<'s> {
                     "write values as attributes: value=\"…\"",
                 ));
             }
-            if child.is_element()
-                && let Err(e) = self.inside(&child, node, depth)
-            {
-                self.source.report(e);
-                node.broken = true;
+            if child.is_element() {
+                let read = self.inside(&child, node, depth);
+                node.broken |= self.source.accept(read).is_none();
             }
         }
         Ok(())

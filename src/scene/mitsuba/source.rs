@@ -88,6 +88,11 @@ impl Source {
         }
     }
 
+    /// Returns the value, or records the error.
+    pub fn accept<T>(&self, result: Result<T, InputError>) -> Option<T> {
+        result.map_err(|e| self.report(e)).ok()
+    }
+
     pub fn any_problem(&self) -> bool {
         !self.problems.borrow().is_empty()
     }
