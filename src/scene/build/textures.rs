@@ -1,5 +1,5 @@
-//! Converts images and checkerboards of a file to the flat tables of [`Context::textures`]. A file's texels are stored
-//! once.
+//! Converts images and checkerboards of a file to the flat tables of [`Context::textures`]. A file's texels
+//! are stored once.
 
 use super::attributes;
 use super::context::Context;
