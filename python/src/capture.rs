@@ -2,8 +2,8 @@
 
 use crate::analysis::{Either, slice};
 use crate::error::{bail, input, located};
+use crate::learn::moment;
 use crate::off_python::off_python;
-use crate::prior::moment;
 use numpy::{
     Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2, PyReadonlyArrayDyn,
     PyUntypedArrayMethods,

@@ -4,7 +4,7 @@ use crate::analysis::slice;
 use crate::capture::{Scheme, check_wavelengths};
 use crate::error::{bail, input, located};
 use crate::off_python::off_python;
-use crate::table_text::toml_of_json;
+use crate::scene::toml_of_json;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,6 @@
 use crate::capture::{Scheme, rays};
 use crate::error::{bail, failed, input, located};
 use crate::off_python::off_python;
-use crate::prior::moment;
 use crate::watch::watched;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -155,4 +154,20 @@ pub fn learn<'py>(
         (found.unseen, found.spread, found.seen),
         descents.map(|d| (d.name, d.loss, PyArray1::from_vec(py, d.history))).collect(),
     ))
+}
+
+/// Converts an array (16, 16) to a second moment.
+pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
+    let view = given.as_array();
+    if view.shape() != [16, 16] {
+        bail!(
+            "the shape of the second moment is {:?}; expected (16, 16), or the path of a file",
+            view.shape()
+        );
+    }
+    let s = Moment::from_fn(|i, j| view[(i, j)]);
+    match second_moment::fault(&s) {
+        None => Ok(s),
+        Some(fault) => bail!("the second moment {fault}"),
+    }
 }

@@ -13,12 +13,10 @@ mod medium;
 mod mitsuba;
 mod off_python;
 mod picture;
-mod prior;
 mod render;
 mod rig;
 mod scene;
 mod shape;
-mod table_text;
 mod watch;
 
 use pyo3::prelude::*;

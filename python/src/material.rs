@@ -3,8 +3,7 @@
 use crate::error::{bail, input, located};
 use crate::lanes::{Lanes, choose};
 use crate::off_python::{detached, off_python};
-use crate::scene::Scene;
-use crate::table_text::toml_of_json;
+use crate::scene::{Scene, toml_of_json};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;

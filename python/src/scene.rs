@@ -2,7 +2,6 @@
 
 use crate::error::{bail, input, located};
 use crate::off_python::detached;
-use crate::table_text::toml_of_json;
 use base::document;
 use base::locate::InputError;
 use numpy::PyReadonlyArray2;
@@ -36,6 +35,12 @@ fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, Inp
     };
     let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
     Ok(Scene { built: Mutex::new(scene), figures, path: path.to_owned(), memory: BTreeMap::new() })
+}
+
+/// Converts a JSON object to equivalent TOML.
+pub fn toml_of_json(json: &str) -> PyResult<String> {
+    let value: toml::Table = serde_json::from_str(json).map_err(input)?;
+    toml::to_string(&value).map_err(input)
 }
 
 impl Scene {

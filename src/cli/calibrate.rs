@@ -182,10 +182,6 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parts.ok_or_else(|| "expected width and height in pixels, such as 912x1140".into())
 }
 
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
-}
-
 impl Target {
     fn board(&self) -> Result<Board, Failure> {
         places::extension([&self.output], "calibrations are", &["toml", "json"])?;

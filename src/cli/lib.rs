@@ -11,10 +11,10 @@ macro_rules! commands {
             $($(#[$doc])* $name($arguments),)*
         }
 
-        impl Command {
-            fn run(&self) -> Result<(), $crate::Failure> {
-                match self {
-                    $(Self::$name(a) => $run(a),)*
+        impl Arguments {
+            pub fn run(&self) -> Result<(), $crate::Failure> {
+                match &self.command {
+                    $(Command::$name(a) => $run(a),)*
                 }
             }
         }
@@ -112,20 +112,20 @@ commands! {
     Remove(remove::Arguments) => remove::run,
     Decompose(decompose::Arguments) => decompose::run,
     Denoise(denoise::Arguments) => denoise::run,
-    Scheme(scheme::Arguments) => scheme::run,
+    Scheme(scheme::Arguments) => scheme::Arguments::run,
     Learn(learn::Arguments) => learn::run,
     Capture(capture::Arguments) => capture::run,
     Reconstruct(reconstruct::Arguments) => reconstruct::run,
-    Rig(rig::Arguments) => rig::run,
+    Rig(rig::Arguments) => rig::Arguments::run,
     Trial(trial::Arguments) => trial::run,
-    Calibrate(calibrate::Arguments) => calibrate::run,
+    Calibrate(calibrate::Arguments) => calibrate::Arguments::run,
     Export(export::Arguments) => export::run,
     Import(import::Arguments) => import::run,
     Project(project::Arguments) => project::run,
-    Ptu(ptu::Arguments) => ptu::run,
-    Pbrdf(pbrdf::Arguments) => pbrdf::run,
+    Ptu(ptu::Arguments) => ptu::Arguments::run,
+    Pbrdf(pbrdf::Arguments) => pbrdf::Arguments::run,
     Apply(apply::Arguments) => apply::run,
-    Phase(phase::Arguments) => phase::run,
+    Phase(phase::Arguments) => phase::Arguments::run,
     /// Print the JSON Schema of scene files.
     ///
     /// Editors with a TOML language server use it to complete and check scene files: put `#:schema
@@ -157,7 +157,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     #[cfg(feature = "object-stores")]
     sunstone::objects::install();
     start_logging(arguments.verbose);
-    match arguments.command.run() {
+    match arguments.run() {
         Ok(()) => 0,
         Err(failure) => failure.report(),
     }

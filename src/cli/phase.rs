@@ -83,10 +83,6 @@ impl FromStr for Angles {
     }
 }
 
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
-}
-
 fn eval(a: &EvalArguments) -> Result<(), Failure> {
     places::files([Some(&a.medium)], [a.output.as_ref()])?;
     places::extension(&a.output, "tables are", &["csv"])?;

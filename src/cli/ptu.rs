@@ -1,15 +1,14 @@
 //! The `sunstone ptu` command: files of time-tagged photons from PicoQuant's counters.
 
 mod events;
-mod file;
 
 use crate::{Failure, bail, places, print, print_path};
 use clap::Args;
-use file::{failed, open};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use sunstone::rig::ptu::error::PtuError;
 use sunstone::rig::ptu::histogram::{Histograms, Plan, histogram};
 use sunstone::rig::ptu::meaning;
 use sunstone::rig::ptu::reader::Reader;
@@ -89,8 +88,18 @@ struct Histogram {
     frame_marker: Option<u8>,
 }
 
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
+/// Converts an error to a system failure or to invalid input.
+fn failed(e: PtuError) -> Failure {
+    Failure::of_system(e.of_system, e)
+}
+
+/// Opens a file, and prints a warning if it is truncated.
+fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
+    let reader = Reader::open(path).map_err(failed)?;
+    if let Some(mismatch) = reader.mismatch() {
+        eprintln!("warning: {}: {mismatch}", path.display());
+    }
+    Ok(reader)
 }
 
 fn surveyed(path: &Path) -> Result<Survey, Failure> {

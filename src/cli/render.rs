@@ -1,7 +1,6 @@
 //! The `sunstone render` command: renders a scene file into a store.
 
 mod arguments;
-mod in_doubt;
 mod progress;
 mod to_error;
 
@@ -10,15 +9,16 @@ pub use arguments::Arguments;
 use crate::progress::stop_on_interrupt;
 use crate::{Failure, bail, figure, places, print};
 use arguments::{again, named};
-use in_doubt::in_doubt;
 use progress::Progress;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
+use sunstone::store::doubt;
 use sunstone::store::place::is_address;
 use sunstone::store::sink::{is_finished, is_finished_part};
+use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -131,4 +131,24 @@ fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
         ),
         _ => Ok(()),
     }
+}
+
+/// Returns a note on the slice with the largest share of lit pixels whose error estimates are unreliable. The
+/// note is empty if that share is at most 0.1 %.
+fn in_doubt(path: &Path) -> Result<String, Failure> {
+    let store = TensorStore::open(path).map_err(Failure::failed)?;
+    let mut most = (0.001, String::new());
+    for name in store.slice_names() {
+        let slice = store.slice(name).map_err(Failure::failed)?;
+        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)?
+            && doubt.share() > most.0
+        {
+            let percent = 100.0 * doubt.share();
+            let message = format!(
+                ", {percent:.1} % unreliable error estimates (too few samples) in slice {name} (see sunstone info)"
+            );
+            most = (doubt.share(), message);
+        }
+    }
+    Ok(most.1)
 }

@@ -8,8 +8,6 @@ mod run;
 mod session;
 mod status;
 
-use crate::Failure;
-
 /// Execute and inspect capture plans on a rig of real or simulated instruments.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -23,8 +21,4 @@ commands! {
     Calibrate(calibrate::Arguments) => calibrate::run,
     Flash(flash::Arguments) => flash::run,
     Status(status::Arguments) => status::run,
-}
-
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
 }

@@ -112,10 +112,6 @@ struct Plot {
     output: PathBuf,
 }
 
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
-}
-
 fn show(a: &Show) -> Result<(), Failure> {
     let schemes: Vec<Scheme> = a.schemes.iter().map(|path| load(path)).collect::<Result<_, _>>()?;
     let rays: Vec<Ray> = a.wavelengths.iter().copied().map(Ray::axial).collect();

@@ -286,16 +286,13 @@ fn decode_unsigned(t: ComponentType, b: &[u8]) -> u32 {
 fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, ImportError> {
     let Some(base) = base else {
         let what = format!("buffer {uri:?} is in an external file");
-        return Err(ImportError::unsupported(what, "load the document from disk, or embed its buffers"));
+        return Err(ImportError::new(what, "load the document from disk, or embed its buffers"));
     };
     let name = percent_decoded(uri)
         .ok_or_else(|| broken(format!("the buffer URI {uri:?} is not a valid file name")))?;
     if uri.contains(':') || Path::new(&name).is_absolute() {
         let what = format!("the buffer URI {uri:?} is not a relative path");
-        return Err(ImportError::unsupported(
-            what,
-            "put the buffer next to the document and use a relative URI",
-        ));
+        return Err(ImportError::new(what, "put the buffer next to the document and use a relative URI"));
     }
     let path = base.join(name);
     let read = || {

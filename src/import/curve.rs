@@ -67,7 +67,7 @@ pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes,
             return Ok(Tubes { mesh, sides, deviation });
         }
     }
-    Err(ImportError::unsupported(
+    Err(ImportError::new(
         format!("the curves need more than {MOST} triangles"),
         "split the file into several, or use fewer points",
     ))
@@ -81,7 +81,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
             open = false;
             continue;
         }
-        let wrong = |what: String| Err(ImportError::malformed(what, FIX).at_line(number));
+        let wrong = |what: String| Err(ImportError::new(what, FIX).at_line(number));
         let values: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
         let Some(&[x, y, z, radius]) = values.as_deref() else {
             return wrong(format!("expected four numbers (x y z radius), got `{}`", line.trim()));
@@ -101,7 +101,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     }
     let least = if kind == Kind::BSpline { 4 } else { 2 };
     match curves.iter().position(|c| c.len() < least) {
-        Some(i) => Err(ImportError::malformed(
+        Some(i) => Err(ImportError::new(
             format!("curve {} has {} points, expected at least {least}", i + 1, curves[i].len()),
             FIX,
         )),
@@ -240,7 +240,7 @@ impl Sweep {
             if ring.tangent == DVec3::ZERO {
                 let Some(tangent) = last else {
                     let what = "all points of a curve coincide";
-                    return Err(ImportError::malformed(what, "remove the curve, or correct its points"));
+                    return Err(ImportError::new(what, "remove the curve, or correct its points"));
                 };
                 (ring.tangent, ring.q, ring.w, ring.s) = (tangent, 1.0, DVec3::ZERO, DVec3::ZERO);
             }

@@ -10,7 +10,7 @@ fn text(points: &[[f64; 4]]) -> String {
 }
 
 /// Returns the area, and the volume if the mesh is closed.
-fn measures(mesh: &Mesh) -> [f64; 2] {
+pub fn measures(mesh: &Mesh) -> [f64; 2] {
     let (mut area, mut volume) = (0.0, 0.0);
     for corners in &mesh.indices {
         let [a, b, c] = corners.map(|i| mesh.positions[i as usize].as_dvec3());

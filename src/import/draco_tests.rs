@@ -36,7 +36,7 @@ const UVS: [Vec2; 6] =
     [vec2(0., 0.), vec2(0.5, 0.), vec2(1., 0.25), vec2(0., 1.), vec2(0.5, 0.75), vec2(1., 1.)];
 const TRIANGLES: [[u32; 3]; 5] = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 5, 2]];
 
-fn stream(hex: &str) -> Vec<u8> {
+pub fn stream(hex: &str) -> Vec<u8> {
     let digits: Vec<u8> = hex.bytes().map(|b| (b as char).to_digit(16).unwrap() as u8).collect();
     digits.as_chunks().0.iter().map(|[a, b]| a << 4 | b).collect()
 }

@@ -23,11 +23,9 @@ pub enum ImportProblem {
     Extension(String),
     #[error("the file is empty; export it again")]
     EmptyFile,
+    /// The file is invalid, or uses an unsupported feature.
     #[error("{what}; {fix}")]
-    Malformed { what: String, fix: &'static str },
-    /// The file is valid but uses an unsupported feature.
-    #[error("{what}; {fix}")]
-    Unsupported { what: String, fix: &'static str },
+    Content { what: String, fix: &'static str },
     /// The file is valid but has no triangle with an area.
     #[error("the file has no triangles of non-zero area{notes}; {fix}")]
     NoArea {
@@ -70,14 +68,8 @@ impl From<ImportProblem> for ImportError {
 }
 
 impl ImportError {
-    pub(super) fn malformed(what: impl Into<String>, fix: &'static str) -> Self {
-        let what = what.into();
-        ImportProblem::Malformed { what, fix }.into()
-    }
-
-    pub(super) fn unsupported(what: impl Into<String>, fix: &'static str) -> Self {
-        let what = what.into();
-        ImportProblem::Unsupported { what, fix }.into()
+    pub(super) fn new(what: impl Into<String>, fix: &'static str) -> Self {
+        ImportProblem::Content { what: what.into(), fix }.into()
     }
 
     pub(super) fn at_line(mut self, line: usize) -> Self {
@@ -89,5 +81,5 @@ impl ImportError {
 const FIX: &str = "export the file again with an exporter whose files pass the glTF validator";
 
 pub(super) fn broken(what: impl Into<String>) -> ImportError {
-    ImportError::malformed(what, FIX)
+    ImportError::new(what, FIX)
 }

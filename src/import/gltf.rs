@@ -43,7 +43,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let version = document["asset"]["version"].as_str().unwrap_or("1.0");
     if !version.starts_with("2.") {
         let what = format!("expected glTF 2.x, got version {version}");
-        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
+        return Err(ImportError::new(what, "export as glTF 2.0"));
     }
     let mut parts = Parts::default();
     gltf_notes::read(&document, &mut parts.notes)?;
@@ -104,7 +104,7 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
     };
     if version != 2 {
         let what = format!("expected a GLB container of version 2, got {version}");
-        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
+        return Err(ImportError::new(what, "export as glTF 2.0"));
     }
     let (mut json, mut bin, mut at) = (None, None, 12);
     // If the length is too large, the file is truncated; buffers and accessors are checked separately.
@@ -268,7 +268,7 @@ impl Importer<'_> {
             for (k, local) in primitives.iter().enumerate() {
                 self.triangles += local.mesh.indices.len();
                 if self.triangles > MAX_TRIANGLES {
-                    return Err(ImportError::unsupported(
+                    return Err(ImportError::new(
                         format!("the instances have more than {MAX_TRIANGLES} triangles in total"),
                         "use fewer instances or a simpler mesh",
                     ));

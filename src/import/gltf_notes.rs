@@ -96,7 +96,7 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     for name in names("extensionsRequired") {
         if !is_known(name) {
             let what = format!("the file requires the unsupported extension {name}");
-            return Err(ImportError::unsupported(what, "export the file again without the extension"));
+            return Err(ImportError::new(what, "export the file again without the extension"));
         }
     }
     let mut account = Account { notes };

@@ -316,12 +316,7 @@ fn octahedral([x, y, one]: [f32; 3], full: f32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn bytes(hex: &str) -> Vec<u8> {
-        let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
-        let pair = |p: &[u8; 2]| u8::from_str_radix(std::str::from_utf8(p).unwrap(), 16).unwrap();
-        digits.as_chunks().0.iter().map(pair).collect()
-    }
+    use crate::draco_tests::stream as bytes;
 
     // Output of the encoder of npm's meshoptimizer 1.3.0 for the numbers stated in the tests.
     const WORDS: [&str; 2] = [

@@ -93,7 +93,7 @@ impl Tables {
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
                         let what = format!("position {} divided by w is not finite", rest.trim());
-                        return Err(at_line(ImportError::malformed(what, "remove w or set it to 1")));
+                        return Err(at_line(ImportError::new(what, "remove w or set it to 1")));
                     }
                     tables.positions.push(p);
                     coloured += usize::from(n >= 6);
@@ -136,14 +136,14 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
             Ok(x) if x.is_finite() || found >= least => x,
             _ => {
                 let what = format!("{word:?} is not a finite number");
-                return Err(ImportError::malformed(what, FIX_NUMBER));
+                return Err(ImportError::new(what, FIX_NUMBER));
             }
         };
         found += 1;
     }
     if found < least {
         let what = format!("expected at least {least} coordinates, got {found}");
-        return Err(ImportError::malformed(what, FIX_NUMBER));
+        return Err(ImportError::new(what, FIX_NUMBER));
     }
     Ok((out, found))
 }
@@ -232,7 +232,7 @@ impl Reader<'_> {
             }
             "s" => self.smooth = !matches!(rest, "" | "0" | "off"),
             "call" | "csh" => {
-                return Err(ImportError::unsupported(
+                return Err(ImportError::new(
                     format!("`{keyword}` includes another file, which is not supported"),
                     "export the mesh as a single file",
                 ));
@@ -270,7 +270,7 @@ impl Reader<'_> {
 
     /// Parses a corner and resolves relative indices.
     fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
-        let bad = || ImportError::malformed(format!("{word:?} is not a valid face corner"), FIX_FACE);
+        let bad = || ImportError::new(format!("{word:?} is not a valid face corner"), FIX_FACE);
         let tables = self.tables;
         let counts = [tables.positions.len(), tables.uvs.len(), tables.normals.len()];
         let mut corner = [0; 3];
@@ -296,7 +296,7 @@ impl Reader<'_> {
             if index > counts[k] {
                 let what =
                     format!("the face uses position {index}, but the file has only {} positions", counts[k]);
-                return Err(ImportError::malformed(what, FIX_FACE));
+                return Err(ImportError::new(what, FIX_FACE));
             }
             *slot = u32::try_from(index).map_err(|_| bad())?;
         }
@@ -316,7 +316,7 @@ impl Reader<'_> {
         }
         let id = u32::try_from(object.vertices.len()).unwrap_or(NONE);
         if id == NONE {
-            return Err(ImportError::unsupported("the part has more than 2^32 vertices", "split the part"));
+            return Err(ImportError::new("the part has more than 2^32 vertices", "split the part"));
         }
         object.vertices.push(corner);
         object.earlier.push(std::mem::replace(newest, id));

@@ -1,5 +1,6 @@
 //! Tests of the OBJ reader with valid and invalid files.
 
+use super::curve_tests::measures;
 use super::{MeshPart, Model, parse_obj};
 use glam::{Vec3, vec2, vec3};
 
@@ -49,12 +50,7 @@ fn concave_faces_keep_their_area() {
     for (text, expected) in [(u, 0.625), (l, 0.75), (chevron, 0.375)] {
         let model = parse_obj(text.as_bytes()).unwrap();
         let mesh = &model.parts[0].mesh;
-        let area: f32 = mesh
-            .indices
-            .iter()
-            .map(|t| t.map(|i| mesh.positions[i as usize]))
-            .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
-            .sum();
+        let [area, _] = measures(mesh);
         assert!((area - expected).abs() < 1e-6, "{text}: {area}");
         assert!(model.notes.is_empty(), "{:?}", model.notes);
     }

@@ -44,12 +44,12 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("invalid attribute name {name:?}");
-        return Err(ImportError::malformed(what, "use a name of the form vertex_NAME or face_NAME"));
+        return Err(ImportError::new(what, "use a name of the form vertex_NAME or face_NAME"));
     };
     let model = read(bytes, Some(wanted))?;
     if model.parts.iter().any(|part| part.corners.values.is_empty()) {
         let what = format!("the mesh has no attribute {name:?}");
-        return Err(ImportError::malformed(
+        return Err(ImportError::new(
             what,
             "use vertex_NAME or face_NAME for the properties NAME_0 to NAME_2, or NAME = color for red, green, blue",
         ));
@@ -99,7 +99,7 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
             _ => None,
         };
         if let Some(what) = what {
-            return Err(ImportError::malformed(what, FIX));
+            return Err(ImportError::new(what, FIX));
         }
     }
     Ok(())
@@ -107,7 +107,7 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
 
 /// Returns an error in a row, with its line in ASCII files.
 fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportError {
-    let error = ImportError::malformed(what, FIX);
+    let error = ImportError::new(what, FIX);
     match header.format {
         Format::Ascii => {
             let head = Body::through(&bytes[..header.body]);
@@ -304,14 +304,14 @@ impl File<'_> {
         let has = |name: &str| header.elements.iter().any(|e| e.name == name);
         let faces = self.triangles.len() + self.plain.ends.len() + self.textured.ends.len();
         if !has("vertex") {
-            return Err(ImportError::malformed("the element \"vertex\" is missing", FIX));
+            return Err(ImportError::new("the element \"vertex\" is missing", FIX));
         }
         if faces == 0 && self.positions.is_empty() {
-            return Err(ImportError::malformed("the file has no vertices and no faces", FIX));
+            return Err(ImportError::new("the file has no vertices and no faces", FIX));
         }
         if faces == 0 {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
-            return Err(ImportError::unsupported(
+            return Err(ImportError::new(
                 format!(
                     "the file is a point cloud: {} vertices and no rows of \"face\" (elements: {})",
                     self.positions.len(),
@@ -323,7 +323,7 @@ impl File<'_> {
         let corners = self.triangles.as_flattened().iter();
         let corners = corners.chain(&self.plain.corners).chain(&self.textured.corners);
         match corners.max() {
-            Some(&most) if most as usize >= self.positions.len() => Err(ImportError::malformed(
+            Some(&most) if most as usize >= self.positions.len() => Err(ImportError::new(
                 format!(
                     "a face uses vertex {most} (counted from 0), but the file has only {} vertices",
                     self.positions.len()

@@ -81,7 +81,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
         (Some(_), Some([b'\r', b'\n', ..])) => b"\r\n",
         (Some(_), Some([b'\r', ..])) => b"\r",
         (Some(_), Some([b'\n' | b' ' | b'\t', ..])) => b"\n",
-        _ => return Err(ImportError::malformed("the first line is not `ply`", FIX).at_line(1)),
+        _ => return Err(ImportError::new("the first line is not `ply`", FIX).at_line(1)),
     };
     let mut format = None;
     let mut elements: Vec<Element> = vec![];
@@ -89,12 +89,12 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
         let rest = &bytes[at..];
         let length = rest.windows(line_end.len()).position(|w| w == line_end);
         let Some(length) = length else {
-            return Err(ImportError::malformed("the header has no line `end_header`", FIX).at_line(number));
+            return Err(ImportError::new("the header has no line `end_header`", FIX).at_line(number));
         };
         at += length + line_end.len();
         let line = String::from_utf8_lossy(&rest[..length]);
         let words: Vec<&str> = line.split_whitespace().collect();
-        let bad = |what: String| ImportError::malformed(what, FIX).at_line(number);
+        let bad = |what: String| ImportError::new(what, FIX).at_line(number);
         match words[..] {
             [] | ["ply"] if number == 1 || words.is_empty() => {}
             ["obj_info", ..] => {}
@@ -154,7 +154,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
     for (i, element) in elements.iter().enumerate() {
         let Element { name, count, properties } = element;
         if elements[..i].iter().any(|e| e.name == *name) {
-            return Err(ImportError::malformed(format!("duplicate element {name:?}"), FIX));
+            return Err(ImportError::new(format!("duplicate element {name:?}"), FIX));
         }
         let row: usize = properties
             .iter()
@@ -166,7 +166,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             .sum();
         if row == 0 && *count > 0 {
             let what = format!("the {count} rows of {name:?} have no properties");
-            return Err(ImportError::malformed(what, FIX));
+            return Err(ImportError::new(what, FIX));
         }
         least = least.saturating_add(row.saturating_mul(*count));
         // The last number needs no space after it.
@@ -174,7 +174,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             let what = format!(
                 "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"
             );
-            return Err(ImportError::malformed(what, "the file is truncated: export or copy it again"));
+            return Err(ImportError::new(what, "the file is truncated: export or copy it again"));
         }
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! Tests of the PLY reader with valid and invalid files.
 
+use super::curve_tests::measures;
 use super::parse_ply;
 use glam::{Vec3, vec2, vec3};
 
@@ -175,12 +176,7 @@ fn concave_faces_keep_their_area() {
         element face 1\nproperty list uchar int vertex_indices\nend_header\n\
         0 0 0\n1 0 0\n1 1 0\n.75 1 0\n.75 .25 0\n.25 .25 0\n.25 1 0\n0 1 0\n8 2 3 4 5 6 7 0 1\n";
     let mesh = &parse_ply(text.as_bytes()).unwrap().parts[0].mesh;
-    let area: f32 = mesh
-        .indices
-        .iter()
-        .map(|t| t.map(|i| mesh.positions[i as usize]))
-        .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
-        .sum();
+    let [area, _] = measures(mesh);
     assert!((area - 0.625).abs() < 1e-6, "{area}");
 }
 

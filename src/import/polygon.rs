@@ -28,7 +28,7 @@ pub(super) const CROSSING: &str =
     "a polygon is self-intersecting or not planar: its triangulation is approximate";
 
 pub(super) fn too_large(corners: usize) -> ImportError {
-    ImportError::unsupported(
+    ImportError::new(
         format!("a concave polygon has too many corners ({corners})"),
         "triangulate the mesh before export",
     )

@@ -46,7 +46,7 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
         let what = format!("the grid has {x} x {y} x {z} points with {} values per point", vol.channels);
-        return Err(ImportError::malformed(what, FIX));
+        return Err(ImportError::new(what, FIX));
     }
     let grid = Grid { size: vol.size, values: &vol.values };
     let mut parts = 1;
@@ -62,12 +62,11 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
         }
     }
     match best {
-        None => Err(ImportError::unsupported(
-            format!("the surface has more than {MOST} triangles"),
-            "use fewer points",
-        )),
+        None => {
+            Err(ImportError::new(format!("the surface has more than {MOST} triangles"), "use fewer points"))
+        }
         Some(found) if found.mesh.indices.is_empty() => {
-            Err(ImportError::malformed("the distances have no change of sign", FIX))
+            Err(ImportError::new("the distances have no change of sign", FIX))
         }
         Some(found) => Ok(found),
     }
@@ -248,6 +247,7 @@ impl Grid<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve_tests::measures;
 
     fn vol(size: [usize; 3], distance: impl Fn(DVec3) -> f64) -> Vol {
         let mut values = vec![];
@@ -262,22 +262,12 @@ mod tests {
         Vol { size, channels: 1, bbox: [[0.0; 3], [1.0; 3]], values }
     }
 
-    fn area_and_volume(mesh: &Mesh) -> [f64; 2] {
-        let mut sums = [0.0; 2];
-        for corners in &mesh.indices {
-            let [a, b, c] = corners.map(|i| mesh.positions[i as usize].as_dvec3());
-            sums[0] += (b - a).cross(c - a).length() / 2.0;
-            sums[1] += a.dot(b.cross(c)) / 6.0;
-        }
-        sums
-    }
-
     #[test]
-    fn a_sphere_has_its_radius_area_and_volume() {
+    fn a_sphere_has_its_radius_measures() {
         let sphere = vol([33, 41, 37], |p| p.distance(DVec3::splat(0.5)) - 0.3);
         for normals in [Normals::Smooth, Normals::Analytic] {
             let found = surface(&sphere, normals).unwrap();
-            let [area, volume] = area_and_volume(&found.mesh);
+            let [area, volume] = measures(&found.mesh);
             assert!((area / (4.0 * std::f64::consts::PI * 0.09) - 1.0).abs() < 5e-3, "{area}");
             assert!((volume / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 5e-3, "{volume}");
             assert!(found.deviation < NEAR);
@@ -293,7 +283,7 @@ mod tests {
     #[test]
     fn a_plane_reaches_the_edges_of_its_grid() {
         let found = surface(&vol([2, 2, 2], |p| p.z - 0.25), Normals::Smooth).unwrap();
-        let [area, volume] = area_and_volume(&found.mesh);
+        let [area, volume] = measures(&found.mesh);
         assert!((area - 1.0).abs() < 1e-6 && (volume - 0.25 / 3.0).abs() < 1e-6);
         assert!(found.mesh.normals.iter().all(|n| n.z > 0.9999));
     }

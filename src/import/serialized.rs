@@ -41,11 +41,10 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
     };
     let head = |at: usize| match (short(at), short(at + 2)) {
         (Some(MAGIC), Some(version @ 3..=5)) => Ok(version),
-        (Some(MAGIC), Some(version)) => Err(ImportError::unsupported(
-            format!("mesh {number}: expected version 3 to 5, got {version}"),
-            FIX,
-        )),
-        _ => Err(ImportError::malformed(
+        (Some(MAGIC), Some(version)) => {
+            Err(ImportError::new(format!("mesh {number}: expected version 3 to 5, got {version}"), FIX))
+        }
+        _ => Err(ImportError::new(
             format!("mesh {number} does not start with the header of a serialized mesh"),
             FIX,
         )),
@@ -67,12 +66,12 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
 
 /// Returns the offset of a mesh from the dictionary at the end of the file.
 fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> {
-    let cut = || ImportError::malformed("the list of meshes at the end of the file is truncated", FIX);
+    let cut = || ImportError::new("the list of meshes at the end of the file is truncated", FIX);
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
     let count = u32::from_le_bytes(*count);
     if number >= count {
         let what = format!("mesh {number} does not exist: the file has {count} meshes (counted from 0)");
-        return Err(ImportError::malformed(what, "choose an existing mesh"));
+        return Err(ImportError::new(what, "choose an existing mesh"));
     }
     let size = if version == 3 { 4 } else { 8 };
     let back = (count - number) as usize * size;
@@ -80,9 +79,9 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
     let mut word = [0; 8];
     word[..size].copy_from_slice(&rest[at..at + size]);
     let start = usize::try_from(u64::from_le_bytes(word)).ok();
-    start.filter(|at| *at < rest.len()).ok_or_else(|| {
-        ImportError::malformed(format!("mesh {number} starts beyond the end of the file"), FIX)
-    })
+    start
+        .filter(|at| *at < rest.len())
+        .ok_or_else(|| ImportError::new(format!("mesh {number} starts beyond the end of the file"), FIX))
 }
 
 struct Stream<'a>(ZlibDecoder<&'a [u8]>);
@@ -94,8 +93,8 @@ impl Stream<'_> {
         let read = (&mut self.0).take(count).read_to_end(&mut out);
         match read {
             Ok(n) if n as u64 == count => Ok(out),
-            Ok(_) => Err(ImportError::malformed("the mesh is truncated", FIX)),
-            Err(e) => Err(ImportError::malformed(format!("the compressed data are damaged ({e})"), FIX)),
+            Ok(_) => Err(ImportError::new("the mesh is truncated", FIX)),
+            Err(e) => Err(ImportError::new(format!("the compressed data are damaged ({e})"), FIX)),
         }
     }
 

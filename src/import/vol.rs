@@ -22,7 +22,7 @@ pub struct Vol {
 /// [`ImportError`] if the file has another format, is truncated, or has no points or a value that is not
 /// finite.
 pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
-    let refuse = |what: String| Err(ImportError::malformed(what, FIX));
+    let refuse = |what: String| Err(ImportError::new(what, FIX));
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
     }
@@ -35,7 +35,7 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     if head[3] != 3 || whole(0) != 1 {
         let what =
             format!("expected a grid of version 3 and type 1, got version {} and type {}", head[3], whole(0));
-        return Err(ImportError::unsupported(what, "write 32-bit floats (version 3, type 1)"));
+        return Err(ImportError::new(what, "write 32-bit floats (version 3, type 1)"));
     }
     let counts = [1, 2, 3, 4].map(|i| usize::try_from(whole(i)).unwrap_or(0));
     let total = counts.iter().try_fold(1_usize, |n, c| n.checked_mul(*c));

@@ -3,6 +3,16 @@
 //! `syntax` (values of a file or of a [`SceneBuilder`]) → `build` (semantic checks, errors with locations) →
 //! [`transport::scene::Scene`].
 
+/// Returns the error that `$at` locates; a literal message is a format string.
+macro_rules! bail {
+    ($at:expr, $span:expr, $message:literal, $help:expr) => {
+        bail!($at, $span, format_args!($message).to_string(), $help)
+    };
+    ($at:expr, $span:expr, $message:expr, $help:expr) => {
+        return Err($at.error($span, $message, $help))
+    };
+}
+
 mod build;
 mod builder;
 pub mod calibration;

@@ -2,11 +2,14 @@
 
 use super::defaults::{self, is_default};
 use super::texture::{AlbedoFile, ScalarFile};
-use super::values::{IndexFile, SpectrumFile};
+use super::values::{IndexFile, SpectrumFile, any_of, schema};
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::borrow::Cow;
+use std::fmt;
 
 /// Rough dielectric coat over a depolarizing base.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -79,36 +82,19 @@ impl Serialize for InterreflectionFile {
     }
 }
 
-impl<'de> Deserialize<'de> for InterreflectionFile {
-    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl serde::de::Visitor<'_> for V {
-            type Value = InterreflectionFile;
-            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                f.write_str("true, false or \"linear\"")
-            }
-            fn visit_bool<E>(self, v: bool) -> Result<InterreflectionFile, E> {
-                Ok(if v { InterreflectionFile::Coloured } else { InterreflectionFile::Lost })
-            }
-            fn visit_str<E: serde::de::Error>(self, v: &str) -> Result<InterreflectionFile, E> {
-                match v {
-                    "linear" => Ok(InterreflectionFile::Linear),
-                    _ => Err(E::invalid_value(serde::de::Unexpected::Str(v), &self)),
-                }
-            }
+any_of!(InterreflectionFile, "true, false or \"linear\"", {
+    fn visit_bool<E>(self, v: bool) -> Result<InterreflectionFile, E> {
+        Ok(if v { InterreflectionFile::Coloured } else { InterreflectionFile::Lost })
+    }
+    fn visit_str<E: de::Error>(self, v: &str) -> Result<InterreflectionFile, E> {
+        match v {
+            "linear" => Ok(InterreflectionFile::Linear),
+            _ => Err(E::invalid_value(de::Unexpected::Str(v), &self)),
         }
-        d.deserialize_any(V)
     }
-}
+});
 
-impl JsonSchema for InterreflectionFile {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "InterreflectionFile".into()
-    }
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({ "enum": [true, false, "linear"] })
-    }
-}
+schema!(InterreflectionFile, "InterreflectionFile", |_| json_schema!({ "enum": [true, false, "linear"] }));
 
 /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

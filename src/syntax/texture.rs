@@ -1,6 +1,8 @@
 //! Values of a scene file that can vary over a surface: images, checkerboards and mesh attributes.
 
-use super::values::{SpectrumFile, SpectrumTable, SpectrumVisitor, is_default, is_one, one};
+use super::values::{
+    SpectrumFile, SpectrumTable, SpectrumVisitor, any_of, from, is_default, is_one, one, schema,
+};
 use base::locate::Located;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -103,28 +105,11 @@ impl<T: Into<SpectrumFile>> From<T> for AlbedoFile {
     }
 }
 
-impl From<CheckerboardFile> for AlbedoFile {
-    fn from(board: CheckerboardFile) -> Self {
-        Self::Checkerboard(board)
-    }
-}
-
-impl From<ImageAlbedo> for AlbedoFile {
-    fn from(image: ImageAlbedo) -> Self {
-        Self::Image(image)
-    }
-}
-
-impl From<f64> for ScalarFile {
-    fn from(value: f64) -> Self {
-        Self::Number(value)
-    }
-}
-
-impl From<ImageAlbedo> for ScalarFile {
-    fn from(image: ImageAlbedo) -> Self {
-        Self::Image(image)
-    }
+from! {
+    CheckerboardFile => AlbedoFile::Checkerboard,
+    ImageAlbedo => AlbedoFile::Image,
+    f64 => ScalarFile::Number,
+    ImageAlbedo => ScalarFile::Image,
 }
 
 impl ImageAlbedo {
@@ -198,87 +183,59 @@ impl AlbedoMap {
     }
 }
 
-impl<'de> Deserialize<'de> for AlbedoFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = AlbedoFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str(
-                    "a number, a list with one number per wavelength, { nm = [..], values = [..] }, or { image = \"file.png\" }",
-                )
-            }
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
-                SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<AlbedoFile, E> {
-                SpectrumVisitor.visit_i64(v).map(AlbedoFile::Spectrum)
-            }
-            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<AlbedoFile, A::Error> {
-                SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
-                AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()
+any_of!(
+    AlbedoFile,
+    "a number, a list with one number per wavelength, { nm = [..], values = [..] }, or { image = \"file.png\" }",
+    {
+        fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
+            SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
+        }
+        fn visit_i64<E: de::Error>(self, v: i64) -> Result<AlbedoFile, E> {
+            SpectrumVisitor.visit_i64(v).map(AlbedoFile::Spectrum)
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<AlbedoFile, A::Error> {
+            SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
+            AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()
+        }
+    }
+);
+
+schema!(AlbedoFile, "Albedo", |g| {
+    let (spectrum, image, board, attribute) = (
+        g.subschema_for::<SpectrumFile>(),
+        g.subschema_for::<ImageAlbedo>(),
+        g.subschema_for::<CheckerboardFile>(),
+        g.subschema_for::<AttributeFile>(),
+    );
+    json_schema!({"anyOf": [spectrum, image, board, attribute]})
+});
+
+any_of!(ScalarFile, "a number, or { image = \"file.png\" }", {
+    fn visit_f64<E: de::Error>(self, v: f64) -> Result<ScalarFile, E> {
+        Ok(ScalarFile::Number(v))
+    }
+    fn visit_i64<E: de::Error>(self, v: i64) -> Result<ScalarFile, E> {
+        Ok(ScalarFile::Number(v as f64))
+    }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ScalarFile, A::Error> {
+        match AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()? {
+            AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
+            AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
+            AlbedoFile::Attribute(attribute) => Ok(ScalarFile::Attribute(attribute)),
+            AlbedoFile::Spectrum(_) => {
+                Err(de::Error::custom("expected a number or a texture, got a spectrum"))
             }
         }
-        d.deserialize_any(V)
     }
-}
+});
 
-impl JsonSchema for AlbedoFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Albedo".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (spectrum, image, board, attribute) = (
-            g.subschema_for::<SpectrumFile>(),
-            g.subschema_for::<ImageAlbedo>(),
-            g.subschema_for::<CheckerboardFile>(),
-            g.subschema_for::<AttributeFile>(),
-        );
-        json_schema!({"anyOf": [spectrum, image, board, attribute]})
-    }
-}
-
-impl<'de> Deserialize<'de> for ScalarFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = ScalarFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a number, or { image = \"file.png\" }")
-            }
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<ScalarFile, E> {
-                Ok(ScalarFile::Number(v))
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<ScalarFile, E> {
-                Ok(ScalarFile::Number(v as f64))
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ScalarFile, A::Error> {
-                match AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()? {
-                    AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
-                    AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
-                    AlbedoFile::Attribute(attribute) => Ok(ScalarFile::Attribute(attribute)),
-                    AlbedoFile::Spectrum(_) => {
-                        Err(de::Error::custom("expected a number or a texture, got a spectrum"))
-                    }
-                }
-            }
-        }
-        d.deserialize_any(V)
-    }
-}
-
-impl JsonSchema for ScalarFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Scalar".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (image, board, attribute) = (
-            g.subschema_for::<ImageAlbedo>(),
-            g.subschema_for::<CheckerboardFile>(),
-            g.subschema_for::<AttributeFile>(),
-        );
-        json_schema!({"anyOf": [{"type": "number"}, image, board, attribute]})
-    }
-}
+schema!(ScalarFile, "Scalar", |g| {
+    let (image, board, attribute) = (
+        g.subschema_for::<ImageAlbedo>(),
+        g.subschema_for::<CheckerboardFile>(),
+        g.subschema_for::<AttributeFile>(),
+    );
+    json_schema!({"anyOf": [{"type": "number"}, image, board, attribute]})
+});

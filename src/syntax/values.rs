@@ -5,11 +5,59 @@
 use base::locate::Located;
 use base::spectral_table::SpectralTable;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::value::MapAccessDeserializer;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
+
+/// Reads a value in any of several forms, each by a method of its [`Visitor`].
+macro_rules! any_of {
+    ($value:ident, $expected:literal, { $($visit:tt)* }) => {
+        impl<'de> Deserialize<'de> for $value {
+            fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+                struct V;
+                impl<'de> Visitor<'de> for V {
+                    type Value = $value;
+                    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                        f.write_str($expected)
+                    }
+                    $($visit)*
+                }
+                d.deserialize_any(V)
+            }
+        }
+    };
+}
+pub(super) use any_of;
+
+/// Names and defines the JSON Schema of a value.
+macro_rules! schema {
+    ($value:ident, $name:literal, $schema:expr) => {
+        impl JsonSchema for $value {
+            fn schema_name() -> Cow<'static, str> {
+                $name.into()
+            }
+            fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+                let schema: fn(&mut SchemaGenerator) -> Schema = $schema;
+                schema(generator)
+            }
+        }
+    };
+}
+pub(super) use schema;
+
+/// Converts a form of a value to the value.
+macro_rules! from {
+    ($($form:ty => $value:ident::$variant:ident,)*) => {
+        $(impl From<$form> for $value {
+            fn from(form: $form) -> Self {
+                Self::$variant(form)
+            }
+        })*
+    };
+}
+pub(super) use from;
 
 /// One number for all wavelengths, a list with one number per wavelength, or a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -90,17 +138,7 @@ pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-impl From<f64> for SpectrumFile {
-    fn from(value: f64) -> Self {
-        Self::Scalar(value)
-    }
-}
-
-impl From<Vec<f64>> for SpectrumFile {
-    fn from(list: Vec<f64>) -> Self {
-        Self::PerWavelength(list)
-    }
-}
+from! { f64 => SpectrumFile::Scalar, Vec<f64> => SpectrumFile::PerWavelength, }
 
 impl<const N: usize> From<[f64; N]> for SpectrumFile {
     fn from(list: [f64; N]) -> Self {
@@ -136,12 +174,8 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
     fn visit_u64<E: de::Error>(self, v: u64) -> Result<SpectrumFile, E> {
         Ok(SpectrumFile::Scalar(v as f64))
     }
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<SpectrumFile, A::Error> {
-        let mut list = Vec::new();
-        while let Some(v) = seq.next_element()? {
-            list.push(v);
-        }
-        Ok(SpectrumFile::PerWavelength(list))
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<SpectrumFile, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(seq)).map(SpectrumFile::PerWavelength)
     }
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<SpectrumFile, A::Error> {
         SpectrumTable::deserialize(MapAccessDeserializer::new(map)).map(SpectrumFile::Table)
@@ -154,78 +188,48 @@ impl<'de> Deserialize<'de> for SpectrumFile {
     }
 }
 
-impl JsonSchema for SpectrumFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Spectrum".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let table = g.subschema_for::<SpectrumTable>();
-        json_schema!({
-            "description": "One number for all wavelengths, a list with one number per wavelength, or a table.",
-            "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}, table]
-        })
-    }
-}
+schema!(SpectrumFile, "Spectrum", |g| {
+    let table = g.subschema_for::<SpectrumTable>();
+    json_schema!({
+        "description": "One number for all wavelengths, a list with one number per wavelength, or a table.",
+        "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}, table]
+    })
+});
 
-impl<'de> Deserialize<'de> for IndexFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = IndexFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a number, a list with one number per wavelength, or a name such as \"N-BK7\"")
-            }
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<IndexFile, E> {
-                Ok(IndexFile::Named(v.to_owned()))
-            }
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<IndexFile, E> {
-                SpectrumVisitor.visit_f64(v).map(IndexFile::Values)
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<IndexFile, E> {
-                SpectrumVisitor.visit_i64(v).map(IndexFile::Values)
-            }
-            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<IndexFile, A::Error> {
-                SpectrumVisitor.visit_seq(seq).map(IndexFile::Values)
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<IndexFile, A::Error> {
-                SpectrumVisitor.visit_map(map).map(IndexFile::Values)
-            }
+any_of!(IndexFile, "a number, a list with one number per wavelength, or a name such as \"N-BK7\"", {
+    fn visit_str<E: de::Error>(self, v: &str) -> Result<IndexFile, E> {
+        Ok(IndexFile::Named(v.to_owned()))
+    }
+    fn visit_f64<E: de::Error>(self, v: f64) -> Result<IndexFile, E> {
+        SpectrumVisitor.visit_f64(v).map(IndexFile::Values)
+    }
+    fn visit_i64<E: de::Error>(self, v: i64) -> Result<IndexFile, E> {
+        SpectrumVisitor.visit_i64(v).map(IndexFile::Values)
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<IndexFile, A::Error> {
+        SpectrumVisitor.visit_seq(seq).map(IndexFile::Values)
+    }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<IndexFile, A::Error> {
+        SpectrumVisitor.visit_map(map).map(IndexFile::Values)
+    }
+});
+
+schema!(IndexFile, "RefractiveIndex", |g| {
+    let spectrum = g.subschema_for::<SpectrumFile>();
+    json_schema!({"anyOf": [spectrum, {"type": "string", "description": "A name of the optical constants."}]})
+});
+
+any_of!(TimeFile, "\"sum\" or { start_ps, bin_ps, bins }", {
+    fn visit_str<E: de::Error>(self, v: &str) -> Result<TimeFile, E> {
+        match v {
+            "sum" => Ok(TimeFile::Sum),
+            _ => Err(E::invalid_value(de::Unexpected::Str(v), &self)),
         }
-        d.deserialize_any(V)
     }
-}
-
-impl JsonSchema for IndexFile {
-    fn schema_name() -> Cow<'static, str> {
-        "RefractiveIndex".into()
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TimeFile, A::Error> {
+        TimeBins::deserialize(MapAccessDeserializer::new(map)).map(TimeFile::Bins)
     }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let spectrum = g.subschema_for::<SpectrumFile>();
-        json_schema!({"anyOf": [spectrum, {"type": "string", "description": "A name of the optical constants."}]})
-    }
-}
-
-impl<'de> Deserialize<'de> for TimeFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = TimeFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("\"sum\" or { start_ps, bin_ps, bins }")
-            }
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<TimeFile, E> {
-                match v {
-                    "sum" => Ok(TimeFile::Sum),
-                    _ => Err(E::invalid_value(de::Unexpected::Str(v), &self)),
-                }
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TimeFile, A::Error> {
-                TimeBins::deserialize(MapAccessDeserializer::new(map)).map(TimeFile::Bins)
-            }
-        }
-        d.deserialize_any(V)
-    }
-}
+});
 
 impl Serialize for TimeFile {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
@@ -236,42 +240,27 @@ impl Serialize for TimeFile {
     }
 }
 
-impl JsonSchema for TimeFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Time".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let bins = g.subschema_for::<TimeBins>();
-        json_schema!({"anyOf": [{"const": "sum"}, bins]})
-    }
-}
+schema!(TimeFile, "Time", |g| {
+    let bins = g.subschema_for::<TimeBins>();
+    json_schema!({"anyOf": [{"const": "sum"}, bins]})
+});
 
-impl<'de> Deserialize<'de> for BinSize {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = BinSize;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("an integer number of pixels n, or [n_x, n_y]")
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<BinSize, E> {
-                u32::try_from(v)
-                    .map(|n| BinSize([n, n]))
-                    .map_err(|_| E::invalid_value(de::Unexpected::Signed(v), &self))
-            }
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<BinSize, A::Error> {
-                let missing = |n| de::Error::invalid_length(n, &"two integers [n_x, n_y]");
-                let x = seq.next_element()?.ok_or_else(|| missing(0))?;
-                let y = seq.next_element()?.ok_or_else(|| missing(1))?;
-                match seq.next_element::<u32>()? {
-                    None => Ok(BinSize([x, y])),
-                    Some(_) => Err(missing(3)),
-                }
-            }
-        }
-        d.deserialize_any(V)
+any_of!(BinSize, "an integer number of pixels n, or [n_x, n_y]", {
+    fn visit_i64<E: de::Error>(self, v: i64) -> Result<BinSize, E> {
+        u32::try_from(v)
+            .map(|n| BinSize([n, n]))
+            .map_err(|_| E::invalid_value(de::Unexpected::Signed(v), &self))
     }
-}
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<BinSize, A::Error> {
+        let missing = |n| de::Error::invalid_length(n, &"two integers [n_x, n_y]");
+        let x = seq.next_element()?.ok_or_else(|| missing(0))?;
+        let y = seq.next_element()?.ok_or_else(|| missing(1))?;
+        match seq.next_element::<u32>()? {
+            None => Ok(BinSize([x, y])),
+            Some(_) => Err(missing(3)),
+        }
+    }
+});
 
 impl Serialize for BinSize {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
@@ -282,17 +271,10 @@ impl Serialize for BinSize {
     }
 }
 
-impl JsonSchema for BinSize {
-    fn schema_name() -> Cow<'static, str> {
-        "BinSize".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "description": "n or [n_x, n_y] pixels.",
-            "anyOf": [
-                {"type": "integer", "minimum": 1},
-                {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
-            ]
-        })
-    }
-}
+schema!(BinSize, "BinSize", |_| json_schema!({
+    "description": "n or [n_x, n_y] pixels.",
+    "anyOf": [
+        {"type": "integer", "minimum": 1},
+        {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
+    ]
+}));

@@ -15,8 +15,10 @@
 //! each ⌊k / every⌋. Equal k give equal values, regardless of the rest of the file. [`crate::variant`]
 //! substitutes them.
 
+use super::values::{any_of, schema};
 use base::locate::Located;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::SeqAccessDeserializer;
 use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
@@ -67,37 +69,16 @@ fn is_one(value: &Located<u64>) -> bool {
     **value == 1
 }
 
-impl JsonSchema for AnyValue {
-    fn schema_name() -> Cow<'static, str> {
-        "AnyValue".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"description": "A value that is valid at the path."})
-    }
-}
+schema!(AnyValue, "AnyValue", |_| json_schema!({"description": "A value that is valid at the path."}));
 
-impl<'de> Deserialize<'de> for PathsFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = PathsFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a path such as \"media.milk.milk.concentration\", or a list of paths")
-            }
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<PathsFile, E> {
-                Ok(PathsFile(vec![v.to_owned()]))
-            }
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<PathsFile, A::Error> {
-                let mut list = vec![];
-                while let Some(path) = seq.next_element()? {
-                    list.push(path);
-                }
-                Ok(PathsFile(list))
-            }
-        }
-        d.deserialize_any(V)
+any_of!(PathsFile, "a path such as \"media.milk.milk.concentration\", or a list of paths", {
+    fn visit_str<E: de::Error>(self, v: &str) -> Result<PathsFile, E> {
+        Ok(PathsFile(vec![v.to_owned()]))
     }
-}
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<PathsFile, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(seq)).map(PathsFile)
+    }
+});
 
 impl Serialize for PathsFile {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
@@ -108,11 +89,8 @@ impl Serialize for PathsFile {
     }
 }
 
-impl JsonSchema for PathsFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Paths".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]})
-    }
-}
+schema!(
+    PathsFile,
+    "Paths",
+    |_| json_schema!({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]})
+);

@@ -1,8 +1,8 @@
 //! Materials for commands that learn from data: a folder of tables, or the stand-ins.
 
-use super::resolution::Resolution;
 use crate::Failure;
 use std::path::PathBuf;
+use std::str::FromStr;
 use sunstone::pbrdf::data_set;
 use sunstone::pbrdf::stand_ins::{BandedError, BandedMaterials};
 use sunstone::polarimetry::reconstruct::cross_validation::Frames;
@@ -84,4 +84,19 @@ enum FramesArgument {
     Any,
     /// Those of the plane of scattering, as in tables and in Baek & Heide's learning.
     Plane,
+}
+
+/// Number of entries of a table along phi_d, theta_d and theta_h.
+#[derive(Clone, Copy, Debug)]
+pub struct Resolution(pub [usize; 3]);
+
+impl FromStr for Resolution {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
+        match parts.as_deref() {
+            Some(&[a, b, c]) if [a, b, c].iter().all(|n| (2..=4096).contains(n)) => Ok(Self([a, b, c])),
+            _ => Err("expected three numbers from 2 to 4096, such as 361x91x91".into()),
+        }
+    }
 }

@@ -3,12 +3,9 @@
 pub mod data;
 mod eval;
 mod pca;
-mod resolution;
 mod sheet;
 mod synth;
 mod table;
-
-use crate::Failure;
 
 /// Inspect, evaluate and make polarimetric BRDFs.
 #[derive(clap::Args)]
@@ -25,8 +22,4 @@ commands! {
     Plot(table::PlotArguments) => table::plot,
     Slice(table::SliceArguments) => table::slice,
     Pca(pca::Arguments) => pca::run,
-}
-
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    a.command.run()
 }

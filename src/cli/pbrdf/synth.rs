@@ -1,7 +1,6 @@
 //! The `sunstone pbrdf synth` command: tables in the KAIST format from analytic materials.
 
-use super::data::banded_failure;
-use super::resolution::Resolution;
+use super::data::{Resolution, banded_failure};
 use crate::progress::bar;
 use crate::{Failure, places, print_path};
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! Prints the records of a file as text, and writes a file from such text.
 
-use super::file::{failed, open};
+use super::{failed, open};
 use crate::{Failure, bail, places, print_path};
 use clap::Args;
 use std::io::{BufWriter, ErrorKind, Write};

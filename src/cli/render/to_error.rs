@@ -1,7 +1,7 @@
 //! The `sunstone render --target-error` option.
 
 use super::arguments::{Arguments, again};
-use super::in_doubt::in_doubt;
+use super::in_doubt;
 use super::progress::Progress;
 use crate::{Failure, bail, figure, print};
 use serde_json::Value;

@@ -38,8 +38,10 @@ macro_rules! written {
     }};
 }
 
-fn openexr(names: &[(&str, usize)]) -> Vec<u8> {
-    let channels: Vec<_> = names.iter().map(|(n, c)| (*n, plane(*c))).collect();
+/// Encodes an image with these channels, separated by spaces; the plane of `Z=4` is 4.
+fn openexr(names: &str) -> Vec<u8> {
+    let plane = |(name, plane_of): (_, &str)| (name, plane(plane_of.parse().expect("a plane")));
+    let channels: Vec<_> = names.split(' ').filter_map(|c| c.split_once('=')).map(plane).collect();
     written!(&Image::from_layer(layer(&channels, Encoding::FAST_LOSSLESS, None,)))
 }
 
@@ -57,67 +59,42 @@ fn assert_planes(pixels: &Pixels, planes: [usize; 3], what: &str) {
 fn openexr_channels_are_found_by_their_names() {
     let rgb = [0, 1, 2];
     for (names, planes) in [
-        (&[("R", 0), ("G", 1), ("B", 2)][..], rgb),
-        (&[("R", 0), ("G", 1), ("B", 2), ("A", 3)], rgb),
-        (&[("r", 0), ("g", 1), ("b", 2)], rgb),
-        (&[("red", 0), ("green", 1), ("blue", 2)], rgb),
-        (&[("Y", 5)], [5; 3]),
-        (&[("Y", 5), ("A", 1)], [5; 3]),
-        (&[("Z", 4)], [4; 3]),
-        (&[("A", 4)], [4; 3]),
-        (&[("roughness", 4)], [4; 3]),
-        (&[("ViewLayer.Combined.R", 0), ("ViewLayer.Combined.G", 1), ("ViewLayer.Combined.B", 2)], rgb),
+        ("R=0 G=1 B=2", rgb),
+        ("R=0 G=1 B=2 A=3", rgb),
+        ("r=0 g=1 b=2", rgb),
+        ("red=0 green=1 blue=2", rgb),
+        ("Y=5", [5; 3]),
+        ("Y=5 A=1", [5; 3]),
+        ("Z=4", [4; 3]),
+        ("A=4", [4; 3]),
+        ("roughness=4", [4; 3]),
+        ("V.Combined.R=0 V.Combined.G=1 V.Combined.B=2", rgb),
         (
-            &[
-                ("ViewLayer.Combined.R", 0),
-                ("ViewLayer.Combined.G", 1),
-                ("ViewLayer.Combined.B", 2),
-                ("ViewLayer.Combined.A", 3),
-                ("ViewLayer.Depth.Z", 4),
-                ("ViewLayer.Normal.X", 5),
-                ("ViewLayer.Normal.Y", 6),
-                ("ViewLayer.Normal.Z", 7),
-            ],
+            "V.Combined.R=0 V.Combined.G=1 V.Combined.B=2 V.Combined.A=3 V.Depth.Z=4 \
+             V.Normal.X=5 V.Normal.Y=6 V.Normal.Z=7",
             rgb,
         ),
-        (
-            &[
-                ("ViewLayer.Combined.R", 0),
-                ("ViewLayer.Combined.G", 1),
-                ("ViewLayer.Combined.B", 2),
-                ("ViewLayer.DiffDir.R", 4),
-                ("ViewLayer.DiffDir.G", 5),
-                ("ViewLayer.DiffDir.B", 6),
-            ],
-            rgb,
-        ),
-        (&[("R", 0), ("G", 1), ("B", 2), ("diffuse.R", 4), ("diffuse.G", 5), ("diffuse.B", 6)], rgb),
+        ("V.Combined.R=0 V.Combined.G=1 V.Combined.B=2 V.DiffDir.R=4 V.DiffDir.G=5 V.DiffDir.B=6", rgb),
+        ("R=0 G=1 B=2 diffuse.R=4 diffuse.G=5 diffuse.B=6", rgb),
     ] {
         let pixels = decode("a.exr", &openexr(names), None).expect("read");
-        assert_planes(&pixels, planes, &format!("{names:?}"));
-        assert_eq!(pixels.to_rgb, None, "{names:?}");
+        assert_planes(&pixels, planes, names);
+        assert_eq!(pixels.to_rgb, None, "{names}");
     }
 }
 
 #[test]
 fn openexr_layers_are_chosen_by_name_or_refused_with_their_list() {
-    let bytes = openexr(&[
-        ("diffuse.R", 0),
-        ("diffuse.G", 1),
-        ("diffuse.B", 2),
-        ("specular.R", 4),
-        ("specular.G", 5),
-        ("specular.B", 6),
-    ]);
+    let bytes = openexr("diffuse.R=0 diffuse.G=1 diffuse.B=2 specular.R=4 specular.G=5 specular.B=6");
     let error = decode("a.exr", &bytes, None).expect_err("ambiguous");
     assert!(error.help.contains("`diffuse`, `specular`"), "{error:?}");
     let chosen = decode("a.exr", &bytes, Some("specular")).expect("read");
     assert_planes(&chosen, [4, 5, 6], "specular");
     let error = decode("a.exr", &bytes, Some("glossy")).expect_err("no such layer");
     assert!(error.message.contains("`glossy`") && error.help.contains("`specular`"), "{error:?}");
-    for names in [&[("Y", 0), ("RY", 1), ("BY", 2)][..], &[("R", 0), ("G", 1)], &[("u", 0), ("v", 1)]] {
+    for (names, second) in [("Y=0 RY=1 BY=2", "RY"), ("R=0 G=1", "G"), ("u=0 v=1", "V")] {
         let error = decode("a.exr", &openexr(names), None).expect_err("no image");
-        assert!(error.message.contains(&names[1].0.to_uppercase()), "{error:?}");
+        assert!(error.message.contains(second), "{error:?}");
     }
 }
 

@@ -162,14 +162,13 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
             "add a [projector], [[emitters]], or an object with emission",
         ));
     }
-    let materials::Built { table: mut materials, names, mut images } =
-        materials::build(ctx, &file.materials)?;
-    lights::slides(ctx, &mut images, &mut materials.textures, &file.emitters, &mut points)?;
+    let materials::Built { table: mut materials, names } = materials::build(ctx, &file.materials)?;
+    lights::slides(ctx, &file.emitters, &mut points)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
-    let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
+    let mut surfaces = Surfaces::new(&mut materials, &names, &media_names);
     surfaces.objects(ctx, &file.objects, None)?;
     surfaces.instances(ctx, &file.groups, &file.instances)?;
-    surfaces.materials.textures.corners = std::mem::take(&mut ctx.attributes.corners);
+    surfaces.materials.textures = std::mem::take(&mut ctx.textures);
     let (geometry, boundaries, called) = (surfaces.geometry.build(), surfaces.boundaries, surfaces.called);
     (lights.areas, lights.of_material) = surfaces.shining;
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
@@ -258,18 +257,10 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
             continue;
         };
         if name.is_empty() {
-            return Err(ctx.error(
-                object.span(),
-                "the object's name is empty",
-                "set a name, or remove the key",
-            ));
+            bail!(ctx, object.span(), "the object's name is empty", "set a name, or remove the key");
         }
         if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
-            return Err(ctx.error(
-                object.span(),
-                format!("duplicate object name `{name}`"),
-                "rename one of them",
-            ));
+            bail!(ctx, object.span(), "duplicate object name `{name}`", "rename one of them");
         }
     }
     Ok(())

@@ -5,15 +5,64 @@
 //!
 //! [`Textures::corners`]: transport::material::texture::Textures::corners
 
-use super::asked::{Asked, Uses};
 use super::context::Context;
-use base::locate::InputError;
+use base::locate::{InputError, Located};
 use glam::Vec2;
 use import::attribute::Corners;
 use import::picture;
+use std::collections::BTreeMap;
 use syntax::texture::AttributeFile;
 use transport::geometry::mesh::Mesh;
 use transport::material::texture::{MOST_CORNERS, corner_uv};
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Asked {
+    pub name: Located<String>,
+    /// Whether the attribute must be one number, not a colour.
+    pub number: bool,
+    /// Largest factor of the attribute as an albedo.
+    pub albedo: f64,
+}
+
+/// What a material looks up by texture coordinates.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Uses {
+    pub asked: Option<Asked>,
+    pub images: bool,
+    pub heights: bool,
+}
+
+/// Uses recorded so far.
+#[derive(Default)]
+pub(crate) struct Attributes {
+    /// Uses of the material being built.
+    pub open: Uses,
+    /// Uses of each finished material.
+    pub of_material: BTreeMap<u32, Uses>,
+}
+
+impl Attributes {
+    pub fn of(&self, material: u32) -> Option<&Asked> {
+        self.of_material.get(&material)?.asked.as_ref()
+    }
+
+    pub fn has_image(&mut self) {
+        self.open.images = true;
+    }
+
+    pub fn has_heights(&mut self) {
+        self.open.heights = true;
+    }
+
+    pub fn heights(&self, material: u32) -> bool {
+        self.of_material.get(&material).is_some_and(|uses| uses.heights)
+    }
+
+    /// Returns the attribute of any material that uses one.
+    pub fn first(&self) -> Option<&Asked> {
+        self.of_material.values().find_map(|uses| uses.asked.as_ref())
+    }
+}
 
 /// Starts a material and returns the uses of the material that refers to it.
 pub(super) fn begin(ctx: &mut Context) -> Uses {
@@ -83,7 +132,7 @@ pub(super) fn give(
         let fix = "use an attribute with one property";
         return fault(ctx, "is a colour, but a number is expected".into(), fix);
     }
-    let first = ctx.attributes.corners.len();
+    let first = ctx.textures.corners.len();
     if first + corners.values.len() > MOST_CORNERS {
         let what = format!("exceeds the limit of {MOST_CORNERS} triangles with attributes");
         return fault(ctx, what, "use a coarser mesh, or an image");
@@ -103,7 +152,7 @@ pub(super) fn give(
     let texel = |value| picture::texel(&ctx.wavelengths, value);
     let spectral = |triangle: &[[f32; 3]; 3]| order.map(|k| texel(triangle[k]));
     let more: Vec<_> = corners.values.iter().map(spectral).collect();
-    ctx.attributes.corners.extend(more);
+    ctx.textures.corners.extend(more);
     // Adjacent triangles do not share texture coordinates, so they do not share vertices either.
     let all = mesh.indices.as_flattened().iter().map(|i| *i as usize);
     let of_corner = |i: usize| Vec2::from_array(corner_uv((first + i / 3) as u32, i % 3));

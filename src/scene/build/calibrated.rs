@@ -143,27 +143,13 @@ fn overlaid(
             "remove resolution, or calibrate with images of this size",
         ));
     }
-    // Locate errors in these values at the `calibration` key.
-    fn here<T: Clone>(key: &Located<String>, value: &Located<T>) -> Located<T> {
-        Located::at(key.span(), (**value).clone())
-    }
-    let placed = given.has_pose();
+    // Values of the calibration are valid, so no error is located at them.
     Ok(PinholeFile {
         calibration: None,
-        resolution: here(key, &found.resolution),
         orthographic_width: None,
-        fov_x_deg: found.fov_x_deg.as_ref().map(|v| here(key, v)),
-        fov_y_deg: found.fov_y_deg.as_ref().map(|v| here(key, v)),
-        fx: found.fx.as_ref().map(|v| here(key, v)),
-        fy: found.fy.as_ref().map(|v| here(key, v)),
-        cx: found.cx,
-        cy: found.cy,
-        opencv_matrix: found.opencv_matrix.as_ref().map(|v| here(key, v)),
-        distortion: found.distortion.as_ref().map(|v| here(key, v)),
-        opencv: found.opencv.as_ref().map(|v| here(key, v)),
-        fisheye: found.fisheye.as_ref().map(|v| here(key, v)),
-        aperture: given.aperture.clone().or_else(|| found.aperture.as_ref().map(|v| here(key, v))),
-        pose: if placed { given.pose.clone() } else { here(key, &found.pose) },
+        aperture: given.aperture.clone().or_else(|| found.aperture.clone()),
+        pose: if given.has_pose() { given.pose.clone() } else { found.pose.clone() },
+        ..found.clone()
     })
 }
 
@@ -215,42 +201,36 @@ mod tests {
 
     #[test]
     fn faults_are_told_where_they_are() {
-        let whole = document();
-        let in_camera = |line: &str| BY_KEY.replace("[projector]", &format!("{line}\n[projector]"));
-        let cases = [
-            (BY_KEY.to_owned(), whole.replace("[camera]", "[photo]"), "c.toml:1:2: unknown field `photo`"),
+        let same = ["", ""];
+        let [camera, projector] = [format!("[camera]\n{CAMERA}"), format!("[projector]\n{PROJECTOR}")];
+        let in_camera = |line: &str| format!("{line}\n[projector]");
+        for (in_scene, in_file, words) in [
+            (same, ["[camera]", "[photo]"], "c.toml:1:2: unknown field `photo`"),
+            (same, [&camera, ""], "s.toml:2:15: sub/c.toml has no [camera]"),
+            (same, [&projector, ""], "s.toml:5:15: sub/c.toml has no [projector]"),
+            (same, ["[0, 9.25", "[1, 9.25"], "c.toml:3:17: opencv_matrix is not a camera matrix"),
             (
-                BY_KEY.to_owned(),
-                format!("[projector]\n{PROJECTOR}"),
-                "s.toml:2:15: sub/c.toml has no [camera]",
-            ),
-            (BY_KEY.to_owned(), format!("[camera]\n{CAMERA}"), "s.toml:5:15: sub/c.toml has no [projector]"),
-            (
-                BY_KEY.to_owned(),
-                whole.replace("[0, 9.25, 2.5]", "[1, 9.25, 2.5]"),
-                "c.toml:3:17: opencv_matrix is not a camera matrix",
-            ),
-            (
-                BY_KEY.to_owned(),
-                whole.replace("resolution = [8, 6]", "calibration = \"d.toml\""),
+                same,
+                ["resolution = [8, 6]", "calibration = \"d.toml\""],
                 "c.toml:2:15: a calibration file cannot refer",
             ),
-            (BY_KEY.replace("c.toml", "d.toml"), whole.clone(), "s.toml:2:15: cannot read"),
+            (["c.toml", "d.toml"], same, "s.toml:2:15: cannot read"),
             (
-                in_camera("fov_x_deg = 40"),
-                whole.clone(),
+                ["[projector]", &in_camera("fov_x_deg = 40")],
+                same,
                 "s.toml:2:15: the lens is given both by calibration",
             ),
-            (in_camera("resolution = [8, 7]"), whole.clone(), "s.toml:2:15: resolution is 8 × 7 pixels"),
             (
-                BY_KEY.replace("irradiance", "coaxial = true\nirradiance"),
-                whole.clone(),
-                "s.toml:6:15: a coaxial projector",
+                ["[projector]", &in_camera("resolution = [8, 7]")],
+                same,
+                "s.toml:2:15: resolution is 8 × 7 pixels",
             ),
-            ("[camera]\nfov_x_deg = 4\n".to_owned(), whole.clone(), "s.toml:1:1: missing field `resolution`"),
-        ];
-        for (text, calibration, words) in cases {
-            let message = scene(&text, &calibration).err().expect("a fault");
+            (["irradiance", "coaxial = true\nirradiance"], same, "s.toml:6:15: a coaxial projector"),
+            ([BY_KEY, "[camera]\nfov_x_deg = 4\n"], same, "s.toml:1:1: missing field `resolution`"),
+        ] {
+            let edited = |text: &str, [from, to]: [&str; 2]| text.replace(from, to);
+            let message =
+                scene(&edited(BY_KEY, in_scene), &edited(&document(), in_file)).err().expect("a fault");
             assert!(message.contains(words) && message.contains("fix:"), "{words}: {message}");
         }
     }

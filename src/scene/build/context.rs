@@ -1,6 +1,7 @@
 //! State shared by all build steps: the location of errors, files read, notes.
 
-use super::asked::Attributes;
+use super::attributes::Attributes;
+use super::textures::Images;
 use base::document;
 use base::locate::{InputError, Located};
 use base::spectral_table::SpectralTable;
@@ -14,6 +15,7 @@ use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntax::values::{SpectrumFile, SpectrumTable};
+use transport::material::texture::Textures;
 
 pub(crate) struct Context {
     pub file: PathBuf,
@@ -32,6 +34,9 @@ pub(crate) struct Context {
     /// Sentences about contents that are not used and about corrections.
     pub notes: Vec<String>,
     pub attributes: Attributes,
+    /// Images that have been read; their texels are in `textures`.
+    pub images: Images,
+    pub textures: Textures,
     /// Names of files that were read.
     pub files: RefCell<BTreeSet<String>>,
 }
@@ -50,6 +55,8 @@ impl Context {
             hash: Sha256::new(),
             notes: vec![],
             attributes: Attributes::default(),
+            images: Images::default(),
+            textures: Textures::default(),
             files: RefCell::default(),
         };
         ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {

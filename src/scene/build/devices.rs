@@ -27,11 +27,7 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     }
     let [w, h] = *p.resolution;
     if !(1..=32768).contains(&w) || !(1..=32768).contains(&h) {
-        return Err(ctx.error(
-            p.resolution.span(),
-            format!("resolution is {w} × {h}"),
-            "give a width and height in 1..32768",
-        ));
+        bail!(ctx, p.resolution.span(), "resolution is {w} × {h}", "give a width and height in 1..32768");
     }
     let (focal, principal) = intrinsics(ctx, p, span.clone())?;
     let lens = distortion(ctx, p)?;

@@ -4,7 +4,7 @@ use super::context::{Context, HUGE};
 use super::devices::vector;
 use super::pose::pose;
 use super::shapes::{Solid, transform};
-use super::textures::{self, Images};
+use super::textures;
 use crate::ies;
 use base::locate::{InputError, Located};
 use glam::{Mat3A, Vec2, Vec3A};
@@ -22,7 +22,7 @@ use transport::light::distant::{Across, Distant};
 use transport::light::filter::Polarized;
 use transport::light::profile::{Frustum, Profile, Table};
 use transport::light::sky::Sky;
-use transport::material::texture::{Spectrum, Textures};
+use transport::material::texture::Spectrum;
 
 /// All emitters except the projector and emissive objects.
 #[derive(Default)]
@@ -66,8 +66,6 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
 /// Adds the images of spots built by [`emitters`], and appends image projectors after all other points.
 pub(crate) fn slides(
     ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
     list: &[Located<EmitterFile>],
     points: &mut Vec<PointEmitter>,
 ) -> Result<(), InputError> {
@@ -75,7 +73,7 @@ pub(crate) fn slides(
     for e in list {
         match &**e {
             EmitterFile::Spot(s) => {
-                points[number].slide = spot_slide(ctx, images, textures, s, e.span())?;
+                points[number].slide = spot_slide(ctx, s, e.span())?;
                 number += 1;
             }
             EmitterFile::Point(_) | EmitterFile::Ies(_) => number += 1,
@@ -84,19 +82,13 @@ pub(crate) fn slides(
     }
     for e in list {
         if let EmitterFile::Slide(s) = &**e {
-            points.push(slide(ctx, images, textures, s)?);
+            points.push(slide(ctx, s)?);
         }
     }
     Ok(())
 }
 
-fn spot_slide(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    s: &SpotFile,
-    at: Range<usize>,
-) -> Result<Option<Slide>, InputError> {
+fn spot_slide(ctx: &mut Context, s: &SpotFile, at: Range<usize>) -> Result<Option<Slide>, InputError> {
     let Some(image) = &s.image else {
         return match s.up {
             None => Ok(None),
@@ -116,21 +108,16 @@ fn spot_slide(
     let half = Vec2::splat(cutoff.to_radians().tan() as f32);
     Ok(Some(Slide {
         frustum: Frustum { to_local: Mat3A::from_cols(x, z.cross(x), z).transpose(), half },
-        texture: projected(ctx, images, textures, image)?,
+        texture: projected(ctx, image)?,
     }))
 }
 
-fn slide(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    s: &SlideFile,
-) -> Result<PointEmitter, InputError> {
+fn slide(ctx: &mut Context, s: &SlideFile) -> Result<PointEmitter, InputError> {
     let (position, axes) = pose(ctx, &s.pose)?;
-    let texture = projected(ctx, images, textures, &s.image)?;
+    let texture = projected(ctx, &s.image)?;
     let fov = ctx.number(&s.fov_x_deg, "fov_x_deg", 0.01..=179.0)?;
     let x = (fov.to_radians() / 2.0).tan() as f32;
-    let image = &textures.images[texture as usize];
+    let image = &ctx.textures.images[texture as usize];
     let frustum = Frustum {
         to_local: axes.transpose(),
         half: Vec2::new(x, x * image.height as f32 / image.width as f32),
@@ -144,14 +131,9 @@ fn slide(
     })
 }
 
-fn projected(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    image: &Located<ImageAlbedo>,
-) -> Result<u32, InputError> {
+fn projected(ctx: &mut Context, image: &Located<ImageAlbedo>) -> Result<u32, InputError> {
     ctx.within(image.scale, image.span(), "scale", &(1.0..=1.0))?;
-    textures::radiances(ctx, images, textures, image)
+    textures::radiances(ctx, image)
 }
 
 fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result<Vec3A, InputError> {
@@ -328,14 +310,12 @@ fn sky(
 /// Builds the area light of an emissive object's shape.
 pub(crate) fn area(
     ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
     file: &Located<EmissionFile>,
     solid: &Solid,
 ) -> Result<AreaLight, InputError> {
     let value = ctx.located(&file.radiance, "radiance", 0.0..=HUGE)?;
     let texture = match &file.image {
-        Some(image) => Some(projected(ctx, images, textures, image)?),
+        Some(image) => Some(projected(ctx, image)?),
         None => None,
     };
     let polarized =

@@ -1,7 +1,6 @@
 //! Converts materials of a file to the flat table of [`Materials`].
 
-use super::asked::Attributes;
-use super::attributes;
+use super::attributes::{self, Attributes};
 use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;
@@ -24,7 +23,7 @@ use transport::material::facets::Roughness;
 use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::plastic::Interreflection;
-use transport::material::texture::{Scalar, Spectrum};
+use transport::material::texture::{Scalar, Spectrum, Textures};
 use transport::material::{
     Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
     plastic, rough_conductor, rough_crystal, rough_dielectric, thin_dielectric, two_sided, varies,
@@ -68,7 +67,8 @@ impl MaterialSet {
     }
 
     fn build(mut ctx: Context, file: &MaterialSetFile) -> Result<Self, InputError> {
-        let Built { table, names, .. } = build(&mut ctx, &file.materials)?;
+        let Built { mut table, names } = build(&mut ctx, &file.materials)?;
+        table.textures = ctx.textures;
         Ok(Self {
             wavelengths: ctx.wavelengths,
             materials: table,
@@ -100,7 +100,6 @@ struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
-    images: Images,
     done: BTreeMap<&'a str, u32>,
     /// Materials being built, outermost first.
     open: Vec<&'a str>,
@@ -109,24 +108,18 @@ struct Builder<'c, 'a> {
 pub(crate) struct Built<'a> {
     pub table: Materials,
     pub names: BTreeMap<&'a str, u32>,
-    pub images: Images,
 }
 
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
-    let mut builder = Builder {
-        ctx,
-        files,
-        table: Materials::default(),
-        images: Images::default(),
-        done: BTreeMap::new(),
-        open: vec![],
-    };
+    let mut builder =
+        Builder { ctx, files, table: Materials::default(), done: BTreeMap::new(), open: vec![] };
     builder.ctx.attributes = Attributes::default();
+    (builder.ctx.images, builder.ctx.textures) = (Images::default(), Textures::default());
     for name in files.keys() {
         attributes::begin(builder.ctx);
         builder.named(name)?;
     }
-    Ok(Built { table: builder.table, names: builder.done, images: builder.images })
+    Ok(Built { table: builder.table, names: builder.done })
 }
 
 impl<'a> Builder<'_, 'a> {
@@ -217,7 +210,7 @@ impl<'a> Builder<'_, 'a> {
                         InterreflectionFile::Linear => Interreflection::Linear(inside()),
                     },
                     passage: (passage != Passage::Smooth).then(|| {
-                        let textures = &mut self.table.textures;
+                        let textures = &mut self.ctx.textures;
                         coat::Table::new(textures, &roughness, eta, passage == Passage::Single)
                     }),
                     single_scatter: p
@@ -245,7 +238,7 @@ impl<'a> Builder<'_, 'a> {
                 let strength = self.ctx.number(&n.strength, "strength", 0.0..=10.0)?;
                 Material::NormalMap(normal_map::NormalMap {
                     material: self.inner(&n.material)?,
-                    texture: textures::normals(self.ctx, &mut self.images, &mut self.table.textures, n)?,
+                    texture: textures::normals(self.ctx, n)?,
                     strength: strength as f32,
                     heights: false,
                 })
@@ -255,12 +248,7 @@ impl<'a> Builder<'_, 'a> {
                 self.ctx.attributes.has_heights();
                 Material::NormalMap(normal_map::NormalMap {
                     material: self.inner(&b.material)?,
-                    texture: textures::heights(
-                        self.ctx,
-                        &mut self.images,
-                        &mut self.table.textures,
-                        &b.image,
-                    )?,
+                    texture: textures::heights(self.ctx, &b.image)?,
                     strength: height as f32,
                     heights: true,
                 })
@@ -315,7 +303,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
-        textures::spectrum(self.ctx, &mut self.images, &mut self.table.textures, albedo)
+        textures::spectrum(self.ctx, albedo)
     }
 
     /// Returns a factor of reflected light, 1 in unused lanes.
@@ -331,7 +319,7 @@ impl<'a> Builder<'_, 'a> {
         what: &str,
         range: RangeInclusive<f64>,
     ) -> Result<Scalar, InputError> {
-        textures::scalar(self.ctx, &mut self.images, &mut self.table.textures, s, what, range)
+        textures::scalar(self.ctx, s, what, range)
     }
 
     fn roughness(

@@ -2,7 +2,6 @@
 //! checks.
 
 mod appearances;
-pub(crate) mod asked;
 pub(crate) mod assemble;
 pub(crate) mod attributes;
 pub(crate) mod calibrated;

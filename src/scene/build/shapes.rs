@@ -1,7 +1,6 @@
 //! Converts objects of a scene file to triangles and quadrics.
 
-use super::asked::Asked;
-use super::attributes;
+use super::attributes::{self, Asked};
 use super::context::{Context, HUGE};
 use super::devices::vector;
 use super::smooth;
@@ -95,11 +94,7 @@ pub(crate) fn place(
         return Err(lacks(ctx, asked));
     }
     if matches!(*object.shape, ShapeFile::Disk(_)) && ctx.attributes.heights(material) {
-        return Err(ctx.error(
-            object.shape.span(),
-            "a disk has no texture coordinates for a bump map",
-            "use a mesh",
-        ));
+        bail!(ctx, object.shape.span(), "a disk has no texture coordinates for a bump map", "use a mesh");
     }
     if let (Some(_), Some(image)) = (&asked, object.emission.as_ref().and_then(|e| e.image.as_ref())) {
         return Err(ctx.error(
@@ -113,11 +108,7 @@ pub(crate) fn place(
     let quadric = |ctx: &Context, kind, shape: DAffine3| {
         let world = place * shape;
         if !is_solid(&world) {
-            return Err(ctx.error(
-                span.clone(),
-                "the shape has zero size",
-                "give a radius and extents above 0",
-            ));
+            bail!(ctx, span.clone(), "the shape has zero size", "give a radius and extents above 0");
         }
         let columns = [world.matrix3.x_axis, world.matrix3.y_axis, world.matrix3.z_axis, world.translation];
         if columns.iter().any(|c| c.abs().max_element() > HUGE) {
@@ -196,11 +187,7 @@ pub(crate) fn place(
             let c = vector(ctx, d.center, span.clone(), "center")?;
             let n = vector(ctx, d.normal, span.clone(), "normal")?;
             if n.length_squared() < 1e-30 {
-                return Err(ctx.error(
-                    span,
-                    "the disk's normal is zero",
-                    "give a direction, such as normal = [0, 0, 1]",
-                ));
+                bail!(ctx, span, "the disk's normal is zero", "give a direction, such as normal = [0, 0, 1]");
             }
             let disk = toward(c, n, d.radius, d.radius);
             return Ok(vec![quadric(ctx, QuadricKind::Disk, disk)?]);
@@ -304,11 +291,7 @@ pub(crate) fn moved(
     }
     mesh.transform(&affine(place));
     if !import::lies_within(&mesh, HUGE) {
-        return Err(ctx.error(
-            object.shape.span(),
-            "the shape is too large",
-            "keep coordinates below 1e12 m",
-        ));
+        bail!(ctx, object.shape.span(), "the shape is too large", "keep coordinates below 1e12 m");
     }
     Ok(mesh)
 }

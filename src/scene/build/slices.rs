@@ -45,11 +45,7 @@ pub(crate) fn build(
             ));
         }
         if slices.iter().any(|o| o.name == *name) {
-            return Err(ctx.error(
-                s.name.span(),
-                format!("duplicate slice name `{name}`"),
-                "rename one of them",
-            ));
+            bail!(ctx, s.name.span(), "duplicate slice name `{name}`", "rename one of them");
         }
         let slice = Slice {
             name: name.clone(),

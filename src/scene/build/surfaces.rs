@@ -5,7 +5,6 @@ use super::context::{Context, HUGE};
 use super::lights;
 use super::places;
 use super::shapes;
-use super::textures::Images;
 use super::volumes::{self, Volume};
 use base::locate::{InputError, Located};
 use glam::DAffine3;
@@ -31,7 +30,6 @@ pub(crate) struct Surfaces<'a> {
     /// Indices of materials and media.
     names: &'a BTreeMap<&'a str, u32>,
     media: &'a BTreeMap<&'a str, u32>,
-    images: &'a mut Images,
     /// Emissive surfaces, and their indices by material.
     pub shining: (Vec<AreaLight>, Vec<u32>),
 }
@@ -39,7 +37,6 @@ pub(crate) struct Surfaces<'a> {
 impl<'a> Surfaces<'a> {
     pub fn new(
         materials: &'a mut Materials,
-        images: &'a mut Images,
         names: &'a BTreeMap<&'a str, u32>,
         media: &'a BTreeMap<&'a str, u32>,
     ) -> Self {
@@ -58,7 +55,6 @@ impl<'a> Surfaces<'a> {
             materials,
             names,
             media,
-            images,
             shining: (vec![], vec![]),
         }
     }
@@ -98,8 +94,7 @@ impl<'a> Surfaces<'a> {
             }
             for (solid, material) in solids.into_iter().zip(numbers) {
                 if let Some(emission) = &object.emission {
-                    let textures = &mut self.materials.textures;
-                    let light = lights::area(ctx, self.images, textures, emission, &solid)?;
+                    let light = lights::area(ctx, emission, &solid)?;
                     let (areas, of_material) = &mut self.shining;
                     of_material.resize(material as usize, transport::light::NONE);
                     of_material.push(areas.len() as u32);

@@ -1,5 +1,5 @@
-//! Converts images and checkerboards of a file to the flat table of [`Textures`]. A file's texels are stored
-//! once.
+//! Converts images and checkerboards of a file to the flat tables of [`Context::textures`]. A file's texels
+//! are stored once.
 
 use super::attributes;
 use super::context::Context;
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use syntax::material::NormalMapFile;
 use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::SpectrumFile;
-use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
+use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spectrum, UvMap, Wrap};
 
 /// Key of stored texels: file, layer and meaning of the channels.
 type ImageKey = (PathBuf, Option<String>, Channels);
@@ -25,10 +25,10 @@ pub(crate) struct Images(BTreeMap<ImageKey, ([u32; 2], u32)>);
 const BRIGHTEST: f64 = 2.0;
 
 /// Returns a copy of an image with texels multiplied by a factor above 1 and clamped to 1.
-fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: Spectral, name: &str) -> u32 {
-    let image = textures.images[texture as usize];
+fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> u32 {
+    let image = ctx.textures.images[texture as usize];
     let first = image.first as usize;
-    let mut texels = textures.texels[first..first + (image.width * image.height) as usize].to_vec();
+    let mut texels = ctx.textures.texels[first..first + (image.width * image.height) as usize].to_vec();
     let mut limited = 0;
     for texel in &mut texels {
         let bright = Spectral::new(*texel) * factor;
@@ -39,18 +39,13 @@ fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: 
     if limited > 0 {
         ctx.note(format!("{name}: {limited} of {} texels are clamped to an albedo of 1", texels.len()));
     }
-    textures.images.push(Image { first: textures.texels.len() as u32, ..image });
-    textures.texels.append(&mut texels);
-    textures.images.len() as u32 - 1
+    ctx.textures.images.push(Image { first: ctx.textures.texels.len() as u32, ..image });
+    ctx.textures.texels.append(&mut texels);
+    ctx.textures.images.len() as u32 - 1
 }
 
 /// Returns a spectrum of 0..1, an image of colours or a checkerboard.
-pub(super) fn spectrum(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    albedo: &Located<AlbedoFile>,
-) -> Result<Spectrum, InputError> {
+pub(super) fn spectrum(ctx: &mut Context, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
     let span = albedo.span();
     Ok(match &**albedo {
         AlbedoFile::Spectrum(s) => Spectrum::uniform(ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
@@ -58,11 +53,11 @@ pub(super) fn spectrum(
             let scale = SpectrumFile::Scalar(i.scale);
             let channels = if i.raw { Channels::LinearColours } else { Channels::Colours };
             let value = ctx.spectrum(&scale, span, "scale", 0.0..=BRIGHTEST)?;
-            let texture = image(ctx, images, textures, i, channels)?;
+            let texture = image(ctx, i, channels)?;
             let (value, texture) = if i.scale > 1.0 {
-                (ctx.wavelengths.ones(), brightened(ctx, textures, texture, value, &i.image))
+                (ctx.wavelengths.ones(), brightened(ctx, texture, value, &i.image))
             } else {
-                note_reflectance_above_one(ctx, textures, texture, value, &i.image);
+                note_reflectance_above_one(ctx, texture, value, &i.image);
                 (value, texture)
             };
             Spectrum { value, texture: Some(texture) }
@@ -80,26 +75,17 @@ pub(super) fn spectrum(
             for (value, file) in values.iter_mut().zip(&board.checkerboard) {
                 *value = ctx.spectrum(file, span.clone(), "albedo", 0.0..=1.0)?;
             }
-            Spectrum {
-                value: ctx.wavelengths.ones(),
-                texture: Some(checkerboard(ctx, textures, board, values, span)?),
-            }
+            Spectrum { value: ctx.wavelengths.ones(), texture: Some(checkerboard(ctx, board, values, span)?) }
         }
     })
 }
 
-fn note_reflectance_above_one(
-    ctx: &mut Context,
-    textures: &Textures,
-    number: u32,
-    scale: Spectral,
-    name: &Located<String>,
-) {
-    let image = textures.images[number as usize];
+fn note_reflectance_above_one(ctx: &mut Context, number: u32, scale: Spectral, name: &Located<String>) {
+    let image = ctx.textures.images[number as usize];
     let (first, count) = (image.first as usize, (image.width * image.height) as usize);
     let scale = scale.to_array();
     let above = |t: &&[f32; 4]| t.iter().zip(scale).any(|(v, s)| v * s > 1.0);
-    let bright = textures.texels[first..first + count].iter().filter(above).count();
+    let bright = ctx.textures.texels[first..first + count].iter().filter(above).count();
     if bright > 0 {
         let note =
             format!("{}: {bright} texels are above 1 and reflect more light than they receive", **name);
@@ -110,8 +96,6 @@ fn note_reflectance_above_one(
 /// Returns a number within `range`, an image scaled to it or a checkerboard.
 pub(super) fn scalar(
     ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
     s: &Located<ScalarFile>,
     what: &str,
     range: RangeInclusive<f64>,
@@ -121,7 +105,7 @@ pub(super) fn scalar(
         ScalarFile::Number(v) => (ctx.within(*v, span, what, &range)?, None),
         ScalarFile::Image(i) => {
             let scale = ctx.within(i.scale, span, what, &range)?;
-            (scale, Some(image(ctx, images, textures, i, numbers(i))?))
+            (scale, Some(image(ctx, i, numbers(i))?))
         }
         ScalarFile::Attribute(file) => {
             attributes::ask(ctx, file, true)?;
@@ -139,21 +123,16 @@ pub(super) fn scalar(
                 };
                 *value = Spectral::splat(ctx.within(*v, span.clone(), what, &range)? as f32);
             }
-            (1.0, Some(checkerboard(ctx, textures, board, values, span)?))
+            (1.0, Some(checkerboard(ctx, board, values, span)?))
         }
     };
     Ok(Scalar { value: value as f32, texture })
 }
 
 /// Reads an image of radiances over a surface; decodes it unless the file's values are linear.
-pub(super) fn radiances(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    file: &ImageAlbedo,
-) -> Result<u32, InputError> {
+pub(super) fn radiances(ctx: &mut Context, file: &ImageAlbedo) -> Result<u32, InputError> {
     let channels = if file.raw { Channels::LinearColours } else { Channels::Colours };
-    image(ctx, images, textures, file, channels)
+    image(ctx, file, channels)
 }
 
 /// Returns width and height of an environment image and its texels per wavelength, top row first.
@@ -162,26 +141,16 @@ pub(super) fn sky(
     name: &Located<String>,
     layer: Option<&str>,
 ) -> Result<([u32; 2], Vec<[f32; 4]>), InputError> {
-    let mut textures = Textures::default();
-    let (size, _) = read(ctx, &mut textures, name, layer, Channels::Colours)?;
-    Ok((size, textures.texels))
+    let (size, first) = read(ctx, name, layer, Channels::Colours)?;
+    Ok((size, ctx.textures.texels.split_off(first as usize)))
 }
 
-pub(super) fn heights(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    file: &Located<ImageAlbedo>,
-) -> Result<u32, InputError> {
+pub(super) fn heights(ctx: &mut Context, file: &Located<ImageAlbedo>) -> Result<u32, InputError> {
     ctx.within(file.scale, file.span(), "scale", &(1.0..=1.0))?;
     if file.filter == Filter::Nearest {
-        return Err(ctx.error(
-            file.span(),
-            "filter = \"nearest\" of a bump map gives no slopes",
-            "remove filter",
-        ));
+        bail!(ctx, file.span(), "filter = \"nearest\" of a bump map gives no slopes", "remove filter");
     }
-    image(ctx, images, textures, file, numbers(file))
+    image(ctx, file, numbers(file))
 }
 
 /// Returns the meaning of the channels of an image of numbers.
@@ -193,12 +162,7 @@ fn numbers(file: &ImageAlbedo) -> Channels {
     }
 }
 
-pub(super) fn normals(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    n: &NormalMapFile,
-) -> Result<u32, InputError> {
+pub(super) fn normals(ctx: &mut Context, n: &NormalMapFile) -> Result<u32, InputError> {
     let file = ImageAlbedo {
         uv: n.uv,
         wrap: n.wrap,
@@ -207,7 +171,7 @@ pub(super) fn normals(
         ..ImageAlbedo::new("")
     };
     let file = ImageAlbedo { image: n.image.clone(), ..file };
-    image(ctx, images, textures, &file, Channels::Numbers)
+    image(ctx, &file, Channels::Numbers)
 }
 
 fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMap, InputError> {
@@ -228,31 +192,24 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
 /// Creates a checkerboard as an image of two by two texels.
 fn checkerboard(
     ctx: &mut Context,
-    textures: &mut Textures,
     board: &CheckerboardFile,
     [a, b]: [Spectral; 2],
     span: Range<usize>,
 ) -> Result<u32, InputError> {
     ctx.attributes.has_image();
     let uv = uv_map(ctx, board.uv.as_ref(), span)?;
-    let first = textures.texels.len() as u32;
-    textures.texels.extend([b, a, a, b].map(Spectral::to_array));
-    textures.images.push(Image {
+    let first = ctx.textures.texels.len() as u32;
+    ctx.textures.texels.extend([b, a, a, b].map(Spectral::to_array));
+    ctx.textures.images.push(Image {
         filter: Filter::Nearest,
         wrap: Wrap::Repeat,
         uv,
         ..Image::new([2, 2], first)
     });
-    Ok(textures.images.len() as u32 - 1)
+    Ok(ctx.textures.images.len() as u32 - 1)
 }
 
-fn image(
-    ctx: &mut Context,
-    images: &mut Images,
-    textures: &mut Textures,
-    file: &ImageAlbedo,
-    channels: Channels,
-) -> Result<u32, InputError> {
+fn image(ctx: &mut Context, file: &ImageAlbedo, channels: Channels) -> Result<u32, InputError> {
     let name = &file.image;
     if file.luminance && matches!(channels, Channels::Colours | Channels::LinearColours) {
         return Err(ctx.error(
@@ -265,28 +222,27 @@ fn image(
     let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
     let layer = file.layer.as_deref();
     let key = (ctx.path(name), file.layer.clone(), channels);
-    let (size, first) = if let Some(known) = images.0.get(&key) {
+    let (size, first) = if let Some(known) = ctx.images.0.get(&key) {
         *known
     } else {
-        let known = read(ctx, textures, name, layer, channels)?;
-        images.0.insert(key, known);
+        let known = read(ctx, name, layer, channels)?;
+        ctx.images.0.insert(key, known);
         known
     };
-    textures.images.push(Image { filter: file.filter, wrap: file.wrap, uv, ..Image::new(size, first) });
-    Ok(textures.images.len() as u32 - 1)
+    ctx.textures.images.push(Image { filter: file.filter, wrap: file.wrap, uv, ..Image::new(size, first) });
+    Ok(ctx.textures.images.len() as u32 - 1)
 }
 
 /// Reads the texels of an image: colours as red, green or blue per wavelength, numbers unchanged.
 fn read(
     ctx: &mut Context,
-    textures: &mut Textures,
     name: &Located<String>,
     layer: Option<&str>,
     channels: Channels,
 ) -> Result<([u32; 2], u32), InputError> {
     let image = decoded(ctx, name, layer)?;
-    let first = textures.texels.len();
-    picture::texels(&image, channels, &ctx.wavelengths, &mut textures.texels);
+    let first = ctx.textures.texels.len();
+    picture::texels(&image, channels, &ctx.wavelengths, &mut ctx.textures.texels);
     let lanes = match channels {
         Channels::Numbers | Channels::Luminance | Channels::LinearLuminance => 3,
         _ => ctx.wavelengths.count(),
@@ -295,7 +251,7 @@ fn read(
         Channels::Numbers => f32::MIN,
         _ => 0.0,
     };
-    let values = textures.texels[first..].iter().flat_map(|t| &t[..lanes]);
+    let values = ctx.textures.texels[first..].iter().flat_map(|t| &t[..lanes]);
     let wrong: Vec<f32> = values.copied().filter(|v| !(least..=1e30).contains(v)).collect();
     if let Some(first) = wrong.first() {
         return Err(ctx.error(

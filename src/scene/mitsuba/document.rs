@@ -3,9 +3,8 @@
 use super::folders::{Alias, Folders};
 use super::json;
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
-use super::parse::parse;
 use super::reader::Reader;
-use super::source::Source;
+use super::source::{Source, parse};
 use super::tree::Node;
 use base::locate::InputError;
 use std::collections::BTreeMap;

@@ -22,7 +22,6 @@ use crate::build::file_materials;
 use crate::build::lights;
 use crate::build::shapes::{Form, Placed, moved, place};
 use crate::build::surfaces::{copies, group_number};
-use crate::build::textures::Images;
 use crate::build::{materials, slices};
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};
@@ -40,7 +39,7 @@ use transport::device::projector::Projector;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::QuadricKind;
 use transport::light::area::AreaLight;
-use transport::material::texture::{Image, Textures};
+use transport::material::texture::Image;
 use transport::scene::Settings;
 
 /// A scene in Mitsuba's format.
@@ -97,8 +96,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         file.projector.as_ref().map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span()))).transpose()?;
     slices::build(ctx, file, &camera, projector.as_ref().map(|(p, _)| p))?;
     let mut emitters = lights::emitters(ctx, &file.emitters)?;
-    let materials::Built { table: mut materials, names, mut images } =
-        materials::build(ctx, &file.materials)?;
+    let materials::Built { table: mut materials, names } = materials::build(ctx, &file.materials)?;
     if let Some(asked) = ctx.attributes.first() {
         return Err(ctx.error(
             asked.name.span(),
@@ -107,19 +105,19 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         ));
     }
     let mut out = Output::default();
-    let textures = &mut materials.textures;
-    lights::slides(ctx, &mut images, textures, &file.emitters, &mut emitters.points)?;
-    let shapes = all_placed(ctx, &file.objects, &names, textures, &mut images)?;
+    lights::slides(ctx, &file.emitters, &mut emitters.points)?;
+    let shapes = all_placed(ctx, &file.objects, &names)?;
     let mut groups = vec![];
     for (name, group) in &file.groups {
-        let shapes = all_placed(ctx, &group.objects, &names, &mut materials.textures, &mut images)?;
+        let shapes = all_placed(ctx, &group.objects, &names)?;
         groups.push((name.as_str(), shapes));
     }
+    materials.textures = std::mem::take(&mut ctx.textures);
     let all = groups.iter().flat_map(|g| &g.1).chain(&shapes);
     let used: Vec<u32> = all.map(|s| s.placed.material).collect();
     let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
     let bsdfs = writer.all(&used)?;
-    let (ids, needs) = (writer.ids(), writer.needs());
+    let (ids, needs) = (writer.ids, writer.needs);
 
     let mut scene = Element::new("scene").with("version", "3.0.0");
     scene.comment(
@@ -203,8 +201,6 @@ fn all_placed<'a>(
     ctx: &mut Context,
     objects: &'a [Located<ObjectFile>],
     names: &BTreeMap<&str, u32>,
-    textures: &mut Textures,
-    images: &mut Images,
 ) -> Result<Vec<Shape<'a>>, InputError> {
     let mut shapes = vec![];
     for object in objects {
@@ -220,7 +216,7 @@ fn all_placed<'a>(
                 None => None,
                 Some(emission) => {
                     let solid = placed.clone().solid(ctx, object)?;
-                    Some(lights::area(ctx, images, textures, emission, &solid)?)
+                    Some(lights::area(ctx, emission, &solid)?)
                 }
             };
             shapes.push(Shape { object, placed, light });
@@ -244,11 +240,7 @@ fn integrator(settings: &Settings) -> Element {
 /// Returns the horizontal field of view in degrees. Mitsuba's pinholes have square pixels and no distortion.
 fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
-        return Err(ctx.error(
-            span,
-            format!("Mitsuba cannot express the lens distortion of the {what}"),
-            "remove the distortion",
-        ));
+        bail!(ctx, span, "Mitsuba cannot express the lens distortion of the {what}", "remove the distortion");
     }
     if (p.focal.x - p.focal.y).abs() > 1e-9 * p.focal.x {
         return Err(ctx.error(

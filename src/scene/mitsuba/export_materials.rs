@@ -30,8 +30,10 @@ pub(super) struct MaterialWriter<'a> {
     /// Name of each material by its index.
     names: BTreeMap<u32, &'a str>,
     out: &'a mut Output,
-    ids: BTreeMap<u32, String>,
-    needs: BTreeMap<u32, Needs>,
+    /// Id of each written BSDF.
+    pub ids: BTreeMap<u32, String>,
+    /// What each BSDF requires of surfaces.
+    pub needs: BTreeMap<u32, Needs>,
 }
 
 impl<'a> MaterialWriter<'a> {
@@ -60,16 +62,6 @@ impl<'a> MaterialWriter<'a> {
             self.named(id, &mut done)?;
         }
         Ok(done)
-    }
-
-    /// Returns the id of each written BSDF.
-    pub fn ids(&self) -> BTreeMap<u32, String> {
-        self.ids.clone()
-    }
-
-    /// Returns what each BSDF requires of surfaces.
-    pub fn needs(&self) -> BTreeMap<u32, Needs> {
-        self.needs.clone()
     }
 
     fn named(&mut self, id: u32, done: &mut Vec<Element>) -> Result<(), InputError> {
@@ -154,11 +146,8 @@ impl<'a> MaterialWriter<'a> {
                     let out = open("circular").boolean("left_handed", left);
                     return Ok(out.child(self.spectrum("transmittance", p.transmittance)));
                 }
-                let SheetAxis::Angle(angle) = p.axis else {
-                    return self.cannot(id, "an axis in world space", "give angle_deg instead");
-                };
                 open("polarizer")
-                    .float("theta", degrees(-angle))
+                    .float("theta", degrees(-self.angle(id, p.axis)?))
                     .child(self.spectrum("transmittance", p.transmittance))
             }
             Material::Retarder(r) => {
@@ -169,9 +158,7 @@ impl<'a> MaterialWriter<'a> {
                         "use tilt = \"cosine\" without ior (equivalent at normal incidence)",
                     );
                 }
-                let SheetAxis::Angle(angle) = r.axis else {
-                    return self.cannot(id, "an axis in world space", "give angle_deg instead");
-                };
+                let angle = self.angle(id, r.axis)?;
                 self.out.note(format!(
                     "material `{}`: at oblique incidence the axis of Mitsuba's retarder is not fixed in space, unlike Sunstone's",
                     self.names[&id]
@@ -208,18 +195,12 @@ impl<'a> MaterialWriter<'a> {
                 self.one_sided(id, Some(name))?
             }
             Material::PartialDepolarizer(_) => {
-                return self.cannot(
-                    id,
-                    "a partial depolarizer",
-                    "use the nested material, or a measured one",
-                );
+                let fix = "use the nested material, or a measured one";
+                return self.cannot(id, "a partial depolarizer", fix);
             }
             Material::CoatedConductor(_) => {
-                return self.cannot(
-                    id,
-                    "thin films on a conductor",
-                    "use a conductor, or a measured material",
-                );
+                let fix = "use a conductor, or a measured material";
+                return self.cannot(id, "thin films on a conductor", fix);
             }
             Material::Crystal(_) => {
                 return self.cannot(id, "a crystal", "use a dielectric of its mean index");
@@ -261,35 +242,24 @@ impl<'a> MaterialWriter<'a> {
             }
             Material::Plastic(p) => self.plastic(id, open("pplastic"), &p)?,
             Material::Measured(_) => self.measured(id, open("measured_polarized"))?,
-            Material::NormalMap(n) if n.heights => {
-                let image = self.images(id).heights(n.texture)?;
-                let inner = match self.ids.get(&n.material) {
-                    Some(inner) => Element::new("ref").with("id", inner.as_str()),
-                    None => self.one_sided(n.material, None)?,
-                };
-                open("bumpmap")
-                    .child(image)
-                    .float("scale", f64::from(n.strength))
-                    .boolean("flip_invalid_normals", false)
-                    .boolean("use_shadowing_function", false)
-                    .child(inner)
-            }
             Material::NormalMap(n) => {
-                if n.strength != 1.0 {
+                let map = if n.heights {
+                    let image = self.images(id).heights(n.texture)?;
+                    open("bumpmap").child(image).float("scale", f64::from(n.strength))
+                } else if n.strength == 1.0 {
+                    open("normalmap").child(self.images(id).normals(n.texture)?)
+                } else {
                     return self.cannot(
                         id,
                         "the strength of a normal map",
                         "apply the strength to the image, and remove strength",
                     );
-                }
-                let image = self.images(id).normals(n.texture)?;
+                };
                 let inner = match self.ids.get(&n.material) {
                     Some(inner) => Element::new("ref").with("id", inner.as_str()),
                     None => self.one_sided(n.material, None)?,
                 };
-                open("normalmap")
-                    .child(image)
-                    .boolean("flip_invalid_normals", false)
+                map.boolean("flip_invalid_normals", false)
                     .boolean("use_shadowing_function", false)
                     .child(inner)
             }
@@ -311,13 +281,21 @@ impl<'a> MaterialWriter<'a> {
         spectrum(&self.ctx.wavelengths, name, value)
     }
 
+    fn angle(&self, id: u32, axis: SheetAxis) -> Result<f32, InputError> {
+        match axis {
+            SheetAxis::Angle(angle) => Ok(angle),
+            SheetAxis::World(_) => self.cannot(id, "an axis in world space", "give angle_deg instead"),
+        }
+    }
+
+    fn dispersive<T>(&self, id: u32) -> Result<T, InputError> {
+        let fix = "export one wavelength (--wavelength), or give a constant index";
+        self.cannot(id, "a wavelength-dependent refractive index", fix)
+    }
+
     fn interface(&self, id: u32, element: Element, d: &Dielectric) -> Result<Element, InputError> {
         if d.dispersive {
-            return self.cannot(
-                id,
-                "a wavelength-dependent refractive index",
-                "export one wavelength (--wavelength), or give a constant index",
-            );
+            return self.dispersive(id);
         }
         let first = |s: Spectral| shortest(s.to_array()[0]);
         Ok(element.float("int_ior", first(d.interior)).float("ext_ior", first(d.exterior)))
@@ -378,11 +356,7 @@ impl<'a> MaterialWriter<'a> {
             );
         }
         if !is_even(&self.ctx.wavelengths, p.eta) {
-            return self.cannot(
-                id,
-                "a wavelength-dependent refractive index",
-                "export one wavelength (--wavelength), or give a constant index",
-            );
+            return self.dispersive(id);
         }
         self.out.note(format!(
             "material `{}`: Mitsuba's {kind} is not polarized; only M00 of the Mueller matrix agrees",

@@ -140,9 +140,7 @@ fn run(
             ));
             continue;
         };
-        if let Err(e) = parts.sort(&mut importer, node) {
-            source.report(e);
-        }
+        source.accept(parts.sort(&mut importer, node));
     }
     // Acceleration structures.
     let search = |name: &str| name.starts_with("kd_") || name.starts_with("embree_");
@@ -163,7 +161,7 @@ fn run(
     }
     let mut groups = Groups::default();
     for node in parts.shapes.iter().filter(|n| !n.broken) {
-        let added = match node.kind.as_str() {
+        source.accept(match node.kind.as_str() {
             "shapegroup" => {
                 groups.group(&mut importer, &mut reader, node);
                 Ok(())
@@ -171,24 +169,13 @@ fn run(
             "instance" => groups.instance(&mut importer, &mut reader, node),
             _ => import_shapes::all(&mut importer, &mut reader, node)
                 .map(|new| objects.extend(new.into_iter().map(|o| node.at(o)))),
-        };
-        if let Err(e) = added {
-            source.report(e);
-        }
+        });
     }
     for node in parts.emitters.iter().filter(|n| !n.broken) {
-        if let Err(e) = import_emitters::add(&mut importer, node, &mut emitters) {
-            source.report(e);
-        }
+        source.accept(import_emitters::add(&mut importer, node, &mut emitters));
     }
-    let (sensor, device, depth) = match (camera, depth) {
-        (Ok((sensor, camera)), Ok(depth)) => (sensor, camera, depth),
-        (camera, depth) => {
-            for e in [camera.err(), depth.err()].into_iter().flatten() {
-                source.report(e);
-            }
-            return Ok(None);
-        }
+    let (Some((sensor, device)), Some(depth)) = (source.accept(camera), source.accept(depth)) else {
+        return Ok(None);
     };
     let Sensor { camera, spp, time, clip } = device;
     let mut file = SceneFile {
@@ -383,11 +370,7 @@ impl<'a> Parts<'a> {
             }
             "integrator" if self.integrator.is_none() => self.integrator = Some(node),
             "integrator" => {
-                return Err(source.error(
-                    &node.span,
-                    "the scene has a second integrator",
-                    "keep one integrator",
-                ));
+                bail!(source, &node.span, "the scene has a second integrator", "keep one integrator");
             }
             "bsdf" => self.bsdfs.push(node),
             "shape" => self.shapes.push(node),

@@ -44,12 +44,8 @@ impl<'a> Groups<'a> {
                 ),
                 _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
             });
-            match objects {
-                Ok((inner, new)) => {
-                    let at = |o| inner.at(o);
-                    group.objects.extend(new.into_iter().map(at));
-                }
-                Err(e) => importer.source.report(e),
+            if let Some((inner, new)) = importer.source.accept(objects) {
+                group.objects.extend(new.into_iter().map(|o| inner.at(o)));
             }
         }
         if node.children().is_empty() {

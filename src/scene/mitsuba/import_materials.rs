@@ -5,7 +5,7 @@
 
 use super::import_layered;
 use super::import_surfaces::{
-    Coordinates, Metal, albedo, angle, bitmap, facets, indices, metal, one, scalar,
+    Coordinates, Facets, albedo, angle, bitmap, facets, indices, metal, one, scalar,
 };
 use super::import_table::Table;
 use super::importer::Importer;
@@ -69,14 +69,11 @@ impl MaterialReader {
         if node.broken {
             return self.missing();
         }
-        match self.material(importer, node, false, turned, None) {
-            Ok(made) => made,
-            Err(e) => {
-                importer.source.report(e);
-                self.open.truncate(open);
-                self.missing()
-            }
-        }
+        let made = self.material(importer, node, false, turned, None);
+        importer.source.accept(made).unwrap_or_else(|| {
+            self.open.truncate(open);
+            self.missing()
+        })
     }
 
     /// Returns a substitute for an invalid BSDF, so that the rest can be read.
@@ -168,22 +165,12 @@ impl MaterialReader {
             "diffuse" => {
                 MaterialFile::Diffuse(DiffuseFile { albedo: albedo(importer, node, "reflectance", 0.5, uv)? })
             }
-            "conductor" => {
-                let Metal { metal, n, k, reflectance } = metal(importer, node, uv)?;
-                MaterialFile::Conductor(ConductorFile { metal, n, k, reflectance })
-            }
+            "conductor" => MaterialFile::Conductor(metal(importer, node, uv)?),
             "roughconductor" => {
-                let Metal { metal, n, k, reflectance } = metal(importer, node, uv)?;
-                let facets = facets(importer, node, uv)?;
-                MaterialFile::RoughConductor(RoughConductorFile {
-                    metal,
-                    n,
-                    k,
-                    reflectance,
-                    alpha: facets.alpha,
-                    distribution: facets.distribution,
-                    masking: facets.masking,
-                })
+                let ConductorFile { metal, n, k, reflectance } = metal(importer, node, uv)?;
+                let Facets { alpha, distribution, masking } = facets(importer, node, uv)?;
+                let metal = RoughConductorFile { metal, n, k, reflectance, alpha, distribution, masking };
+                MaterialFile::RoughConductor(metal)
             }
             "dielectric" | "thindielectric" | "roughdielectric" => {
                 let [ior, exterior_ior] = indices(importer, node, 1.5046)?;
@@ -196,46 +183,32 @@ impl MaterialReader {
                     importer.note("thin glass is polarized in Sunstone, but not in Mitsuba (thindielectric)");
                     MaterialFile::ThinDielectric(DielectricFile { ior, exterior_ior })
                 } else {
-                    let facets = facets(importer, node, uv)?;
+                    let Facets { alpha, distribution, masking } = facets(importer, node, uv)?;
                     importer
                         .note("rough glass is polarized in Sunstone, but not in Mitsuba (roughdielectric)");
-                    MaterialFile::RoughDielectric(RoughDielectricFile {
-                        ior,
-                        exterior_ior,
-                        alpha: facets.alpha,
-                        distribution: facets.distribution,
-                        masking: facets.masking,
-                    })
+                    let glass = RoughDielectricFile { ior, exterior_ior, alpha, distribution, masking };
+                    MaterialFile::RoughDielectric(glass)
                 }
             }
             "pplastic" => MaterialFile::Plastic(Box::new(plastic(importer, node, uv)?)),
             "measured_polarized" => MaterialFile::Measured(measured(importer, node)?),
-            "polarizer" => {
-                if node.boolean(source, "polarizing")? == Some(false) {
+            kind @ ("polarizer" | "circular") => {
+                let linear = kind == "polarizer";
+                if linear && node.boolean(source, "polarizing")? == Some(false) {
                     return importer.error(
                         &node.span,
                         "polarizing = false is not supported",
                         "remove `polarizing`, or remove the polarizer",
                     );
                 }
-                // Mitsuba measures the angle clockwise.
+                // Mitsuba measures the angle clockwise. Rotation has no effect on a circular polarizer.
                 let angle = -angle(importer, node)? + 0.0;
+                let left = !linear && node.boolean(source, "left_handed")?.unwrap_or(false);
+                let circular = if left { Passes::Left } else { Passes::Right };
                 MaterialFile::Polarizer(PolarizerFile {
-                    angle_deg: Some(node.at(angle)),
+                    angle_deg: linear.then(|| node.at(angle)),
                     axis: None,
-                    passes: Passes::Linear,
-                    transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
-                    extinction: node.at(0.0.into()),
-                })
-            }
-            "circular" => {
-                // Rotation has no effect.
-                angle(importer, node)?;
-                let left = node.boolean(source, "left_handed")?.unwrap_or(false);
-                MaterialFile::Polarizer(PolarizerFile {
-                    angle_deg: None,
-                    axis: None,
-                    passes: if left { Passes::Left } else { Passes::Right },
+                    passes: if linear { Passes::Linear } else { circular },
                     transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
                     extinction: node.at(0.0.into()),
                 })
@@ -317,10 +290,7 @@ impl MaterialReader {
             "plastic" | "roughplastic" => {
                 MaterialFile::Plastic(Box::new(import_layered::plastic(importer, node, uv)?))
             }
-            "principled" => {
-                let (body, opaque) = import_layered::principled(importer, &mut self.table, node, wanted, uv)?;
-                return Ok((body, opaque));
-            }
+            "principled" => return import_layered::principled(importer, &mut self.table, node, wanted, uv),
             other => {
                 return importer.error(
                     &node.span,
@@ -448,7 +418,7 @@ fn plastic<'a>(
         Some(eta) => [Located::at(eta.span(), IndexFile::Values((*eta).clone())), node.at(1.0.into())],
         None => indices(importer, node, 1.49)?,
     };
-    let facets = facets(importer, node, uv)?;
+    let Facets { alpha, distribution, masking } = facets(importer, node, uv)?;
     Ok(PlasticFile {
         albedo,
         ior,
@@ -457,9 +427,9 @@ fn plastic<'a>(
         single_scatter: None,
         interreflection: InterreflectionFile::Lost,
         passage: PassageFile::Smooth,
-        alpha: facets.alpha,
-        distribution: facets.distribution,
-        masking: facets.masking,
+        alpha,
+        distribution,
+        masking,
     })
 }
 

@@ -4,6 +4,7 @@ use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
+use syntax::material::ConductorFile;
 use syntax::texture::{AlbedoFile, AttributeFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
@@ -44,27 +45,18 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// The metal of a conductor: a name, or n and k.
-pub(super) struct Metal {
-    /// Name in the optical constants.
-    pub metal: Option<Located<String>>,
-    pub n: Option<Located<SpectrumFile>>,
-    pub k: Option<Located<SpectrumFile>>,
-    pub reflectance: Located<AlbedoFile>,
-}
-
 /// Returns the metal of a conductor. Mitsuba's conductor without a material, or with `none`, reflects all
 /// light: η is 0 and k is 1 unless they are given.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
     uv: &mut Coordinates,
-) -> Result<Metal, InputError> {
+) -> Result<ConductorFile, InputError> {
     let reflectance = albedo(importer, node, "specular_reflectance", 1.0, uv)?;
     let (n, k) = (importer.spectrum(node, "eta")?, importer.spectrum(node, "k")?);
     let name = node.text(importer.source, "material")?.filter(|name| *name != "none");
     let bare = |v: f64| Some(node.at(v.into()));
-    let metal = |metal, n, k| Metal { metal, n, k, reflectance };
+    let metal = |metal, n, k| ConductorFile { metal, n, k, reflectance };
     match (name, n, k) {
         (None, n, k) => {
             let [none, one] = import::metal::PERFECT;
@@ -154,11 +146,7 @@ pub(super) fn facets<'a>(
         "beckmann" => Distribution::Beckmann,
         "ggx" => Distribution::Ggx,
         _ => {
-            return importer.error(
-                &node.span,
-                format!("unsupported distribution `{kind}`"),
-                "use beckmann or ggx",
-            );
+            bail!(importer.source, &node.span, "unsupported distribution `{kind}`", "use beckmann or ggx");
         }
     };
     let has = |name: &str| node.named(name).is_some() || node.get(name).is_some();

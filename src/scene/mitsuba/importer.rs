@@ -1,8 +1,8 @@
 //! State and helpers shared by all parts of the Mitsuba import: source, files and spectra.
 
 use super::document::Document;
+use super::folders::relative;
 use super::names::{WAVELENGTHS, free, plain};
-use super::relative_path::relative;
 use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
 use base::locate::{InputError, Located};

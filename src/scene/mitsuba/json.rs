@@ -36,11 +36,7 @@ pub(super) fn scene(source: &Source, text: &str) -> Result<Node, InputError> {
         )
     })?;
     let Some(Json::Object(object)) = parsed.value else {
-        return Err(source.error(
-            &(0..0),
-            "the file contains no dictionary",
-            "write a scene dictionary as JSON",
-        ));
+        bail!(source, &(0..0), "the file contains no dictionary", "write a scene dictionary as JSON");
     };
     match plugin(source, &object, None, 0)? {
         node if node.kind == "scene" => Ok(node),
@@ -99,10 +95,8 @@ fn plugin(
         broken: false,
     };
     for p in &object.properties {
-        if let Err(e) = property(source, p, &mut node, depth) {
-            source.report(e);
-            node.broken = true;
-        }
+        let read = source.accept(property(source, p, &mut node, depth));
+        node.broken |= read.is_none();
     }
     Ok(node)
 }
@@ -137,11 +131,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             (Ok(v), _) => Value::Integer(v),
             (_, Ok(v)) if v.is_finite() => Value::Float(v),
             _ => {
-                return Err(source.error(
-                    &span,
-                    format!("`{}` is not a number", v.value),
-                    "give a finite number",
-                ));
+                bail!(source, &span, format!("`{}` is not a number", v.value), "give a finite number");
             }
         },
         Json::Array(list) => {

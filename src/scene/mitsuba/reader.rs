@@ -4,8 +4,7 @@
 //! after the previous ones), values separated by spaces or commas. Errors are recorded and reading continues.
 
 use super::folders::{Alias, Folders, read_text};
-use super::parse::parse;
-use super::source::Source;
+use super::source::{Source, parse};
 use super::tree::{Child, Inside, Node, Property, Value, number, numbers, pairs};
 use base::locate::InputError;
 use glam::{DAffine3, DMat3, DVec3};
@@ -177,11 +176,7 @@ impl<'s> Reader<'s> {
     pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = self.start_tag(xml);
         if depth > DEEPEST {
-            return Err(self.source.error(
-                &span,
-                "elements are nested too deeply",
-                "give elements an id, and use <ref>",
-            ));
+            bail!(self.source, &span, "elements are nested too deeply", "give elements an id, and use <ref>");
         }
         let root = depth == 0;
         // An included file has its own root.
@@ -214,11 +209,9 @@ impl<'s> Reader<'s> {
                     "write values as attributes: value=\"…\"",
                 ));
             }
-            if child.is_element()
-                && let Err(e) = self.inside(&child, node, depth)
-            {
-                self.source.report(e);
-                node.broken = true;
+            if child.is_element() {
+                let read = self.inside(&child, node, depth);
+                node.broken |= self.source.accept(read).is_none();
             }
         }
         Ok(())
@@ -329,11 +322,7 @@ impl<'s> Reader<'s> {
                 self.property(xml, node)?;
             }
             _ => {
-                return Err(self.source.error(
-                    &span,
-                    format!("unsupported element <{tag}>"),
-                    "replace it by its contents",
-                ));
+                bail!(self.source, &span, "unsupported element <{tag}>", "replace it by its contents");
             }
         }
         Ok(())
