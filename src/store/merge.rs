@@ -122,7 +122,7 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
         inputs: &inputs,
         slices: &slices,
         attributes: &merged_attributes(&inputs),
-        origin: &origin(&inputs, options),
+        origin: &merge_origin(&inputs, options),
     };
     pool_into(out, &pooled, options.replace, options.partial)
 }
@@ -179,15 +179,16 @@ pub struct Options {
     pub partial: bool,
 }
 
-/// Returns a text that identifies everything that the merged values depend on: the stores and their contents.
-fn origin(inputs: &[Input], options: Options) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut origin = format!("merge by {version}, partial: {}\n", options.partial);
-    for input in inputs {
-        let content = input.store.fingerprint();
-        origin += &format!("{} {content}\n", input.store.path().display());
-    }
-    origin
+/// Returns a text that identifies everything that the values made from stores depend on: the command, and the
+/// stores with their contents.
+fn origin<'a>(command: &str, stores: impl Iterator<Item = &'a TensorStore>) -> String {
+    let line = |store: &TensorStore| format!("{} {}\n", store.path().display(), store.fingerprint());
+    format!("{command}\n{}", stores.map(line).collect::<String>())
+}
+
+fn merge_origin(inputs: &[Input], options: Options) -> String {
+    let command = format!("merge by {}, partial: {}", env!("CARGO_PKG_VERSION"), options.partial);
+    origin(&command, inputs.iter().map(|input| &input.store))
 }
 
 /// Returns the grid of the sample counts that all inputs have.
@@ -195,10 +196,7 @@ pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
     let (shape, chunk) = shapes.next()??;
     let same = shapes.all(|s| s.is_some_and(|s| s.0 == shape));
-    same.then_some(SampleGrid {
-        camera: [shape[1] as u32, shape[0] as u32],
-        tile: chunk[0].max(chunk[1]) as u32,
-    })
+    same.then_some(SampleGrid::new(shape, chunk))
 }
 
 /// Sums the sample counts per pixel, if the merged store keeps them.

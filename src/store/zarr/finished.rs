@@ -71,12 +71,10 @@ impl TensorStore {
             let finished = remote.finish(part::manifest_of(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }
-        self.storage
-            .remove_leftovers()
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })?;
+        let io = |e| OpenError::io(self.path(), e);
+        self.storage.remove_leftovers().map_err(io)?;
         describe::consolidate(self.path(), &self.names)?;
-        Manifest::write_as(self.path(), part::manifest_of(&held))
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
+        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(io)
     }
 
     /// Marks the store as unfinished before its values change.
@@ -89,7 +87,6 @@ impl TensorStore {
             let removed = remote.erase(manifests.to_vec());
             return removed.map_err(|e| OpenError::remote(self.path(), e));
         }
-        Manifest::remove(self.path())
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
+        Manifest::remove(self.path()).map_err(|e| OpenError::io(self.path(), e))
     }
 }

@@ -165,24 +165,21 @@ impl FrameStore {
         maps: &[FrameMap],
         attributes: &Map<String, Value>,
     ) -> Result<(), CreateError> {
-        let failed = |cause: String| CreateError::Write { path: path.to_owned(), cause };
+        let failed = |e| CreateError::write(path, e);
         let storage = Arc::new(AtomicDirectory::new(path));
         describe::create_root(path, &[], attributes)?;
         let group =
             json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
         description::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
         for axis in &layout.axes {
-            let node = format!("/{GROUP}/{}", axis.name);
-            column(&storage, &node, &[&axis.name], &axis.units, &[axis.coords.len() as u64], &axis.coords)
-                .map_err(|e| failed(e.to_string()))?;
+            let shape = [axis.coords.len() as u64];
+            column(&storage, &axis.name, &[&axis.name], &axis.units, &shape, &axis.coords).map_err(failed)?;
         }
         let of_frame = &layout.axes[layout.run_axes..];
         let names: Vec<&str> = of_frame.iter().map(|a| a.name.as_str()).collect();
         let shape = &layout.shape()[layout.run_axes..];
         for map in maps {
-            let node = format!("/{GROUP}/{}", map.name);
-            column(&storage, &node, &names, &map.units, shape, &map.values)
-                .map_err(|e| failed(e.to_string()))?;
+            column(&storage, &map.name, &names, &map.units, shape, &map.values).map_err(failed)?;
         }
         let description = Description {
             shape: layout.shape(),
@@ -339,11 +336,8 @@ impl FrameStore {
     pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
         let names: Vec<&str> = self.run_names().collect();
         let shape = &self.layout.shape()[..self.layout.run_axes];
-        let node = format!("/{GROUP}/{name}");
-        column(&self.storage, &node, &names, units, shape, values).map_err(|e| CreateError::Write {
-            path: self.path().join(GROUP).join(name),
-            cause: e.to_string(),
-        })
+        column(&self.storage, name, &names, units, shape, values)
+            .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
     /// Reads a map; `None` if there is none.
@@ -407,7 +401,7 @@ impl FrameStore {
     /// # Errors
     /// If writing fails.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let io = |e: std::io::Error| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() };
+        let io = |e: std::io::Error| OpenError::io(self.path(), e);
         self.storage.remove_leftovers().map_err(io)?;
         describe::consolidate(self.path(), &[GROUP.to_owned()])?;
         Manifest::write(self.path()).map_err(io)
@@ -433,9 +427,10 @@ fn not_frames(path: &Path) -> OpenError {
     OpenError::NotAStore { path: path.to_owned(), reason: "it has no group `frames`".into() }
 }
 
+/// Writes an array of the group of the frames.
 fn column(
     storage: &Arc<AtomicDirectory>,
-    node: &str,
+    name: &str,
     names: &[&str],
     units: &str,
     shape: &[u64],
@@ -448,7 +443,7 @@ fn column(
         attributes: Map::from_iter([("units".to_owned(), json!(units))]),
         sharding: None,
     };
-    let array = ChunkedArray::<f64>::create(storage, node, description)?;
+    let array = ChunkedArray::<f64>::create(storage, &format!("/{GROUP}/{name}"), description)?;
     Ok(array.write(&vec![0; shape.len()], shape, values, None)?)
 }
 

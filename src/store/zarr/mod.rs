@@ -350,10 +350,7 @@ impl TensorStore {
         }
         let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
         let store = Self::open_writing(path, Some(Held::File { _lock: lock }))?;
-        store
-            .storage
-            .remove_leftovers()
-            .map_err(|e| OpenError::Io { path: path.to_owned(), cause: e.to_string() })?;
+        store.storage.remove_leftovers().map_err(|e| OpenError::io(path, e))?;
         Ok(store)
     }
 
@@ -462,4 +459,4 @@ fn is_store(path: &Path) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

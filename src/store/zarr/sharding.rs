@@ -13,7 +13,6 @@ use super::shard_shape::{self, Limits};
 use super::sparse_frame::{self, Content};
 use super::{StoredSlice, TensorStore};
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 use std::path::Path;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -51,7 +50,7 @@ impl TensorStore {
         let slices: Vec<StoredSlice> =
             of.slice_names().iter().map(|name| of.slice(name)).collect::<Result<_, _>>()?;
         let layouts: Vec<_> =
-            slices.iter().map(|slice| (slice.layout().clone(), written_attributes(slice))).collect();
+            slices.iter().map(|slice| (slice.layout().clone(), slice.written_attributes())).collect();
         let mut shardings = Shardings::new();
         for slice in &slices {
             let camera = camera_axes(slice.layout());
@@ -60,15 +59,10 @@ impl TensorStore {
                 shardings.insert(node, chosen(&slice.field(field)?.1, camera, limits));
             }
         }
-        let samples = of.samples.as_deref().map(|samples| {
+        if let Some(samples) = &of.samples {
             shardings.insert("samples".into(), chosen(samples, 2, limits));
-            let length = |n: &u64| u32::try_from(*n).unwrap_or(u32::MAX);
-            let (shape, chunk) = (samples.shape(), samples.chunk());
-            SampleGrid {
-                camera: [length(&shape[1]), length(&shape[0])],
-                tile: length(&chunk[0].max(chunk[1])),
-            }
-        });
+        }
+        let samples = of.samples_shape().map(|(shape, chunk)| SampleGrid::new(shape, chunk));
         let new = New { slices: &layouts, attributes: &of.attributes(), samples, shardings: &shardings };
         let fill = |store: &Self| -> Result<(), E> {
             for slice in &slices {
@@ -93,13 +87,6 @@ impl StoredSlice {
     pub fn is_sharded(&self) -> bool {
         self.field(Field::Mean).is_ok_and(|(_, mean)| mean.sharded.is_some())
     }
-}
-
-/// Returns the attributes of a slice, in order, without those that its layout generates.
-fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
-    let made = ["time_start_ps", "time_bin_ps"];
-    let kept = slice.attributes().iter().filter(|(key, _)| !made.contains(&key.as_str()));
-    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
 fn camera_axes(layout: &SliceLayout) -> usize {

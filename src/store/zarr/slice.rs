@@ -99,6 +99,13 @@ impl StoredSlice {
         &self.0.attributes
     }
 
+    /// Returns the attributes, in order, without those that the layout generates.
+    pub(crate) fn written_attributes(&self) -> Map<String, Value> {
+        let mut attributes = self.0.attributes.clone();
+        attributes.retain(|key, _| !["time_start_ps", "time_bin_ps"].contains(&key.as_str()));
+        attributes
+    }
+
     pub(super) fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
         self.0.fields[field as usize]
             .as_ref()
