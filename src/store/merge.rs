@@ -19,7 +19,6 @@
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined instead; the result equals the
 //! whole render byte for byte.
 
-pub(crate) mod at_once;
 mod error;
 mod join;
 mod pool;
@@ -37,6 +36,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::denoised;
+use crate::place::is_address;
 use crate::zarr::{AccessError, SampleGrid, StoredSlice, TensorStore};
 use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
@@ -105,7 +105,22 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     if let Some(input) = inputs.iter().find(is_out) {
         return Err(MergeError::Itself { path: input.clone() });
     }
-    at_once::many(inputs, out, || merge_all(inputs, out, options))
+    at_once(inputs, out, || merge_all(inputs, out, options))
+}
+
+/// Number of concurrent chunks. Each needs the memory of one chunk of every input, about 100 MB at most.
+const THREADS: usize = 8;
+
+/// Runs `work` (a merge) on enough threads to use the bandwidth to object stores, if any of the stores is at an
+/// address.
+pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
+    let far = is_address(out) || inputs.iter().any(|input| is_address(input));
+    let more = rayon::current_num_threads() < THREADS;
+    let pool = (far && more).then(|| rayon::ThreadPoolBuilder::new().num_threads(THREADS).build());
+    match pool {
+        Some(Ok(pool)) => pool.install(work),
+        _ => work(),
+    }
 }
 
 fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {

@@ -95,7 +95,7 @@ pub(super) fn create_slice(
         attributes.insert("time_start_ps".into(), json!(start_ps));
         attributes.insert("time_bin_ps".into(), json!(bin_ps));
     }
-    write_json(&storage.root().join(name).join("zarr.json"), &group_json(&attributes))?;
+    write_json(&storage.root.join(name).join("zarr.json"), &group_json(&attributes))?;
     for axis in &layout.axes {
         create_coordinates(storage, name, axis, !shardings.is_empty())?;
     }
@@ -176,7 +176,7 @@ pub(super) fn create_filled<T: Number>(
     let shape = description.shape.clone();
     let array = ChunkedArray::<T>::create(storage, node, description)?;
     let written = array.write(&vec![0; shape.len()], &shape, values, None);
-    written.map_err(|e| CreateError::write(array.path(), e))
+    written.map_err(|e| CreateError::write(&array.path, e))
 }
 
 /// Reads and checks the coordinates of an axis of `expected` entries.
@@ -190,7 +190,7 @@ fn read_axis(
     let checked = |coords: Vec<f64>| {
         let axis = Axis { kind, coords, chunk };
         match check::coordinates_fault(&axis) {
-            Some(reason) => Err(OpenError::damaged(&storage.root().join(slice).join(kind.name()), reason)),
+            Some(reason) => Err(OpenError::damaged(&storage.root.join(slice).join(kind.name()), reason)),
             None => Ok(axis),
         }
     };
@@ -213,13 +213,13 @@ fn read_coordinates<T: Number>(
         [n] if *n == expected && (1..=MAX_AXIS).contains(n) => *n,
         shape => {
             let reason = format!("its shape is {shape:?}, but the axis has {expected} entries");
-            return Err(OpenError::damaged(array.path(), reason));
+            return Err(OpenError::damaged(&array.path, reason));
         }
     };
     if let Some(coords) = array.describe(n) {
         return Ok(coords);
     }
-    let values = array.read(&[0], &[n]).map_err(|e| OpenError::damaged(array.path(), e))?;
+    let values = array.read(&[0], &[n]).map_err(|e| OpenError::damaged(&array.path, e))?;
     Ok(values.into_iter().map(convert).collect())
 }
 
@@ -230,7 +230,7 @@ pub(super) fn read_layout(
     mean: &ChunkedArray<f32>,
     attributes: &Map<String, Value>,
 ) -> Result<SliceLayout, OpenError> {
-    let damaged = |reason: String| OpenError::Damaged { path: mean.path().to_owned(), reason };
+    let damaged = |reason: String| OpenError::Damaged { path: mean.path.clone(), reason };
     let names = mean.names();
     if names.len() != mean.shape().len() {
         return Err(damaged(format!("{} names for {} dimensions", names.len(), mean.shape().len())));
@@ -238,7 +238,7 @@ pub(super) fn read_layout(
     let coordinates = names.iter().filter(|n| !storage.tells(&format!("{slice}/{n}")));
     let coordinates = coordinates.map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
     let fetched = storage.fetch_ahead(&coordinates.collect::<Vec<_>>());
-    fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
+    fetched.map_err(|e| OpenError::of_read(&mean.path, &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let kind = AxisKind::from_name(name).ok_or_else(|| damaged(format!("unknown dimension `{name}`")))?;
@@ -246,7 +246,7 @@ pub(super) fn read_layout(
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
             return Err(damaged(format!("dimensions {names:?} are not in storage order")));
         }
-        axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk()[i]])?);
+        axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk[i]])?);
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
@@ -281,7 +281,7 @@ pub(super) fn set_root_attributes(
     json["attributes"] = Value::Object(attributes);
     storage
         .write("zarr.json", to_bytes(&json).into())
-        .map_err(|e| OpenError::of_write(&storage.root().join("zarr.json"), &e))
+        .map_err(|e| OpenError::of_write(&storage.root.join("zarr.json"), &e))
 }
 
 /// Writes inline consolidated metadata into the root group and the group of every slice.

@@ -106,8 +106,8 @@ enum Raw {
 impl Raw {
     fn over(&self) -> (&[u64], &[u64], Vec<String>, &Path) {
         match self {
-            Self::U16(a) => (a.shape(), a.chunk(), a.names(), a.path()),
-            Self::U32(a) => (a.shape(), a.chunk(), a.names(), a.path()),
+            Self::U16(a) => (a.shape(), &a.chunk, a.names(), &a.path),
+            Self::U32(a) => (a.shape(), &a.chunk, a.names(), &a.path),
         }
     }
 }
@@ -227,7 +227,7 @@ impl FrameStore {
 
     fn over(storage: AtomicDirectory, lock: Option<Lock>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
-        let path = storage.root();
+        let path = &storage.root;
         if !is_frames(path) {
             return Err(not_frames(path));
         }
@@ -255,7 +255,7 @@ impl FrameStore {
             if array.shape() != [*n] {
                 return Err(damaged("an axis has a different number of coordinates than entries"));
             }
-            let json = description::read_json(&array.path().join("zarr.json"))?;
+            let json = description::read_json(&array.path.join("zarr.json"))?;
             axes.push(FrameAxis {
                 name: name.clone(),
                 units: json["attributes"]["units"].as_str().unwrap_or("1").to_owned(),
@@ -287,7 +287,7 @@ impl FrameStore {
 
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.storage.root()
+        &self.storage.root
     }
 
     /// Returns start and shape of a chunk, numbered in the order of the run.
@@ -388,7 +388,7 @@ impl FrameStore {
         }
         let array = ChunkedArray::<f64>::open(&self.storage, &format!("/{GROUP}/{name}"))?;
         let shape = array.shape().to_vec();
-        let damaged = |reason: String| OpenError::Damaged { path: array.path().to_owned(), reason };
+        let damaged = |reason: String| OpenError::Damaged { path: array.path.to_owned(), reason };
         if region::volume(&shape) != Some(expected) {
             return Err(damaged(format!("it does not contain {expected} numbers")));
         }

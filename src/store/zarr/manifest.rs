@@ -16,6 +16,7 @@ use crate::place::{Objects, Place};
 use base::whole_file;
 use bytes::Bytes;
 use rayon::prelude::*;
+use serde_json::{Map, Value};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::fs;
@@ -41,6 +42,11 @@ pub(super) struct Entry {
 /// Entries of files by their paths relative to the store, separated by `/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
+
+/// Returns the file name of the manifest of a store with these root attributes.
+pub(super) fn name(attributes: &Map<String, Value>) -> &'static str {
+    if Part::of_attributes(attributes).is_some() { OF_PART } else { FILE }
+}
 
 /// Returns whether a file is metadata or of another format, such as photon time tags. Such files do not end
 /// with a checksum, so the checksum is computed from their bytes.

@@ -97,8 +97,8 @@ fn camera_axes(layout: &SliceLayout) -> usize {
 /// Chooses the sharding of an array of a finished store.
 fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> Sharding {
     let sizes: Vec<u64> =
-        region::chunks(array.shape(), array.chunk()).map(|(start, _)| array.stored_size(&start)).collect();
-    let array = shard_shape::Array { shape: array.shape(), chunk: array.chunk(), camera, sizes: &sizes };
+        region::chunks(array.shape(), &array.chunk).map(|(start, _)| array.stored_size(&start)).collect();
+    let array = shard_shape::Array { shape: array.shape(), chunk: &array.chunk, camera, sizes: &sizes };
     shard_shape::choose(&array, limits)
 }
 
@@ -142,7 +142,7 @@ fn write<T: Number>(
         return Ok(());
     };
     let written = storage.write_shard(&key, bytes.into(), checksum);
-    written.map_err(|e| AccessError::of_write(target.path(), &e))
+    written.map_err(|e| AccessError::of_write(&target.path, &e))
 }
 
 /// Returns the sealed frames of a chunk that begins at `start`, with their numbers in their shard.
@@ -153,7 +153,7 @@ fn frames<T: Number>(
     size: &[u64],
     values: &[T],
 ) -> Result<Vec<(usize, Vec<u8>)>, AccessError> {
-    let failed = |cause: String| AccessError::Write { path: target.path().to_owned(), cause };
+    let failed = |cause: String| AccessError::Write { path: target.path.clone(), cause };
     if cfg!(target_endian = "big") {
         return Err(failed("shards can be written only on little-endian machines".into()));
     }

@@ -43,7 +43,7 @@ impl StoredSlice {
         samples: Option<[u64; 2]>,
         values: Values,
     ) -> Result<Self, OpenError> {
-        let path = storage.root().join(name);
+        let path = storage.root.join(name);
         let group = path.join("zarr.json");
         let damaged = |reason: String| OpenError::Damaged { path: group.clone(), reason };
         let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
@@ -69,7 +69,7 @@ impl StoredSlice {
                     array.shape(),
                     expected.shape()
                 );
-                return Err(OpenError::Damaged { path: array.path().to_owned(), reason });
+                return Err(OpenError::Damaged { path: array.path.clone(), reason });
             }
             fields[field as usize] = Some((expected, array));
         }
@@ -247,7 +247,7 @@ impl StoredSlice {
         field: Field,
     ) -> Result<impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<>, AccessError> {
         let array = &self.field(field)?.1;
-        Ok(region::chunks(array.shape(), array.chunk()))
+        Ok(region::chunks(array.shape(), &array.chunk))
     }
 
     /// Returns the position of an axis kind among the axes of the mean.
