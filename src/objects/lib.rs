@@ -5,13 +5,10 @@
 //! temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the
 //! environment variables of each cloud.
 
-mod get;
-mod put;
+mod client;
 #[cfg(test)]
 mod tests;
 
-use bytes::Bytes;
-use futures_util::stream::TryStreamExt;
 use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
@@ -22,7 +19,6 @@ use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, LazyLock, Once, mpsc};
 use std::time::{Duration, Instant};
-use store::objects::{Ask, Condition, ObjectClient, Put, Version};
 use store::refusal::Refusal;
 use tokio::runtime::{Builder, Runtime};
 
@@ -140,44 +136,6 @@ impl Objects {
 /// `http://`, `https://`).
 pub fn install() {
     store::objects::install(|scheme, address| Ok(Arc::new(Objects::open(scheme, address)?)));
-}
-
-impl ObjectClient for Objects {
-    fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal> {
-        self.read(asks)
-    }
-
-    fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
-        let (store, below) = (self.store.clone(), self.below.clone());
-        let prefix = below.clone();
-        let list = async move { again(|| store.list(Some(&prefix)).try_collect::<Vec<_>>()).await };
-        let all = wait(list)?.map_err(|e| self.refusal(&e))?;
-        let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
-        let mut names: Vec<(String, u64)> =
-            all.iter().filter_map(|meta| Some((name(&meta.location)?, meta.size))).collect();
-        names.sort_unstable();
-        Ok(names)
-    }
-
-    fn may_be_written(&self) -> Result<(), Refusal> {
-        self.check_writable()
-    }
-
-    fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal> {
-        self.write(objects)
-    }
-
-    fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
-        self.write_if(key, bytes, condition)
-    }
-
-    fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal> {
-        self.read_version(key)
-    }
-
-    fn delete(&self, keys: Vec<String>) -> Result<(), Refusal> {
-        self.remove(keys)
-    }
 }
 
 /// Installs the cryptography provider of HTTPS, unless the program has chosen one.

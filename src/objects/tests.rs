@@ -3,10 +3,12 @@
 pub(crate) mod faulty;
 
 use super::*;
+use bytes::Bytes;
 use object_store::ObjectStoreExt;
 use object_store::memory::InMemory;
 use std::collections::HashMap;
 use std::sync::Mutex;
+use store::objects::{Ask, Condition, ObjectClient, Put};
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 
@@ -41,7 +43,7 @@ fn another_runtime_is_not_in_the_way() {
     put(&memory("within"), "a", vec![1]);
     let objects = Objects::open("memory", Path::new("memory://within")).expect("an address");
     let outer = Builder::new_current_thread().build().expect("a runtime");
-    let found = outer.block_on(async { objects.read_version("a") });
+    let found = outer.block_on(async { objects.get_version("a") });
     assert_eq!(found.expect("reads").expect("is there").0, vec![1]);
 }
 

@@ -102,23 +102,10 @@ fn make(path: &Path, seed: u64) {
 }
 
 fn files(path: &Path) -> Vec<PathBuf> {
-    let mut all = Vec::new();
-    let mut todo = vec![path.to_owned()];
-    while let Some(next) = todo.pop() {
-        for entry in std::fs::read_dir(next).unwrap() {
-            let file = entry.unwrap().path();
-            if file.is_dir() {
-                todo.push(file);
-            } else {
-                all.push(file);
-            }
-        }
-    }
-    all.sort();
-    all
+    crate::zarr::tests::files(path).into_keys().map(|file| path.join(file)).collect()
 }
 
-fn copy(from: &Path, to: &Path) {
+pub(crate) fn copy(from: &Path, to: &Path) {
     for file in files(from) {
         let target = to.join(file.strip_prefix(from).unwrap());
         std::fs::create_dir_all(target.parent().unwrap()).unwrap();

@@ -19,7 +19,6 @@
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined instead; the result equals the
 //! whole render byte for byte.
 
-pub(crate) mod at_once;
 mod error;
 mod join;
 mod pool;
@@ -37,6 +36,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::denoised;
+use crate::place::is_address;
 use crate::zarr::{AccessError, SampleGrid, StoredSlice, TensorStore};
 use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
@@ -105,7 +105,22 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     if let Some(input) = inputs.iter().find(is_out) {
         return Err(MergeError::Itself { path: input.clone() });
     }
-    at_once::many(inputs, out, || merge_all(inputs, out, options))
+    at_once(inputs, out, || merge_all(inputs, out, options))
+}
+
+/// Number of concurrent chunks. Each needs the memory of one chunk of every input, about 100 MB at most.
+const THREADS: usize = 8;
+
+/// Runs `work` (a merge) on enough threads to use the bandwidth to object stores, if any of the stores is at an
+/// address.
+pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
+    let far = is_address(out) || inputs.iter().any(|input| is_address(input));
+    let more = rayon::current_num_threads() < THREADS;
+    let pool = (far && more).then(|| rayon::ThreadPoolBuilder::new().num_threads(THREADS).build());
+    match pool {
+        Some(Ok(pool)) => pool.install(work),
+        _ => work(),
+    }
 }
 
 fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
@@ -122,7 +137,7 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
         inputs: &inputs,
         slices: &slices,
         attributes: &merged_attributes(&inputs),
-        origin: &origin(&inputs, options),
+        origin: &merge_origin(&inputs, options),
     };
     pool_into(out, &pooled, options.replace, options.partial)
 }
@@ -179,15 +194,16 @@ pub struct Options {
     pub partial: bool,
 }
 
-/// Returns a text that identifies everything that the merged values depend on: the stores and their contents.
-fn origin(inputs: &[Input], options: Options) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut origin = format!("merge by {version}, partial: {}\n", options.partial);
-    for input in inputs {
-        let content = input.store.fingerprint();
-        origin += &format!("{} {content}\n", input.store.path().display());
-    }
-    origin
+/// Returns a text that identifies everything that the values made from stores depend on: the command, and the
+/// stores with their contents.
+fn origin<'a>(command: &str, stores: impl Iterator<Item = &'a TensorStore>) -> String {
+    let line = |store: &TensorStore| format!("{} {}\n", store.path().display(), store.fingerprint());
+    format!("{command}\n{}", stores.map(line).collect::<String>())
+}
+
+fn merge_origin(inputs: &[Input], options: Options) -> String {
+    let command = format!("merge by {}, partial: {}", env!("CARGO_PKG_VERSION"), options.partial);
+    origin(&command, inputs.iter().map(|input| &input.store))
 }
 
 /// Returns the grid of the sample counts that all inputs have.
@@ -195,10 +211,7 @@ pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
     let (shape, chunk) = shapes.next()??;
     let same = shapes.all(|s| s.is_some_and(|s| s.0 == shape));
-    same.then_some(SampleGrid {
-        camera: [shape[1] as u32, shape[0] as u32],
-        tile: chunk[0].max(chunk[1]) as u32,
-    })
+    same.then_some(SampleGrid::new(shape, chunk))
 }
 
 /// Sums the sample counts per pixel, if the merged store keeps them.

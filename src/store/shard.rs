@@ -76,5 +76,5 @@ pub(crate) fn shard_to(input: &Path, out: &Path, replace: bool, limits: Limits) 
     }
     let version = env!("CARGO_PKG_VERSION");
     let origin = format!("shards by {version}\n{} {}\n", input.display(), store.fingerprint());
-    at_once::many(&[path()], out, || TensorStore::create_sharded(out, &store, replace, &origin, limits))
+    at_once(&[path()], out, || TensorStore::create_sharded(out, &store, replace, &origin, limits))
 }

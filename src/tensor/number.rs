@@ -13,32 +13,22 @@ pub trait Number: Pod + Default + PartialOrd + Send + Sync {
     fn times_plus(self, a: Self, b: Self) -> Self;
 }
 
-impl Number for f32 {
-    #[inline(always)]
-    fn new(value: f64) -> Self {
-        value as Self
-    }
-    #[inline(always)]
-    fn get(self) -> f64 {
-        f64::from(self)
-    }
-    #[inline(always)]
-    fn times_plus(self, a: Self, b: Self) -> Self {
-        self.mul_add(a, b)
-    }
+macro_rules! numbers {
+    ($($number:ty),*) => {$(
+        impl Number for $number {
+            #[inline(always)]
+            fn new(value: f64) -> Self {
+                value as Self
+            }
+            #[inline(always)]
+            fn get(self) -> f64 {
+                self.into()
+            }
+            #[inline(always)]
+            fn times_plus(self, a: Self, b: Self) -> Self {
+                self.mul_add(a, b)
+            }
+        }
+    )*};
 }
-
-impl Number for f64 {
-    #[inline(always)]
-    fn new(value: f64) -> Self {
-        value
-    }
-    #[inline(always)]
-    fn get(self) -> f64 {
-        self
-    }
-    #[inline(always)]
-    fn times_plus(self, a: Self, b: Self) -> Self {
-        self.mul_add(a, b)
-    }
-}
+numbers!(f32, f64);

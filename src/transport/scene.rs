@@ -107,7 +107,7 @@ impl Scene {
         } else {
             None
         };
-        let [low, high] = self.geometry.bounds();
+        let [low, high] = self.geometry.bounds;
         let reach = |p: Vec3A| (p - low).abs().max((p - high).abs()).length();
         let corners = [DVec2::ZERO, DVec2::from_array(self.camera.resolution.map(f64::from))];
         let seen = corners.map(|corner| reach(self.camera.at(corner).origin));

@@ -131,7 +131,7 @@ impl Settings {
 impl SceneTables {
     /// Returns true if some object is filled with a medium or some boundary is null.
     pub(crate) fn has_fillings(&self) -> bool {
-        self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any_null()
+        self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any(Materials::is_null)
     }
 
     /// Returns true if the camera or the projector has a lens.

@@ -102,7 +102,8 @@ fn every_scene_is_known_here() {
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();
-    let (side, _) = device.project(centre + device.right() * radius).ok_or("its side is out of the image")?;
+    let (side, _) =
+        device.project(centre + device.axes.x_axis * radius).ok_or("its side is out of the image")?;
     let width = 2.0 * DVec2::distance(at, side);
     if width < pixels {
         return Err(format!("it is {width:.1} pixels wide"));
@@ -146,7 +147,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
             }
             // Epipolar lines run approximately along rows.
             let baseline = (projector.pinhole.origin - scene.camera.origin).normalize();
-            let along = baseline.dot(scene.camera.right());
+            let along = baseline.dot(scene.camera.axes.x_axis);
             assert!(along.abs() > 0.9, "{}: {along}", path.display());
         }
     }

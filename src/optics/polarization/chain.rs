@@ -275,33 +275,41 @@ impl Chain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::polarization::elements::depolarizer;
+    use crate::polarization::elements::{depolarizer, polarizer, retarder};
     use crate::polarization::extent::Extent;
-    use crate::polarization::fresnel::conductor;
+    use crate::polarization::fresnel::{FresnelBlock, conductor};
+
+    fn block(cos: f32) -> FresnelBlock {
+        conductor(cos, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5))
+    }
+
+    /// Returns the direction across the axis z at an angle in degrees.
+    fn at(deg: f32) -> Vec3A {
+        let (s, c) = deg.to_radians().sin_cos();
+        Vec3A::new(c, s, 0.0)
+    }
+
+    fn fresnel(cos: f32, deg: f32) -> Scatter {
+        Scatter::Fresnel { block: block(cos), s: at(deg) }
+    }
+
+    fn full() -> Scatter {
+        let mueller = retarder(0.3, 1.1) * polarizer(1.0) * block(0.6).to_mueller();
+        Scatter::Full { mueller, frame_out: at(40.0), frame_in: at(-65.0) }
+    }
 
     /// Every form of the chain equals the product of 4×4 matrices.
     #[test]
     fn chain_equals_plain_products() {
-        let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));
         let d = Vec3A::Z;
-        let at = |deg: f32| {
-            let (s, c) = deg.to_radians().sin_cos();
-            Vec3A::new(c, s, 0.0)
-        };
         let gray = Spectral::new([0.5, 0.6, 0.7, 0.8]);
         let steps = [
-            Scatter::Fresnel { block: block(0.3), s: at(20.0) },
-            Scatter::Fresnel { block: block(0.7), s: at(75.0) },
+            fresnel(0.3, 20.0),
+            fresnel(0.7, 75.0),
             Scatter::Depolarize(gray),
-            Scatter::Fresnel { block: block(0.5), s: at(-30.0) },
-            Scatter::Fresnel { block: block(0.9), s: at(110.0) },
-            Scatter::Full {
-                mueller: crate::polarization::elements::retarder(0.3, 1.1)
-                    * crate::polarization::elements::polarizer(1.0)
-                    * block(0.6).to_mueller(),
-                frame_out: at(40.0),
-                frame_in: at(-65.0),
-            },
+            fresnel(0.5, -30.0),
+            fresnel(0.9, 110.0),
+            full(),
             Scatter::Depolarize(gray),
         ];
         for first in 0..steps.len() {
@@ -364,20 +372,8 @@ mod tests {
     /// A product built from both ends equals one built from one end, wherever they meet.
     #[test]
     fn products_from_both_ends_meet() {
-        let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));
         let d = Vec3A::Z;
-        let at = |deg: f32| {
-            let (s, c) = deg.to_radians().sin_cos();
-            Vec3A::new(c, s, 0.0)
-        };
-        let full = Scatter::Full {
-            mueller: crate::polarization::elements::retarder(0.3, 1.1)
-                * crate::polarization::elements::polarizer(1.0)
-                * block(0.6).to_mueller(),
-            frame_out: at(40.0),
-            frame_in: at(-65.0),
-        };
-        let fresnel = |c: f32, deg: f32| Scatter::Fresnel { block: block(c), s: at(deg) };
+        let full = full();
         let flat = Scatter::Depolarize(Spectral::splat(0.7));
         for steps in [
             vec![fresnel(0.3, 20.0), full, fresnel(0.7, 75.0)],

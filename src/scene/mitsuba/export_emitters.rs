@@ -140,7 +140,7 @@ impl EmitterWriter<'_> {
         self.unpolarized(&sky.polarized, at.clone())?;
         self.at_one_wavelength(at.clone(), "an environment image")?;
         let [w, h] = sky.size();
-        let at_row = |k: usize, i: usize| sky.texels()[k.min(h - 1) * w + i][0];
+        let at_row = |k: usize, i: usize| sky.texels[k.min(h - 1) * w + i][0];
         // Mitsuba's rows span pole to pole. Rows at cell centres become the odd rows of 2h + 1, and the rows
         // between are means.
         let value = |k: usize, i: usize| match (sky.rows(), k % 2) {

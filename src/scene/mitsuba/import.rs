@@ -333,7 +333,7 @@ fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
         let Some(hit) = scene.geometry.intersect(&Ray { origin: camera.origin, dir }, f32::INFINITY) else {
             continue;
         };
-        let depth = f64::from(hit.t * dir.dot(camera.forward()));
+        let depth = f64::from(hit.t * dir.dot(camera.axes.z_axis));
         for (name, plane, is_cut) in [("near_clip", near, depth < near), ("far_clip", far, depth > far)] {
             if is_cut {
                 return Some(format!(

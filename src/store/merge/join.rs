@@ -10,6 +10,7 @@ mod set;
 pub use error::JoinError;
 use set::Set;
 
+use super::origin;
 use crate::zarr::{SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -34,11 +35,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         .map(|name| parts.iter().map(|store| store.slice(name)).collect())
         .collect::<Result<Vec<Vec<StoredSlice>>, _>>()?;
     let layouts: Vec<_> =
-        slices.iter().map(|of| (of[0].layout().clone(), written_attributes(&of[0]))).collect();
-    let grid = first.samples_shape().map(|(shape, chunk)| SampleGrid {
-        camera: [shape[1] as u32, shape[0] as u32],
-        tile: chunk[0].max(chunk[1]) as u32,
-    });
+        slices.iter().map(|of| (of[0].layout().clone(), of[0].written_attributes())).collect();
+    let grid = first.samples_shape().map(|(shape, chunk)| SampleGrid::new(shape, chunk));
     let fill = |whole: &TensorStore| -> Result<(), JoinError> {
         for of in &slices {
             join_slice(of, &whole.slice(of[0].name())?)?;
@@ -46,34 +44,15 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         join_samples(&parts, whole)?;
         Ok(whole.finish()?)
     };
-    let origin = origin(&parts);
+    let origin = origin(concat!("join by ", env!("CARGO_PKG_VERSION")), parts.iter().copied());
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
-}
-
-/// Returns the attributes of a slice without those that its layout generates.
-fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
-    without(slice.attributes(), &["time_start_ps", "time_bin_ps"])
-}
-
-/// Returns the attributes without `keys`, in the order of the file.
-fn without(attributes: &Map<String, Value>, keys: &[&str]) -> Map<String, Value> {
-    let kept = attributes.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
-    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
-}
-
-/// Returns a text that identifies everything that the joined values depend on.
-fn origin(parts: &[&TensorStore]) -> String {
-    let mut origin = format!("join by {}\n", env!("CARGO_PKG_VERSION"));
-    for store in parts {
-        origin += &format!("{} {}\n", store.path().display(), store.fingerprint());
-    }
-    origin
 }
 
 /// Returns the attributes of the whole render: the common ones, and sums over the parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
-    let mut whole = without(&all[0], &[part::ATTRIBUTE]);
+    let mut whole = all[0].clone();
+    whole.shift_remove(part::ATTRIBUTE);
     whole.insert("status".into(), json!("complete"));
     for key in ["discarded_samples", "rays"] {
         let sum = all.iter().filter_map(|a| a.get(key)?.as_u64()).fold(0, u64::saturating_add);

@@ -5,8 +5,8 @@
 //! independent, and each has its own error.
 
 use super::{
-    Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, parts, pool_into,
-    totals,
+    Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, origin, parts,
+    pool_into, totals,
 };
 use crate::denoised;
 use crate::merge::pool::Pool;
@@ -148,10 +148,8 @@ pub fn pool(
     let rays = inputs.iter().filter_map(|i| i.attributes.get("rays")?.as_u64());
     attributes.insert("rays".into(), json!(rays.fold(0, u64::saturating_add)));
     attributes.extend(extra.clone());
-    let mut origin = format!("rounds by {}\n", env!("CARGO_PKG_VERSION"));
-    for input in &inputs {
-        origin += &format!("{} {}\n", input.store.path().display(), input.store.fingerprint());
-    }
+    let command = concat!("rounds by ", env!("CARGO_PKG_VERSION"));
+    let origin = origin(command, inputs.iter().map(|input| &input.store));
     let pooled = Pooled { inputs: &inputs, slices: &slices, attributes: &attributes, origin: &origin };
     pool_into(out, &pooled, replace, false)
 }

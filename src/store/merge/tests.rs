@@ -1,6 +1,8 @@
 //! Compares pooled values with those of all samples together.
 
 use super::*;
+use crate::damage::copy;
+use crate::zarr::tests::files;
 use tensor::axes::Extents;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
@@ -229,17 +231,17 @@ fn a_merge_that_was_cut_off_goes_on() {
         left(&at("whole"));
         let _ = std::fs::remove_file(rest.join(missing));
         let opened = open_inputs(&inputs, false).unwrap();
-        std::fs::write(rest.join(".sunstone-origin"), origin(&opened, Options::default())).unwrap();
+        std::fs::write(rest.join(".sunstone-origin"), merge_origin(&opened, Options::default())).unwrap();
         merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
         assert!(!rest.exists());
-        assert_eq!(contents(&at("out")), contents(&at("whole")));
+        assert_eq!(files(&at("out")), files(&at("whole")));
         assert!(crate::zarr::verify(&at("out")).unwrap().faults.is_empty());
     }
     // With another origin, the merge starts again, so damaged files do not matter.
     left(&at("a"));
     std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
     merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
-    assert_eq!(contents(&at("out")), contents(&at("whole")));
+    assert_eq!(files(&at("out")), files(&at("whole")));
     // The output is an input, also through a link.
     std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
     for out in ["a", "link"] {
@@ -247,34 +249,4 @@ fn a_merge_that_was_cut_off_goes_on() {
         assert!(matches!(error, MergeError::Itself { .. }), "{error}");
     }
     assert!(crate::zarr::verify(&at("a")).unwrap().faults.is_empty());
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy(&entry.path(), &target);
-        } else {
-            std::fs::copy(entry.path(), target).unwrap();
-        }
-    }
-}
-
-/// Returns the files of a store with their bytes.
-fn contents(root: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
-    let mut all = std::collections::BTreeMap::new();
-    let mut folders = vec![root.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                all.insert(path.strip_prefix(root).unwrap().to_owned(), std::fs::read(path).unwrap());
-            }
-        }
-    }
-    all
 }

@@ -49,18 +49,8 @@ pub(crate) fn remove(bucket: &Bucket, key: &str) {
 
 /// Writes the files of a folder below `memory://NAME/PATH`.
 pub(crate) fn upload(folder: &Path, name: &str, path: &str) {
-    let bucket = memory(name);
-    let mut folders = vec![folder.to_owned()];
-    while let Some(at) = folders.pop() {
-        for entry in std::fs::read_dir(at).expect("a folder") {
-            let file = entry.expect("an entry").path();
-            if file.is_dir() {
-                folders.push(file);
-                continue;
-            }
-            let key = format!("{path}/{}", file.strip_prefix(folder).expect("below").display());
-            put(&bucket, &key, std::fs::read(&file).expect("reads"));
-        }
+    for (file, bytes) in crate::zarr::tests::files(folder) {
+        put(&memory(name), &format!("{path}/{}", file.display()), bytes);
     }
 }
 

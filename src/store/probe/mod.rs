@@ -18,7 +18,6 @@ mod parse;
 mod pattern;
 mod plan;
 mod request;
-mod result;
 mod run;
 mod write;
 
@@ -26,7 +25,7 @@ pub use self::error::ProbeError;
 pub use self::parse::{ParseError, parse_axes, parse_stokes};
 pub use self::pattern::Pattern;
 pub use self::request::{CoordRange, Probe, Pulse, Selection};
-pub use self::result::ProbeResult;
+pub use self::run::ProbeResult;
 pub use self::write::{std_error_path, write_npy};
 
 #[cfg(test)]

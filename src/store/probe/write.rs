@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::error::ProbeError;
-use super::result::ProbeResult;
+use super::run::ProbeResult;
 use crate::numpy;
 use crate::zarr::TensorStore;
 use base::whole_file;

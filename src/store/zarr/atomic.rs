@@ -37,9 +37,9 @@ pub(super) struct Tail {
 /// Zarr storage in a directory with atomic replacement of files, or at an address.
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
-    root: PathBuf,
-    /// `None` for a directory.
-    remote: Option<Remote>,
+    pub(super) root: PathBuf,
+    /// The objects at an address; `None` for a directory.
+    pub(super) remote: Option<Remote>,
     /// Manifest of a finished store; every file that is read must match it.
     manifest: Option<Manifest>,
 }
@@ -62,11 +62,6 @@ impl AtomicDirectory {
     /// Returns the storage of a finished store in a directory.
     pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
         Self { manifest: Some(manifest), ..Self::new(root) }
-    }
-
-    /// Returns the objects at an address; `None` for a directory.
-    pub(super) fn remote(&self) -> Option<&Remote> {
-        self.remote.as_ref()
     }
 
     /// Returns whether a group or an array exists.
@@ -299,10 +294,6 @@ impl AtomicDirectory {
         a.keys().chain(b.keys()).filter(differs).min().cloned()
     }
 
-    pub(super) fn root(&self) -> &Path {
-        &self.root
-    }
-
     /// Deletes temporary files below `root` that a killed process left.
     pub(super) fn remove_leftovers(&self) -> io::Result<()> {
         match &self.remote {
@@ -325,7 +316,7 @@ fn remove_leftovers(directory: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn remove_if_present(path: &Path) -> io::Result<()> {
+pub(super) fn remove_if_present(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
         _ => Ok(()),

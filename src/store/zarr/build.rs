@@ -6,8 +6,8 @@ use super::chunked::{ChunkedArray, Description};
 use super::describe;
 use super::error::CreateError;
 use super::shard_grid::Shardings;
-use serde_json::{Map, Value, json};
-use std::path::{Path, PathBuf};
+use serde_json::{Map, Value};
+use std::path::Path;
 use std::sync::Arc;
 use tensor::axes::SliceLayout;
 
@@ -17,6 +17,13 @@ pub struct SampleGrid {
     pub camera: [u32; 2],
     /// Edge of a tile of camera pixels, which is the chunk.
     pub tile: u32,
+}
+
+impl SampleGrid {
+    /// Returns the grid of sample counts with this shape and chunk (rows, columns).
+    pub(crate) fn new(shape: [u64; 2], chunk: [u64; 2]) -> Self {
+        Self { camera: [shape[1] as u32, shape[0] as u32], tile: chunk[0].max(chunk[1]) as u32 }
+    }
 }
 
 /// File with the origin of a store that is being created. It begins with a dot, so it is not part of the
@@ -63,9 +70,7 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
     let storage = Arc::new(AtomicDirectory::new(path));
     if let Some(SampleGrid { camera: [w, h], tile }) = samples {
         let chunk = |n: u32| u64::from(tile.clamp(1, n.max(1)));
-        let mut attributes = Map::new();
-        attributes.insert("units".into(), json!("1"));
-        attributes.insert("long_name".into(), json!("samples that count per camera pixel"));
+        let attributes = describe::labelled("1", "samples that count per camera pixel");
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
@@ -80,6 +85,5 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
     for (layout, attributes) in slices {
         describe::create_slice(&storage, layout, attributes, shardings)?;
     }
-    describe::consolidate(path, &names)
-        .map_err(|e| CreateError::Write { path: PathBuf::from(path), cause: e.to_string() })
+    describe::consolidate(path, &names).map_err(|e| CreateError::write(path, e))
 }

@@ -14,7 +14,7 @@ impl<T: Number> ChunkedArray<T> {
     /// Returns the path of the chunk that begins at `start`.
     pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
         let key = self.array.chunk_key(&self.index_of(start));
-        self.storage.root().join(&key)
+        self.storage.root.join(&key)
     }
 
     /// Copies the chunk file that begins at `start` from an array with the same metadata, after checking its

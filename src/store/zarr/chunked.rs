@@ -8,7 +8,7 @@
 //! damage inside it. It is fast because it covers the compressed bytes and not the many zeros.
 
 use std::marker::PhantomData;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Map, Value, json};
@@ -143,14 +143,6 @@ impl<T: Number> ChunkedArray<T> {
 
     pub(super) fn shape(&self) -> &[u64] {
         &self.array.shape
-    }
-
-    pub(super) fn chunk(&self) -> &[u64] {
-        &self.chunk
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Returns the dimension names; "" for a dimension without a name.
@@ -377,5 +369,5 @@ fn description_key(node: &str) -> String {
 }
 
 fn node_path(storage: &AtomicDirectory, node: &str) -> PathBuf {
-    storage.root().join(node.trim_start_matches('/'))
+    storage.root.join(node.trim_start_matches('/'))
 }

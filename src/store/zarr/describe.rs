@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::atomic::AtomicDirectory;
 use super::check;
-use super::chunked::{ChunkedArray, Description};
+use super::chunked::{ChunkedArray, Description, Number};
 use super::coordinates;
 use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
@@ -44,8 +44,18 @@ pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     }
 }
 
-fn group_json(attributes: &Map<String, Value>) -> Value {
+pub(super) fn group_json(attributes: &Map<String, Value>) -> Value {
     json!({"zarr_format": 3, "node_type": "group", "attributes": attributes})
+}
+
+/// Returns consolidated metadata in the inline form of zarr-python 3.
+pub(super) fn inline(metadata: Map<String, Value>) -> Value {
+    json!({"kind": "inline", "must_understand": false, "metadata": metadata})
+}
+
+/// Returns the attributes of an array: its unit and its description.
+pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
+    Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
 
 /// Returns the attributes of a group's metadata; `None` if they are not a table.
@@ -85,7 +95,7 @@ pub(super) fn create_slice(
         attributes.insert("time_start_ps".into(), json!(start_ps));
         attributes.insert("time_bin_ps".into(), json!(bin_ps));
     }
-    write_json(&storage.root().join(name).join("zarr.json"), &group_json(&attributes))?;
+    write_json(&storage.root.join(name).join("zarr.json"), &group_json(&attributes))?;
     for axis in &layout.axes {
         create_coordinates(storage, name, axis, !shardings.is_empty())?;
     }
@@ -97,10 +107,7 @@ pub(super) fn create_slice(
             shape: layout.shape(),
             chunk: layout.chunk_shape(),
             names: layout.axes.iter().map(|a| a.kind.name()).collect(),
-            attributes: Map::from_iter([
-                ("units".to_owned(), json!(VALUE_UNITS)),
-                ("long_name".to_owned(), json!(field.long_name())),
-            ]),
+            attributes: labelled(VALUE_UNITS, field.long_name()),
             sharding: shardings.get(&format!("{name}/{}", field.name())).cloned(),
         };
         ChunkedArray::<f32>::create(storage, &format!("/{name}/{}", field.name()), description)?;
@@ -124,9 +131,7 @@ fn create_coordinates(
     tell: bool,
 ) -> Result<(), CreateError> {
     let kind = axis.kind;
-    let mut attributes = Map::new();
-    attributes.insert("units".into(), json!(kind.units()));
-    attributes.insert("long_name".into(), json!(kind.long_name()));
+    let mut attributes = labelled(kind.units(), kind.long_name());
     match kind {
         AxisKind::StokesOut | AxisKind::StokesIn => {
             attributes.insert("labels".into(), json!(["s0", "s1", "s2", "s3"]));
@@ -153,16 +158,25 @@ fn create_coordinates(
         attributes,
         sharding: None,
     };
-    let path = storage.root().join(slice).join(kind.name());
-    let failed = |e: super::error::AccessError| CreateError::Write { path, cause: e.to_string() };
     if is_index(kind) {
         let values: Vec<i64> = axis.coords.iter().map(|&c| c as i64).collect();
-        let array = ChunkedArray::<i64>::create(storage, &node, description)?;
-        array.write(&[0], &[axis.len()], &values, None).map_err(failed)
+        create_filled(storage, &node, description, &values)
     } else {
-        let array = ChunkedArray::<f64>::create(storage, &node, description)?;
-        array.write(&[0], &[axis.len()], &axis.coords, None).map_err(failed)
+        create_filled(storage, &node, description, &axis.coords)
     }
+}
+
+/// Creates an array with these values at `node`.
+pub(super) fn create_filled<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    node: &str,
+    description: Description,
+    values: &[T],
+) -> Result<(), CreateError> {
+    let shape = description.shape.clone();
+    let array = ChunkedArray::<T>::create(storage, node, description)?;
+    let written = array.write(&vec![0; shape.len()], &shape, values, None);
+    written.map_err(|e| CreateError::write(&array.path, e))
 }
 
 /// Reads and checks the coordinates of an axis of `expected` entries.
@@ -173,36 +187,40 @@ fn read_axis(
     [expected, chunk]: [u64; 2],
 ) -> Result<Axis, OpenError> {
     let node = format!("/{slice}/{}", kind.name());
-    let damaged =
-        |reason: String| OpenError::Damaged { path: storage.root().join(slice).join(kind.name()), reason };
     let checked = |coords: Vec<f64>| {
         let axis = Axis { kind, coords, chunk };
         match check::coordinates_fault(&axis) {
-            Some(reason) => Err(damaged(reason)),
+            Some(reason) => Err(OpenError::damaged(&storage.root.join(slice).join(kind.name()), reason)),
             None => Ok(axis),
         }
     };
-    let length = |shape: &[u64]| match shape {
-        [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
-        _ => Err(damaged(format!("its shape is {shape:?}, but the axis has {expected} entries"))),
-    };
-    let coords: Vec<f64> = if is_index(kind) {
-        let array = ChunkedArray::<i64>::open(storage, &node)?;
-        let n = length(array.shape())?;
-        if let Some(coords) = array.describe(n) {
-            return checked(coords);
-        }
-        let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
-        values.into_iter().map(|v| v as f64).collect()
+    if is_index(kind) {
+        checked(read_coordinates::<i64>(storage, &node, expected, |v| v as f64)?)
     } else {
-        let array = ChunkedArray::<f64>::open(storage, &node)?;
-        let n = length(array.shape())?;
-        if let Some(coords) = array.describe(n) {
-            return checked(coords);
+        checked(read_coordinates::<f64>(storage, &node, expected, |v| v)?)
+    }
+}
+
+/// Reads `expected` coordinates from the metadata of their array, or else from its values.
+fn read_coordinates<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    node: &str,
+    expected: u64,
+    convert: impl Fn(T) -> f64,
+) -> Result<Vec<f64>, OpenError> {
+    let array = ChunkedArray::<T>::open(storage, node)?;
+    let n = match array.shape() {
+        [n] if *n == expected && (1..=MAX_AXIS).contains(n) => *n,
+        shape => {
+            let reason = format!("its shape is {shape:?}, but the axis has {expected} entries");
+            return Err(OpenError::damaged(&array.path, reason));
         }
-        array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?
     };
-    checked(coords)
+    if let Some(coords) = array.describe(n) {
+        return Ok(coords);
+    }
+    let values = array.read(&[0], &[n]).map_err(|e| OpenError::damaged(&array.path, e))?;
+    Ok(values.into_iter().map(convert).collect())
 }
 
 /// Reconstructs the layout of a slice from its `mean` array, its coordinate arrays and its attributes.
@@ -212,7 +230,7 @@ pub(super) fn read_layout(
     mean: &ChunkedArray<f32>,
     attributes: &Map<String, Value>,
 ) -> Result<SliceLayout, OpenError> {
-    let damaged = |reason: String| OpenError::Damaged { path: mean.path().to_owned(), reason };
+    let damaged = |reason: String| OpenError::Damaged { path: mean.path.clone(), reason };
     let names = mean.names();
     if names.len() != mean.shape().len() {
         return Err(damaged(format!("{} names for {} dimensions", names.len(), mean.shape().len())));
@@ -220,7 +238,7 @@ pub(super) fn read_layout(
     let coordinates = names.iter().filter(|n| !storage.tells(&format!("{slice}/{n}")));
     let coordinates = coordinates.map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
     let fetched = storage.fetch_ahead(&coordinates.collect::<Vec<_>>());
-    fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
+    fetched.map_err(|e| OpenError::of_read(&mean.path, &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let kind = AxisKind::from_name(name).ok_or_else(|| damaged(format!("unknown dimension `{name}`")))?;
@@ -228,7 +246,7 @@ pub(super) fn read_layout(
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
             return Err(damaged(format!("dimensions {names:?} are not in storage order")));
         }
-        axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk()[i]])?);
+        axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk[i]])?);
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
@@ -263,15 +281,13 @@ pub(super) fn set_root_attributes(
     json["attributes"] = Value::Object(attributes);
     storage
         .write("zarr.json", to_bytes(&json).into())
-        .map_err(|e| OpenError::of_write(&storage.root().join("zarr.json"), &e))
+        .map_err(|e| OpenError::of_write(&storage.root.join("zarr.json"), &e))
 }
 
 /// Writes inline consolidated metadata into the root group and the group of every slice.
 pub(super) fn consolidate(root: &Path, names: &[String]) -> Result<(), OpenError> {
-    let inline = |metadata: Map<String, Value>| json!({"kind": "inline", "must_understand": false, "metadata": metadata});
     let write = |path: &Path, json: &Value| {
-        let failed = |e: std::io::Error| OpenError::Io { path: path.to_owned(), cause: e.to_string() };
-        whole_file::write(path, &to_bytes(json)).map_err(failed)
+        whole_file::write(path, &to_bytes(json)).map_err(|e| OpenError::io(path, e))
     };
     let mut below_root = Map::new();
     if root.join("samples/zarr.json").is_file() {
@@ -281,9 +297,8 @@ pub(super) fn consolidate(root: &Path, names: &[String]) -> Result<(), OpenError
         let directory = root.join(name);
         let mut group = read_json(&directory.join("zarr.json"))?;
         let mut below_group = Map::new();
-        let io = |e: std::io::Error| OpenError::Io { path: directory.clone(), cause: e.to_string() };
         let mut children: Vec<String> = std::fs::read_dir(&directory)
-            .map_err(io)?
+            .map_err(|e| OpenError::io(&directory, e))?
             .filter_map(|e| e.ok()?.file_name().into_string().ok())
             .filter(|child| directory.join(child).join("zarr.json").is_file())
             .collect();

@@ -12,23 +12,20 @@ pub(super) fn to_bytes(value: &Value) -> Vec<u8> {
 }
 
 pub(super) fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
-    whole_file::write(path, &to_bytes(value))
-        .map_err(|e| CreateError::Write { path: path.to_owned(), cause: e.to_string() })
+    whole_file::write(path, &to_bytes(value)).map_err(|e| CreateError::write(path, e))
 }
 
 pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
-    let bytes = base::input::read(path)
-        .map_err(|e| OpenError::Damaged { path: path.to_owned(), reason: e.to_string() })?;
+    let bytes = base::input::read(path).map_err(|e| OpenError::damaged(path, e))?;
     parse_json(path, &bytes)
 }
 
 /// Parses a `zarr.json`.
 pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
-    let damaged = |reason: String| OpenError::Damaged { path: path.to_owned(), reason };
     match serde_json::from_slice(bytes) {
         // Callers access the metadata by key.
         Ok(object @ Value::Object(_)) => Ok(object),
-        Ok(_) => Err(damaged("it is not a JSON object".into())),
-        Err(e) => Err(damaged(format!("invalid JSON: {e}"))),
+        Ok(_) => Err(OpenError::damaged(path, "it is not a JSON object")),
+        Err(e) => Err(OpenError::damaged(path, format!("invalid JSON: {e}"))),
     }
 }

@@ -54,22 +54,24 @@ impl CreateError {
         matches!(self, Self::Write { .. })
     }
 
+    pub(super) fn write(path: &Path, cause: impl ToString) -> Self {
+        Self::Write { path: path.to_owned(), cause: cause.to_string() }
+    }
+
     /// Converts the error of opening a store that was just created.
     pub(super) fn of_open(path: &Path, error: OpenError) -> Self {
-        let path = path.to_owned();
         match error {
-            OpenError::Remote { refusal, .. } => Self::Remote { path, refusal },
-            e => Self::Write { path, cause: e.to_string() },
+            OpenError::Remote { refusal, .. } => Self::Remote { path: path.to_owned(), refusal },
+            e => Self::write(path, e),
         }
     }
 
     /// Converts the error of a lock that could not be taken.
     #[must_use]
     pub fn locked(path: &Path, error: LockError) -> Self {
-        let path = path.to_owned();
         match error {
-            LockError::Held(holder) => Self::Locked { path, holder },
-            LockError::Io(e) => Self::Write { path, cause: e.to_string() },
+            LockError::Held(holder) => Self::Locked { path: path.to_owned(), holder },
+            LockError::Io(e) => Self::write(path, e),
         }
     }
 }
@@ -79,12 +81,19 @@ impl OpenError {
         Self::Remote { path: path.to_owned(), refusal }
     }
 
+    pub(super) fn io(path: &Path, cause: impl ToString) -> Self {
+        Self::Io { path: path.to_owned(), cause: cause.to_string() }
+    }
+
+    pub(super) fn damaged(path: &Path, reason: impl ToString) -> Self {
+        Self::Damaged { path: path.to_owned(), reason: reason.to_string() }
+    }
+
     /// Converts the error of writing a metadata file.
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
-        let path = path.to_owned();
         match Refusal::in_io(error) {
-            Some(refusal) => Self::remote(&path, refusal.clone()),
-            None => Self::Io { path, cause: error.to_string() },
+            Some(refusal) => Self::remote(path, refusal.clone()),
+            None => Self::io(path, error),
         }
     }
 
@@ -92,15 +101,14 @@ impl OpenError {
     pub(super) fn of_read(path: &Path, error: &std::io::Error) -> Self {
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(path, refusal.clone()),
-            None => Self::Damaged { path: path.to_owned(), reason: error.to_string() },
+            None => Self::damaged(path, error),
         }
     }
 
     pub(super) fn locked(path: &Path, error: LockError) -> Self {
-        let path = path.to_owned();
         match error {
-            LockError::Held(holder) => Self::Locked { path, holder },
-            LockError::Io(e) => Self::Io { path, cause: e.to_string() },
+            LockError::Held(holder) => Self::Locked { path: path.to_owned(), holder },
+            LockError::Io(e) => Self::io(path, e),
         }
     }
 }

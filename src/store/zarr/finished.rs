@@ -4,7 +4,7 @@
 use super::atomic::AtomicDirectory;
 use super::error::OpenError;
 use super::manifest::{self, Manifest};
-use super::{State, TensorStore, describe, part};
+use super::{State, TensorStore, describe};
 use crate::place::Place;
 use std::path::Path;
 use std::sync::PoisonError;
@@ -23,11 +23,11 @@ impl TensorStore {
     }
 
     fn has_manifest(&self, name: &str) -> bool {
-        match (self.storage.remote(), self.state) {
+        match (&self.storage.remote, self.state) {
             (None, _) => self.path().join(name).is_file(),
             (Some(remote), State::Writing) => remote.is_stored(name),
             // The store was opened with its manifest.
-            (Some(_), State::Finished) => name == part::manifest_of(&self.attributes()),
+            (Some(_), State::Finished) => name == manifest::name(&self.attributes()),
             (Some(remote), _) => matches!(remote.objects().get(name), Ok(Some(_))),
         }
     }
@@ -48,8 +48,8 @@ impl TensorStore {
     /// For an unfinished store, each call returns another text.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        let name = part::manifest_of(&self.attributes());
-        let read = match self.storage.remote() {
+        let name = manifest::name(&self.attributes());
+        let read = match &self.storage.remote {
             None => Place::read_file(&self.path().join(name)),
             Some(remote) => remote.objects().get(name).map_err(std::io::Error::from),
         };
@@ -66,17 +66,15 @@ impl TensorStore {
     /// If a metadata file cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
         let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(remote) = self.storage.remote() {
+        if let Some(remote) = &self.storage.remote {
             // At an address, the consolidated metadata is that of the creation.
-            let finished = remote.finish(part::manifest_of(&held));
+            let finished = remote.finish(manifest::name(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }
-        self.storage
-            .remove_leftovers()
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })?;
+        let io = |e| OpenError::io(self.path(), e);
+        self.storage.remove_leftovers().map_err(io)?;
         describe::consolidate(self.path(), &self.names)?;
-        Manifest::write_as(self.path(), part::manifest_of(&held))
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
+        Manifest::write_as(self.path(), manifest::name(&held)).map_err(io)
     }
 
     /// Marks the store as unfinished before its values change.
@@ -84,12 +82,11 @@ impl TensorStore {
     /// # Errors
     /// If the manifest cannot be removed.
     pub fn unfinish(&self) -> Result<(), OpenError> {
-        if let Some(remote) = self.storage.remote() {
+        if let Some(remote) = &self.storage.remote {
             let manifests = [manifest::FILE, manifest::OF_PART].map(str::to_owned);
             let removed = remote.erase(manifests.to_vec());
             return removed.map_err(|e| OpenError::remote(self.path(), e));
         }
-        Manifest::remove(self.path())
-            .map_err(|e| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() })
+        Manifest::remove(self.path()).map_err(|e| OpenError::io(self.path(), e))
     }
 }

@@ -106,8 +106,8 @@ enum Raw {
 impl Raw {
     fn over(&self) -> (&[u64], &[u64], Vec<String>, &Path) {
         match self {
-            Self::U16(a) => (a.shape(), a.chunk(), a.names(), a.path()),
-            Self::U32(a) => (a.shape(), a.chunk(), a.names(), a.path()),
+            Self::U16(a) => (a.shape(), &a.chunk, a.names(), &a.path),
+            Self::U32(a) => (a.shape(), &a.chunk, a.names(), &a.path),
         }
     }
 }
@@ -165,24 +165,21 @@ impl FrameStore {
         maps: &[FrameMap],
         attributes: &Map<String, Value>,
     ) -> Result<(), CreateError> {
-        let failed = |cause: String| CreateError::Write { path: path.to_owned(), cause };
+        let failed = |e| CreateError::write(path, e);
         let storage = Arc::new(AtomicDirectory::new(path));
         describe::create_root(path, &[], attributes)?;
         let group =
             json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
         description::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
         for axis in &layout.axes {
-            let node = format!("/{GROUP}/{}", axis.name);
-            column(&storage, &node, &[&axis.name], &axis.units, &[axis.coords.len() as u64], &axis.coords)
-                .map_err(|e| failed(e.to_string()))?;
+            let shape = [axis.coords.len() as u64];
+            column(&storage, &axis.name, &[&axis.name], &axis.units, &shape, &axis.coords).map_err(failed)?;
         }
         let of_frame = &layout.axes[layout.run_axes..];
         let names: Vec<&str> = of_frame.iter().map(|a| a.name.as_str()).collect();
         let shape = &layout.shape()[layout.run_axes..];
         for map in maps {
-            let node = format!("/{GROUP}/{}", map.name);
-            column(&storage, &node, &names, &map.units, shape, &map.values)
-                .map_err(|e| failed(e.to_string()))?;
+            column(&storage, &map.name, &names, &map.units, shape, &map.values).map_err(failed)?;
         }
         let description = Description {
             shape: layout.shape(),
@@ -230,7 +227,7 @@ impl FrameStore {
 
     fn over(storage: AtomicDirectory, lock: Option<Lock>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
-        let path = storage.root();
+        let path = &storage.root;
         if !is_frames(path) {
             return Err(not_frames(path));
         }
@@ -258,7 +255,7 @@ impl FrameStore {
             if array.shape() != [*n] {
                 return Err(damaged("an axis has a different number of coordinates than entries"));
             }
-            let json = description::read_json(&array.path().join("zarr.json"))?;
+            let json = description::read_json(&array.path.join("zarr.json"))?;
             axes.push(FrameAxis {
                 name: name.clone(),
                 units: json["attributes"]["units"].as_str().unwrap_or("1").to_owned(),
@@ -290,7 +287,7 @@ impl FrameStore {
 
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.storage.root()
+        &self.storage.root
     }
 
     /// Returns start and shape of a chunk, numbered in the order of the run.
@@ -339,11 +336,8 @@ impl FrameStore {
     pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
         let names: Vec<&str> = self.run_names().collect();
         let shape = &self.layout.shape()[..self.layout.run_axes];
-        let node = format!("/{GROUP}/{name}");
-        column(&self.storage, &node, &names, units, shape, values).map_err(|e| CreateError::Write {
-            path: self.path().join(GROUP).join(name),
-            cause: e.to_string(),
-        })
+        column(&self.storage, name, &names, units, shape, values)
+            .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
     /// Reads a map; `None` if there is none.
@@ -394,7 +388,7 @@ impl FrameStore {
         }
         let array = ChunkedArray::<f64>::open(&self.storage, &format!("/{GROUP}/{name}"))?;
         let shape = array.shape().to_vec();
-        let damaged = |reason: String| OpenError::Damaged { path: array.path().to_owned(), reason };
+        let damaged = |reason: String| OpenError::Damaged { path: array.path.to_owned(), reason };
         if region::volume(&shape) != Some(expected) {
             return Err(damaged(format!("it does not contain {expected} numbers")));
         }
@@ -407,7 +401,7 @@ impl FrameStore {
     /// # Errors
     /// If writing fails.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let io = |e: std::io::Error| OpenError::Io { path: self.path().to_owned(), cause: e.to_string() };
+        let io = |e: std::io::Error| OpenError::io(self.path(), e);
         self.storage.remove_leftovers().map_err(io)?;
         describe::consolidate(self.path(), &[GROUP.to_owned()])?;
         Manifest::write(self.path()).map_err(io)
@@ -433,9 +427,10 @@ fn not_frames(path: &Path) -> OpenError {
     OpenError::NotAStore { path: path.to_owned(), reason: "it has no group `frames`".into() }
 }
 
+/// Writes an array of the group of the frames.
 fn column(
     storage: &Arc<AtomicDirectory>,
-    node: &str,
+    name: &str,
     names: &[&str],
     units: &str,
     shape: &[u64],
@@ -448,7 +443,7 @@ fn column(
         attributes: Map::from_iter([("units".to_owned(), json!(units))]),
         sharding: None,
     };
-    let array = ChunkedArray::<f64>::create(storage, node, description)?;
+    let array = ChunkedArray::<f64>::create(storage, &format!("/{GROUP}/{name}"), description)?;
     Ok(array.write(&vec![0; shape.len()], shape, values, None)?)
 }
 

@@ -6,7 +6,8 @@
 //! like stores of slices, so that `verify` accepts it.
 
 use super::atomic::AtomicDirectory;
-use super::chunked::{ChunkedArray, Description, Number};
+use super::chunked::{Description, Number};
+use super::describe::{create_filled, group_json, inline, labelled};
 use super::description::{read_json, write_json};
 use super::error::CreateError;
 use super::manifest::Manifest;
@@ -69,7 +70,7 @@ fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<
     let mut attributes = attributes.clone();
     let names: Vec<&str> = set.layers.iter().map(|l| l.name).collect();
     attributes.insert(LAYERS.into(), json!(names));
-    let mut group = json!({"zarr_format": 3, "node_type": "group", "attributes": attributes});
+    let mut group = group_json(&attributes);
     write_json(&root.join("zarr.json"), &group)?;
     let storage = Arc::new(AtomicDirectory::new(root));
     let [w, h] = set.size;
@@ -98,18 +99,15 @@ fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<
     let mut metadata = Map::new();
     for name in all {
         let at = root.join(name).join("zarr.json");
-        let json = read_json(&at).map_err(|e| CreateError::Write { path: at, cause: e.to_string() })?;
+        let json = read_json(&at).map_err(|e| CreateError::write(&at, e))?;
         metadata.insert(name.into(), json);
     }
-    group["consolidated_metadata"] =
-        json!({"kind": "inline", "must_understand": false, "metadata": metadata});
+    group["consolidated_metadata"] = inline(metadata);
     write_json(&root.join("zarr.json"), &group)
 }
 
 fn describe(units: &str, long_name: &str, labels: Option<Value>) -> Map<String, Value> {
-    let mut attributes = Map::new();
-    attributes.insert("units".into(), json!(units));
-    attributes.insert("long_name".into(), json!(long_name));
+    let mut attributes = labelled(units, long_name);
     if let Some(labels) = labels {
         attributes.insert("labels".into(), labels);
     }
@@ -132,7 +130,7 @@ fn coordinate<T: Number>(
         attributes: describe(units, long_name, labels),
         sharding: None,
     };
-    put(storage, name, description, values)
+    create_filled(storage, &format!("/{name}"), description, values)
 }
 
 fn array<T: Number>(
@@ -155,19 +153,5 @@ fn array<T: Number>(
         attributes: describe(layer.units, layer.long_name, layer.labels.as_ref().map(|l| json!(l))),
         sharding: None,
     };
-    put(storage, layer.name, description, values)
-}
-
-fn put<T: Number>(
-    storage: &Arc<AtomicDirectory>,
-    name: &str,
-    description: Description,
-    values: &[T],
-) -> Result<(), CreateError> {
-    let shape = description.shape.clone();
-    let array = ChunkedArray::<T>::create(storage, &format!("/{name}"), description)?;
-    let start = vec![0; shape.len()];
-    array
-        .write(&start, &shape, values, None)
-        .map_err(|e| CreateError::Write { path: storage.root().join(name), cause: e.to_string() })
+    create_filled(storage, &format!("/{}", layer.name), description, values)
 }

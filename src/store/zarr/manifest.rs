@@ -8,17 +8,21 @@
 //! of its bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file
 //! was lost.
 
+use super::atomic::remove_if_present;
 use super::error::OpenError;
 use super::shard::{self, Shards};
+use super::{describe, description};
 use crate::place::{Objects, Place};
 use base::whole_file;
 use bytes::Bytes;
 use rayon::prelude::*;
+use serde_json::{Map, Value};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use tensor::part::Part;
 
 pub(super) const FILE: &str = "manifest.txt";
 /// File name in a finished part of a render. It differs, so that readers do not mistake the part for the
@@ -38,6 +42,11 @@ pub(super) struct Entry {
 /// Entries of files by their paths relative to the store, separated by `/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
+
+/// Returns the file name of the manifest of a store with these root attributes.
+pub(super) fn name(attributes: &Map<String, Value>) -> &'static str {
+    if Part::of_attributes(attributes).is_some() { OF_PART } else { FILE }
+}
 
 /// Returns whether a file is metadata or of another format, such as photon time tags. Such files do not end
 /// with a checksum, so the checksum is computed from their bytes.
@@ -152,13 +161,7 @@ impl Manifest {
 
     /// Removes the manifest, which marks the store as unfinished.
     pub(super) fn remove(root: &Path) -> io::Result<()> {
-        for name in [FILE, OF_PART] {
-            match fs::remove_file(root.join(name)) {
-                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
-                _ => {}
-            }
-        }
-        Ok(())
+        [FILE, OF_PART].iter().try_for_each(|name| remove_if_present(&root.join(name)))
     }
 
     /// Reads the manifest of this file name at `place`; `None` if it does not exist. `root` is the path for
@@ -166,14 +169,30 @@ impl Manifest {
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
             Place::Folder(root) => Self::read_as(root, name),
-            Place::Objects(objects) => Self::of_objects(objects, root, name),
+            Place::Objects(objects) => {
+                let bytes = objects.get(name).map_err(|e| OpenError::remote(root, e))?;
+                bytes.map(|bytes| of_bytes(&bytes, &root.join(name))).transpose()
+            }
         }
     }
 
-    /// Does the same as [`Self::read_at`] for an address.
-    pub(super) fn of_objects(objects: &Objects, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
-        let bytes = objects.get(name).map_err(|e| OpenError::remote(root, e))?;
-        bytes.map(|bytes| of_bytes(&bytes, &root.join(name))).transpose()
+    /// Reads the manifest of a store at `place`, or of a part of a render, and returns it with the part; `None`
+    /// if it does not exist. `root` is the path for messages.
+    pub(super) fn read_any(place: &Place, root: &Path) -> Result<Option<(Self, Option<Part>)>, OpenError> {
+        if let Some(manifest) = Self::read_at(place, root, FILE)? {
+            return Ok(Some((manifest, None)));
+        }
+        let part = match place {
+            Place::Folder(root) => description::read_json(&root.join("zarr.json")).ok(),
+            Place::Objects(objects) => {
+                let bytes = objects.get("zarr.json").map_err(|e| OpenError::remote(root, e))?;
+                let bytes = bytes.ok_or_else(|| OpenError::Missing { path: root.to_owned() })?;
+                description::parse_json(root, &bytes).ok()
+            }
+        };
+        let part = part.and_then(|json| Part::of_attributes(&describe::attributes_of(&json)?));
+        let manifest = part.map_or(Ok(None), |_| Self::read_at(place, root, OF_PART))?;
+        Ok(manifest.zip(Some(part)))
     }
 
     /// Reads the manifest and the root's metadata at an address concurrently.
@@ -199,15 +218,9 @@ impl Manifest {
         let text = match base::input::read_text(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(e) => {
-                let cause = e.to_string();
-                return Err(OpenError::Io { path, cause });
-            }
+            Err(e) => return Err(OpenError::io(&path, e)),
         };
-        match parse(&text) {
-            Some(manifest) => Ok(Some(manifest)),
-            None => Err(damaged(path)),
-        }
+        parse(&text).map(Some).ok_or_else(|| damaged(&path))
     }
 }
 
@@ -224,12 +237,11 @@ pub(super) fn text(entries: &BTreeMap<String, Entry>) -> String {
 
 fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
     let manifest = std::str::from_utf8(bytes).ok().and_then(parse);
-    manifest.ok_or_else(|| damaged(path.to_owned()))
+    manifest.ok_or_else(|| damaged(path))
 }
 
-fn damaged(path: PathBuf) -> OpenError {
-    let reason = "its lines differ from those written".to_owned();
-    OpenError::Damaged { path, reason }
+fn damaged(path: &Path) -> OpenError {
+    OpenError::damaged(path, "its lines differ from those written")
 }
 
 /// Returns the last line, the checksum of all lines before it.

@@ -28,7 +28,6 @@ mod finished;
 pub mod frames;
 mod layers;
 mod manifest;
-mod part;
 mod partial;
 pub(crate) mod progress;
 mod remote;
@@ -234,7 +233,7 @@ impl TensorStore {
         };
         let state = if manifest.is_some() { State::Finished } else { State::Unfinished };
         let storage = AtomicDirectory::at(path, place, manifest);
-        if let Some(remote) = storage.remote() {
+        if let Some(remote) = &storage.remote {
             remote.keep_ahead([("zarr.json".to_owned(), root)]);
         }
         Self::over(storage, state, None)
@@ -259,8 +258,8 @@ impl TensorStore {
 
     fn over(storage: AtomicDirectory, state: State, lock: Option<Held>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
-        let path = storage.root();
-        let missing = match storage.remote() {
+        let path = &storage.root;
+        let missing = match &storage.remote {
             None => !path.exists(),
             Some(_) => !storage.has_description("")? && state != State::Finished,
         };
@@ -273,7 +272,7 @@ impl TensorStore {
             return Err(not_a_store("it has no zarr.json"));
         }
         let json = storage.json("zarr.json")?;
-        if let Some(remote) = storage.remote() {
+        if let Some(remote) = &storage.remote {
             remote.describe(&json);
         }
         let names = describe::slice_names_of(&json)
@@ -285,8 +284,8 @@ impl TensorStore {
         }
         let samples = if storage.has_node("samples") {
             let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
-            if let Some(reason) = check::samples_fault(array.shape(), array.chunk()) {
-                return Err(OpenError::Damaged { path: array.path().to_owned(), reason });
+            if let Some(reason) = check::samples_fault(array.shape(), &array.chunk) {
+                return Err(OpenError::Damaged { path: array.path.clone(), reason });
             }
             Some(Arc::new(array))
         } else {
@@ -350,10 +349,7 @@ impl TensorStore {
         }
         let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
         let store = Self::open_writing(path, Some(Held::File { _lock: lock }))?;
-        store
-            .storage
-            .remove_leftovers()
-            .map_err(|e| OpenError::Io { path: path.to_owned(), cause: e.to_string() })?;
+        store.storage.remove_leftovers().map_err(|e| OpenError::io(path, e))?;
         Ok(store)
     }
 
@@ -384,7 +380,7 @@ impl TensorStore {
 
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.storage.root()
+        &self.storage.root
     }
 
     /// Returns the names of the slices, in the order of creation.
@@ -462,4 +458,4 @@ fn is_store(path: &Path) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -17,7 +17,7 @@ pub(crate) enum Progress {
 impl Progress {
     /// Opens or creates the journal of a store that is open for writing, and returns its records.
     pub(crate) fn open(store: &TensorStore) -> io::Result<(Self, Vec<TileRecord>)> {
-        let Some(remote) = store.storage.remote() else {
+        let Some(remote) = &store.storage.remote else {
             let (journal, done) = Journal::open(store.path())?;
             return Ok((Self::File(journal), done));
         };
@@ -42,7 +42,7 @@ impl Progress {
     pub(crate) fn remove(self) -> io::Result<()> {
         match self {
             Self::File(journal) => journal.remove(),
-            Self::Objects(storage) => match storage.remote() {
+            Self::Objects(storage) => match &storage.remote {
                 Some(remote) => Ok(remote.erase(remote.stored_below(PROGRESS))?),
                 None => Ok(()),
             },
@@ -51,7 +51,7 @@ impl Progress {
 
     /// Returns whether a store that is open for writing has a journal, and therefore unfinished work.
     pub(crate) fn exists(store: &TensorStore) -> bool {
-        match store.storage.remote() {
+        match &store.storage.remote {
             None => journal::exists(store.path()),
             Some(remote) => !remote.stored_below(PROGRESS).is_empty(),
         }

@@ -84,7 +84,7 @@ impl Making<'_> {
         let mark = (ORIGIN.to_owned(), Known::Put(Entry::of(ORIGIN, &mark)));
         let all = files.iter().map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
         let (storage, held) = opened(self.path, &self.objects, lock, all.chain([mark]).collect());
-        if let Some(remote) = storage.remote() {
+        if let Some(remote) = &storage.remote {
             remote.keep_ahead(files.into_iter().map(|(name, bytes)| (name, Some(bytes))));
         }
         Ok((storage, held))
@@ -111,8 +111,7 @@ impl Making<'_> {
             if !self.replace {
                 return Err(self.exists());
             }
-            let json = self.get(ROOT)?.and_then(|bytes| description::parse_json(self.path, &bytes).ok());
-            json.is_some_and(|json| describe::slice_names_of(&json).is_some())
+            self.get(ROOT)?.is_some_and(|bytes| is_root(self.path, &bytes))
         } else {
             known.keys().all(|name| !manifest::is_part(name))
         };
@@ -133,18 +132,25 @@ impl Making<'_> {
         mark: Bytes,
     ) -> Result<(), Refusal> {
         self.objects.put(ORIGIN, mark)?;
-        // First the objects that mark the store as finished and as a store.
-        let (heads, rest) = known
-            .keys()
-            .filter(|name| *name != ORIGIN)
-            .cloned()
-            .partition(|name| [manifest::FILE, manifest::OF_PART, ROOT].contains(&name.as_str()));
-        self.objects.delete(heads)?;
-        self.objects.delete(rest)?;
+        delete(&self.objects, known.keys().cloned())?;
         let (root, others) = files.clone().into_iter().partition(|(name, _)| name == ROOT);
         self.objects.put_many(others)?;
         self.objects.put_many(root)
     }
+}
+
+/// Returns whether the metadata is that of the root of a store.
+pub(super) fn is_root(path: &Path, bytes: &[u8]) -> bool {
+    let json = description::parse_json(path, bytes);
+    json.is_ok_and(|json| describe::slice_names_of(&json).is_some())
+}
+
+/// Removes objects other than the mark, first those that mark a store as finished and as a store.
+pub(super) fn delete(objects: &Objects, names: impl Iterator<Item = String>) -> Result<(), Refusal> {
+    let heads = [manifest::FILE, manifest::OF_PART, ROOT];
+    let (heads, rest) = names.filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
+    objects.delete(heads)?;
+    objects.delete(rest)
 }
 
 /// Returns the metadata files that `describe` writes to a folder.
@@ -209,7 +215,7 @@ pub(super) fn open_locked(
     let known = found(objects)?;
     let is_finished = [manifest::FILE, manifest::OF_PART].iter().any(|name| known.contains_key(*name));
     let (storage, held) = opened(path, objects, lock, known);
-    if let Some(remote) = storage.remote() {
+    if let Some(remote) = &storage.remote {
         // The store is complete enough to lose its mark.
         let mut left = vec![ORIGIN.to_owned()];
         if is_finished {
@@ -227,7 +233,7 @@ fn opened(
     known: BTreeMap<String, Known>,
 ) -> (AtomicDirectory, Held) {
     let storage = AtomicDirectory::at(path, Place::Objects(objects.clone()), None);
-    if let Some(remote) = storage.remote() {
+    if let Some(remote) = &storage.remote {
         remote.begin_writing(known, lock.hold());
     }
     (storage, Held::Objects { _lock: lock })

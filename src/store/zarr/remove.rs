@@ -1,16 +1,13 @@
 //! Removes stores, and locks places that contain several stores.
 
 use super::build::ORIGIN;
-use super::describe::slice_names_of;
-use super::description;
-use super::error::{CreateError, OpenError};
-use super::manifest;
+use super::error::CreateError;
+use super::is_store;
 use super::remote_store::{self, Held, ROOT};
 use crate::place::Objects;
 use crate::refusal::Refusal;
 use base::lock::Lock;
 use base::staging;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, thiserror::Error)]
@@ -77,7 +74,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     if std::fs::symlink_metadata(path).is_err() {
         return Ok(false);
     }
-    if !is_store(description::read_json(&path.join(ROOT))) {
+    if !is_store(path) {
         return Err(not_a_store(path));
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
@@ -88,11 +85,6 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     std::fs::rename(path, &part).map_err(io)?;
     staging::remove(&part).map_err(io)?;
     Ok(true)
-}
-
-/// Returns whether the root's metadata is that of a store.
-fn is_store(root: Result<Value, OpenError>) -> bool {
-    root.is_ok_and(|json| slice_names_of(&json).is_some())
 }
 
 fn not_a_store(path: &Path) -> RemoveError {
@@ -107,16 +99,12 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     }
     let is_begun = names.iter().any(|name| name == ORIGIN);
     let root = objects.get(ROOT)?;
-    if !is_begun && !root.is_some_and(|bytes| is_store(description::parse_json(path, &bytes))) {
+    if !is_begun && !root.is_some_and(|bytes| remote_store::is_root(path, &bytes)) {
         return Ok(Err(not_a_store(path)));
     }
     // With the mark, it is recognized as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
-    let heads = [manifest::FILE, manifest::OF_PART, ROOT];
-    let (heads, rest) =
-        names.into_iter().filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
-    objects.delete(heads)?;
-    objects.delete(rest)?;
+    remote_store::delete(objects, names.into_iter())?;
     objects.delete(vec![ORIGIN.to_owned()])?;
     Ok(Ok(true))
 }

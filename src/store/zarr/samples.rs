@@ -12,7 +12,7 @@ impl TensorStore {
     pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
         let array = self.samples.as_ref()?;
         let pair = |v: &[u64]| [v[0], v[1]];
-        Some((pair(array.shape()), pair(array.chunk())))
+        Some((pair(array.shape()), pair(&array.chunk)))
     }
 
     pub(super) fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {

@@ -110,7 +110,7 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Returns the requests for units, if fetching ahead is useful.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
-        if self.storage.remote().is_none() {
+        if self.storage.remote.is_none() {
             return Ok(vec![]);
         }
         if let Some(sharded) = &self.sharded {
@@ -143,7 +143,7 @@ impl<T: Number> ChunkedArray<T> {
     /// number of these regions.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
-        let Some(first) = first.filter(|a| a.storage.remote().is_some()) else {
+        let Some(first) = first.filter(|a| a.storage.remote.is_some()) else {
             return Ok(regions.len());
         };
         let mut shards: Vec<(&Self, &Sharded, Vec<u64>)> = vec![];
@@ -190,7 +190,7 @@ impl<T: Number> ChunkedArray<T> {
     /// the shard's order.
     pub(super) fn chunks_of(&self, sharded: &Sharded, shard: &[u64]) -> Vec<(Vec<u64>, Vec<u64>)> {
         let (origin, size) = region::chunk_box(self.shape(), &sharded.shard, shard);
-        let chunks = region::chunks(&size, self.chunk());
+        let chunks = region::chunks(&size, &self.chunk);
         let moved = |(start, size): (Vec<u64>, Vec<u64>)| {
             let start = start.iter().zip(&origin).map(|(s, o)| s + o).collect();
             (start, size)

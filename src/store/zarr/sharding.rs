@@ -13,7 +13,6 @@ use super::shard_shape::{self, Limits};
 use super::sparse_frame::{self, Content};
 use super::{StoredSlice, TensorStore};
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 use std::path::Path;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -51,7 +50,7 @@ impl TensorStore {
         let slices: Vec<StoredSlice> =
             of.slice_names().iter().map(|name| of.slice(name)).collect::<Result<_, _>>()?;
         let layouts: Vec<_> =
-            slices.iter().map(|slice| (slice.layout().clone(), written_attributes(slice))).collect();
+            slices.iter().map(|slice| (slice.layout().clone(), slice.written_attributes())).collect();
         let mut shardings = Shardings::new();
         for slice in &slices {
             let camera = camera_axes(slice.layout());
@@ -60,15 +59,10 @@ impl TensorStore {
                 shardings.insert(node, chosen(&slice.field(field)?.1, camera, limits));
             }
         }
-        let samples = of.samples.as_deref().map(|samples| {
+        if let Some(samples) = &of.samples {
             shardings.insert("samples".into(), chosen(samples, 2, limits));
-            let length = |n: &u64| u32::try_from(*n).unwrap_or(u32::MAX);
-            let (shape, chunk) = (samples.shape(), samples.chunk());
-            SampleGrid {
-                camera: [length(&shape[1]), length(&shape[0])],
-                tile: length(&chunk[0].max(chunk[1])),
-            }
-        });
+        }
+        let samples = of.samples_shape().map(|(shape, chunk)| SampleGrid::new(shape, chunk));
         let new = New { slices: &layouts, attributes: &of.attributes(), samples, shardings: &shardings };
         let fill = |store: &Self| -> Result<(), E> {
             for slice in &slices {
@@ -95,13 +89,6 @@ impl StoredSlice {
     }
 }
 
-/// Returns the attributes of a slice, in order, without those that its layout generates.
-fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
-    let made = ["time_start_ps", "time_bin_ps"];
-    let kept = slice.attributes().iter().filter(|(key, _)| !made.contains(&key.as_str()));
-    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
-}
-
 fn camera_axes(layout: &SliceLayout) -> usize {
     let of_camera = |kind| matches!(kind, AxisKind::Y | AxisKind::X);
     layout.axes.iter().take_while(|axis| of_camera(axis.kind)).count()
@@ -110,8 +97,8 @@ fn camera_axes(layout: &SliceLayout) -> usize {
 /// Chooses the sharding of an array of a finished store.
 fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> Sharding {
     let sizes: Vec<u64> =
-        region::chunks(array.shape(), array.chunk()).map(|(start, _)| array.stored_size(&start)).collect();
-    let array = shard_shape::Array { shape: array.shape(), chunk: array.chunk(), camera, sizes: &sizes };
+        region::chunks(array.shape(), &array.chunk).map(|(start, _)| array.stored_size(&start)).collect();
+    let array = shard_shape::Array { shape: array.shape(), chunk: &array.chunk, camera, sizes: &sizes };
     shard_shape::choose(&array, limits)
 }
 
@@ -155,7 +142,7 @@ fn write<T: Number>(
         return Ok(());
     };
     let written = storage.write_shard(&key, bytes.into(), checksum);
-    written.map_err(|e| AccessError::of_write(target.path(), &e))
+    written.map_err(|e| AccessError::of_write(&target.path, &e))
 }
 
 /// Returns the sealed frames of a chunk that begins at `start`, with their numbers in their shard.
@@ -166,7 +153,7 @@ fn frames<T: Number>(
     size: &[u64],
     values: &[T],
 ) -> Result<Vec<(usize, Vec<u8>)>, AccessError> {
-    let failed = |cause: String| AccessError::Write { path: target.path().to_owned(), cause };
+    let failed = |cause: String| AccessError::Write { path: target.path.clone(), cause };
     if cfg!(target_endian = "big") {
         return Err(failed("shards can be written only on little-endian machines".into()));
     }

@@ -43,7 +43,7 @@ impl StoredSlice {
         samples: Option<[u64; 2]>,
         values: Values,
     ) -> Result<Self, OpenError> {
-        let path = storage.root().join(name);
+        let path = storage.root.join(name);
         let group = path.join("zarr.json");
         let damaged = |reason: String| OpenError::Damaged { path: group.clone(), reason };
         let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
@@ -69,7 +69,7 @@ impl StoredSlice {
                     array.shape(),
                     expected.shape()
                 );
-                return Err(OpenError::Damaged { path: array.path().to_owned(), reason });
+                return Err(OpenError::Damaged { path: array.path.clone(), reason });
             }
             fields[field as usize] = Some((expected, array));
         }
@@ -97,6 +97,13 @@ impl StoredSlice {
     #[must_use]
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
+    }
+
+    /// Returns the attributes, in order, without those that the layout generates.
+    pub(crate) fn written_attributes(&self) -> Map<String, Value> {
+        let mut attributes = self.0.attributes.clone();
+        attributes.retain(|key, _| !["time_start_ps", "time_bin_ps"].contains(&key.as_str()));
+        attributes
     }
 
     pub(super) fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
@@ -240,7 +247,7 @@ impl StoredSlice {
         field: Field,
     ) -> Result<impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<>, AccessError> {
         let array = &self.field(field)?.1;
-        Ok(region::chunks(array.shape(), array.chunk()))
+        Ok(region::chunks(array.shape(), &array.chunk))
     }
 
     /// Returns the position of an axis kind among the axes of the mean.

@@ -54,8 +54,8 @@ fn ramp(n: usize) -> Vec<f32> {
     (0..n).map(|i| (i as f32 * 0.37).sin() + 2.0).collect()
 }
 
-/// Returns all files below a directory with their bytes.
-fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+/// Returns the contents of all files below a folder by their paths relative to it.
+pub(crate) fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
     let mut all = std::collections::BTreeMap::new();
     let mut todo = vec![path.to_owned()];
     while let Some(next) = todo.pop() {

@@ -3,7 +3,6 @@
 
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
-use super::part;
 use super::shard::{self, Shards};
 use crate::place::{Objects, Place};
 use crate::refusal::Refusal;
@@ -39,27 +38,20 @@ pub struct Verified {
 /// is part of the result.
 pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
-    if let Place::Objects(objects) = &place {
-        return verify_objects(path, objects);
-    }
-    if !path.is_dir() {
+    let is_folder = matches!(place, Place::Folder(_));
+    if is_folder && !path.is_dir() {
         return Err(OpenError::Missing { path: path.to_owned() });
     }
-    let (manifest, part) = match Manifest::read(path)? {
-        Some(manifest) => (Some(manifest), None),
-        None => match part::at(path) {
-            Some(part) => (Manifest::read_as(path, manifest::OF_PART)?, Some(part)),
-            None => (None, None),
-        },
-    };
-    let Some(Manifest(entries)) = manifest else {
-        if !path.join("zarr.json").is_file() {
+    let Some((Manifest(entries), part)) = Manifest::read_any(&place, path)? else {
+        if is_folder && !path.join("zarr.json").is_file() {
             return Err(OpenError::NotAStore { path: path.to_owned(), reason: "it has no zarr.json".into() });
         }
         return Err(OpenError::Unfinished { path: path.to_owned() });
     };
-    let found =
-        manifest::files(path).map_err(|e| OpenError::Io { path: path.to_owned(), cause: e.to_string() })?;
+    if let Place::Objects(objects) = &place {
+        return Ok(Verified { part, ..verify_objects(path, objects, &entries)? });
+    }
+    let found = manifest::files(path).map_err(|e| OpenError::io(path, e))?;
     let shards = Shards::in_folder(path, entries.keys());
     let faults: BTreeSet<String> = entries
         .par_iter()
@@ -74,24 +66,13 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     Ok(Verified { part, ..verified(&entries, faults, &found) })
 }
 
-/// Does the same as [`verify`] at an address, where a failed request is an error.
-fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError> {
+/// Does the same as [`verify`] at an address with this manifest, where a failed request is an error.
+fn verify_objects(
+    path: &Path,
+    objects: &Objects,
+    entries: &HashMap<String, Entry>,
+) -> Result<Verified, OpenError> {
     let refused = |e| OpenError::remote(path, e);
-    let (manifest, part) = match Manifest::of_objects(objects, path, manifest::FILE)? {
-        Some(manifest) => (Some(manifest), None),
-        None => match objects.get("zarr.json").map_err(refused)? {
-            Some(root) => match part::of_root(path, &root) {
-                Some(part) => (Manifest::of_objects(objects, path, manifest::OF_PART)?, Some(part)),
-                None => (None, None),
-            },
-            None => {
-                return Err(OpenError::Missing { path: path.to_owned() });
-            }
-        },
-    };
-    let Some(Manifest(entries)) = manifest else {
-        return Err(OpenError::Unfinished { path: path.to_owned() });
-    };
     let mut faults = BTreeSet::new();
     let mut shards = Shards::default();
     // Metadata first, because it determines which files are shards.
@@ -101,7 +82,7 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
     others.sort_unstable();
     for names in [descriptions, others] {
         let mut read = vec![];
-        for batch in batches(&names, &entries) {
+        for batch in batches(&names, entries) {
             let found = objects.get_many(batch).map_err(refused)?;
             for (name, bytes) in batch.iter().zip(found) {
                 let message = fault(name, bytes.as_deref(), entries[name], &shards);
@@ -120,7 +101,7 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
     };
     let found: Vec<String> =
         found.into_iter().map(|(name, _)| name).filter(|name| manifest::is_part(name)).collect();
-    Ok(Verified { part, unlisted, ..verified(&entries, faults, &found) })
+    Ok(Verified { unlisted, ..verified(entries, faults, &found) })
 }
 
 /// Groups names, in order, into batches of limited number and size.

@@ -85,7 +85,7 @@ pub struct SlicePlan {
     slice: Slice,
     /// Its projector pixels, if they are few.
     selected: Option<Selected>,
-    pub(super) layout: SliceLayout,
+    pub layout: SliceLayout,
     /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
     pub(super) camera: [Vec<u32>; 2],
     /// Number of pixels averaged along each axis, per index (1 unless binned).
@@ -196,10 +196,6 @@ impl SlicePlan {
     #[inline]
     pub(super) fn cells(&self) -> u64 {
         self.inner + self.overflow
-    }
-
-    pub fn layout(&self) -> &SliceLayout {
-        &self.layout
     }
 
     /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).

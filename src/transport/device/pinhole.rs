@@ -333,18 +333,6 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    #[inline]
-    #[must_use]
-    pub fn right(&self) -> Vec3A {
-        self.axes.x_axis
-    }
-
-    #[inline]
-    #[must_use]
-    pub fn forward(&self) -> Vec3A {
-        self.axes.z_axis
-    }
-
     /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular.
     #[inline]
     #[must_use]

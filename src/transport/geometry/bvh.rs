@@ -93,11 +93,11 @@ pub struct Geometry {
     /// True if surfaces need derivatives along both texture coordinates ([`Surface::bitangent`]).
     pub(crate) derivatives: bool,
     /// True if the AVX2 code is used.
-    pub(super) avx2: bool,
+    pub(crate) avx2: bool,
     /// Longest edge of the world bounds.
-    pub(super) extent: f32,
+    pub(crate) extent: f32,
     /// Minimum and maximum corner of the world bounds.
-    pub(super) bounds: [Vec3A; 2],
+    pub(crate) bounds: [Vec3A; 2],
     /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. A point on a large
     /// surface can have a larger rounding error than its own coordinates imply.
     pub(super) least: f32,
@@ -273,6 +273,18 @@ impl Geometry {
         out
     }
 
+    /// Returns the index of the object that was hit, as set by
+    /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
+    /// indices of the group; [`Hit::owner`] distinguishes them.
+    #[must_use]
+    pub fn object(&self, hit: &Hit) -> u32 {
+        let [triangles, quadrics] = &self.objects;
+        if hit.leaf & QUADRIC != 0 {
+            return quadrics[(hit.leaf ^ QUADRIC) as usize];
+        }
+        triangles[(self.firsts[(hit.leaf >> 3) as usize] + (hit.leaf & 7)) as usize]
+    }
+
     /// Returns the index in its mesh of the triangle that was hit. Returns `None` for quadrics, instances,
     /// and meshes that were added without
     /// [`GeometryBuilder::facets`](super::builder::GeometryBuilder::facets).
@@ -422,13 +434,6 @@ impl Geometry {
         })
     }
 
-    /// Returns true if the AVX2 code is used: the processor supports it and [`Self::plain`] was not called.
-    #[inline]
-    #[must_use]
-    pub fn avx2(&self) -> bool {
-        self.avx2
-    }
-
     /// Returns the same geometry with the generic code, which is bit-identical but slower.
     #[must_use]
     pub fn plain(mut self) -> Self {
@@ -471,18 +476,5 @@ impl Geometry {
     #[must_use]
     pub fn skin(&self) -> f32 {
         self.extent * SKIN
-    }
-
-    /// Returns the minimum and maximum corner of the world bounds, metres; the origin if the world is empty.
-    #[must_use]
-    pub fn bounds(&self) -> [Vec3A; 2] {
-        self.bounds
-    }
-
-    /// Returns the longest edge of the world bounds, metres.
-    #[inline]
-    #[must_use]
-    pub fn extent(&self) -> f32 {
-        self.extent
     }
 }

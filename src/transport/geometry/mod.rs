@@ -15,7 +15,6 @@ mod instance;
 mod instance_tests;
 pub(crate) mod many;
 pub mod mesh;
-mod object;
 mod pack;
 pub mod quadric;
 pub mod ray;

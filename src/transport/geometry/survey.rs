@@ -93,7 +93,7 @@ impl Survey {
     /// Returns `None` if a primitive is so close that the view would be useless.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
         let mut survey = Self { grid, bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize] };
-        let near = NEAR * geometry.extent();
+        let near = NEAR * geometry.extent;
         let place = |p| to_local * (p - origin);
         if geometry.counts().0 < MANY {
             for (leaf, outline) in geometry.outlines() {
@@ -127,7 +127,7 @@ impl Survey {
 
     /// Enters the world by its tree. A box smaller than a pyramid is entered as a box and hides nothing.
     fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
-        let pad = Vec3A::splat(BOX_MARGIN * geometry.extent());
+        let pad = Vec3A::splat(BOX_MARGIN * geometry.extent);
         let mut todo = vec![0];
         while let Some(node) = todo.pop() {
             for (aabb, child) in geometry.tree.children(node) {

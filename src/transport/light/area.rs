@@ -4,8 +4,8 @@
 //! of at most two triangles is sampled by area as a whole. For spheres, directions are sampled in the cone
 //! that the sphere subtends as seen from outside (Shirley, Wang & Zimmerman 1996).
 
+use super::Drawn;
 use super::bounds::Bounds;
-use super::drawn::Drawn;
 use super::filter::Polarized;
 use super::profile::cone;
 use crate::geometry::mesh::Mesh;

@@ -1,6 +1,6 @@
 //! Light with a single direction: distant light or a beam.
 
-use super::drawn::Drawn;
+use super::Drawn;
 use super::filter::Polarized;
 use glam::Vec3A;
 use optics::spectrum::Spectral;

@@ -8,7 +8,6 @@
 pub mod area;
 pub mod bounds;
 pub mod distant;
-mod drawn;
 pub mod filter;
 pub mod profile;
 pub mod receiver;
@@ -18,14 +17,33 @@ pub mod tree;
 use crate::geometry::bvh::Geometry;
 use crate::geometry::ray::Surface;
 use crate::material::texture::Textures;
-pub use drawn::Drawn;
 
 use area::AreaLight;
 use distant::Distant;
+use filter::Polarized;
 use glam::Vec3A;
+use optics::spectrum::Spectral;
 use receiver::Receiver;
 use sky::Sky;
 use tree::{Choice, LightTree};
+
+/// Light that arrives at a point if unoccluded.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn {
+    /// Unit direction to it.
+    pub wi: Vec3A,
+    /// Its point of origin; for distant light, a point outside the scene.
+    pub position: Vec3A,
+    /// Metres to `position`.
+    pub distance: f32,
+    /// Irradiance at normal incidence divided by the sampling density, W/(m² nm).
+    pub irradiance: Spectral,
+    /// Density per steradian with which the direction was sampled; 0 if material sampling cannot find it.
+    pub density: f32,
+    /// Optical path length before `position`, metres; infinite if travel time is undefined.
+    pub start_m: f64,
+    pub polarized: Polarized,
+}
 
 /// Index of no light, in [`Lights::of_material`].
 pub const NONE: u32 = u32::MAX;

@@ -8,7 +8,7 @@
 //! contribute there, so that the density is positive wherever there is light, times the solid angle (Pharr et
 //! al. 2023, sect. 12.5.2).
 
-use super::drawn::Drawn;
+use super::Drawn;
 use super::filter::Polarized;
 use crate::material::texture::bilinear;
 use glam::{Mat3A, Vec3A};
@@ -38,7 +38,7 @@ pub struct Sky {
     /// Number of cells of the sampling table along the polar angle.
     cells: usize,
     /// Radiances, top row first, W/(m² sr nm).
-    texels: Vec<[f32; 4]>,
+    pub texels: Vec<[f32; 4]>,
     /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
     rows: Vec<f32>,
     columns: Vec<f32>,
@@ -110,12 +110,6 @@ impl Sky {
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
-    }
-
-    /// Returns the radiances, top row first, W/(m² sr nm).
-    #[must_use]
-    pub fn texels(&self) -> &[[f32; 4]] {
-        &self.texels
     }
 
     #[must_use]

@@ -5,6 +5,11 @@ use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
 impl Materials {
+    /// Returns true if `is` holds for some material.
+    pub(crate) fn any(&self, is: impl Fn(&Self, u32) -> bool) -> bool {
+        (0..self.list.len() as u32).any(|id| is(self, id))
+    }
+
     /// Returns true if the material is a smooth refracting interface.
     #[inline]
     pub(crate) fn is_interface(&self, id: u32) -> bool {
@@ -30,21 +35,9 @@ impl Materials {
         self.interface(id)?.refracted(at, wo, lane)
     }
 
-    pub(crate) fn any_interface(&self) -> bool {
-        (0..self.list.len()).any(|id| self.is_interface(id as u32))
-    }
-
     #[inline]
     pub(crate) fn is_rough_interface(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::RoughDielectric(_) | Material::RoughCrystal(_))
-    }
-
-    pub(crate) fn any_rough_interface(&self) -> bool {
-        (0..self.list.len()).any(|id| self.is_rough_interface(id as u32))
-    }
-
-    pub(crate) fn any_disperses(&self) -> bool {
-        (0..self.list.len()).any(|id| self.disperses(id as u32))
     }
 
     /// Returns true if the material's interface refracts wavelengths into different directions.
@@ -64,10 +57,6 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    pub(crate) fn any_splits(&self) -> bool {
-        (0..self.list.len()).any(|id| self.splits(id as u32))
-    }
-
     /// Returns the lobe of light that passes a crystal's face on one of its two waves
     /// (`double_refraction`), at one wavelength.
     #[inline]
@@ -81,12 +70,7 @@ impl Materials {
 
     /// Returns true if a normal map changes the normals of the material or of one of its parts.
     pub(crate) fn is_turned(&self, id: u32) -> bool {
-        match &self.list[id as usize] {
-            Material::NormalMap(_) => true,
-            Material::TwoSided(m) => m.sides().any(|side| self.is_turned(side)),
-            Material::Blend(m) => self.is_turned(m.a) || self.is_turned(m.b),
-            Material::PartialDepolarizer(m) => self.is_turned(m.material),
-            _ => false,
-        }
+        let material = &self.list[id as usize];
+        matches!(material, Material::NormalMap(_)) || material.parts().any(|part| self.is_turned(part))
     }
 }

@@ -25,7 +25,6 @@ pub mod lobe;
 mod lobes;
 pub mod measured;
 pub mod normal_map;
-mod null;
 pub mod partial_depolarizer;
 pub mod plastic;
 pub mod polarizer;
@@ -71,6 +70,21 @@ pub enum Material {
     Measured(measured::Measured),
     /// A boundary that does not affect light.
     Null,
+}
+
+impl Material {
+    /// Returns the materials of which a composite material consists.
+    #[inline]
+    fn parts(&self) -> impl Iterator<Item = u32> {
+        let parts = match self {
+            Self::TwoSided(m) => [Some(m.front), m.back],
+            Self::Blend(m) => [Some(m.a), Some(m.b)],
+            Self::NormalMap(m) => [Some(m.material), None],
+            Self::PartialDepolarizer(m) => [Some(m.material), None],
+            _ => [None; 2],
+        };
+        parts.into_iter().flatten()
+    }
 }
 
 /// Matches smooth metals and sheets, which have delta lobes only and no inside.
@@ -136,13 +150,7 @@ impl Materials {
 
     /// [`Self::has_extended_lobe`] for composite materials.
     fn has_extended_lobe_rest(&self, material: &Material) -> bool {
-        match material {
-            Material::TwoSided(m) => m.sides().any(|side| self.has_extended_lobe(side)),
-            Material::Blend(m) => self.has_extended_lobe(m.a) || self.has_extended_lobe(m.b),
-            Material::NormalMap(m) => self.has_extended_lobe(m.material),
-            Material::PartialDepolarizer(m) => self.has_extended_lobe(m.material),
-            _ => unreachable!("plain materials are handled by the caller"),
-        }
+        material.parts().any(|part| self.has_extended_lobe(part))
     }
 
     /// Returns the Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
@@ -264,7 +272,7 @@ impl Materials {
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
             Material::RoughCrystal(m) => m.sample(id, &self.textures, at, wo, lanes, stream),
             Material::Measured(m) => m.sample(&self.tables, at, wo, stream),
-            Material::Null => Some(null::straight(wo).chosen(1.0)),
+            Material::Null => Some(sheet::null(wo).chosen(1.0)),
             Material::Diffuse(_)
             | Material::Conductor(_)
             | Material::RoughConductor(_)
@@ -297,7 +305,7 @@ impl Materials {
             (Material::CoatedConductor(_), Lobe::Transmitted) => None,
             (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
             (Material::Retarder(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
-            (Material::Null, Lobe::Transmitted) => Some(null::straight(wo)),
+            (Material::Null, Lobe::Transmitted) => Some(sheet::null(wo)),
             (Material::Polarizer(_) | Material::Retarder(_) | Material::Null, Lobe::Reflected) => None,
             (Material::ThinDielectric(m), _) => m.specular(at, wo, lobe),
             (Material::Crystal(m), _) => m.specular(id, at, wo, lobe, lane),
@@ -377,10 +385,6 @@ impl Materials {
     /// Returns true if some normal map is a bump map.
     pub(crate) fn any_heights(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::NormalMap(map) if map.heights))
-    }
-
-    pub(crate) fn any_null(&self) -> bool {
-        self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
     /// Returns true if the material is a crystal with smooth faces.

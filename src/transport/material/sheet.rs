@@ -6,9 +6,10 @@
 use super::lobe::Specular;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
-use optics::polarization::frame::project;
+use optics::polarization::frame::{perpendicular, project};
 use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
 
 /// An axis in a sheet.
 #[derive(Clone, Copy, Debug)]
@@ -39,4 +40,12 @@ impl SheetAxis {
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
+}
+
+/// Returns the undeflected transmission to `wo` at a boundary between media of equal index, which keeps the
+/// polarization.
+#[inline]
+pub(super) fn null(wo: Vec3A) -> Specular {
+    let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };
+    straight(wo, block, perpendicular(wo))
 }

@@ -142,9 +142,9 @@ impl Plan {
         };
         // Estimated for all light, not only redirected light.
         if scene.settings.strategy.is_none() {
-            let pilot = || plan.pilot(scene).threshold();
+            let pilot = || plan.pilot(scene).0;
             let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
-            plan.setup.roulette = Roulette::of(threshold);
+            plan.setup.roulette = Roulette(threshold);
         }
         plan.setup.redirected = redirected;
         if let Some(light) = light.filter(|_| plan.has_splats(scene)) {
@@ -374,7 +374,7 @@ impl Walks {
     ) -> u32 {
         let strategies = plan.setup.strategies;
         let all = !plan.setup.redirected;
-        let mut joiner = Joiner::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream);
+        let mut joiner = Joiner::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream, out);
         for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
             let camera = &self.camera.points[..t];
             let point = &camera[t - 1];
@@ -384,7 +384,7 @@ impl Walks {
             let sources = 0..plan.setup.emission.count();
             let inside = strategies.has(Strategy::RoughInterface);
             // Straight lines from particles are blocked by rough interfaces.
-            let shut = inside && joiner.join_through_rough(camera, out);
+            let shut = inside && joiner.join_through_rough(camera);
             let next_event = all && !shut && strategies.has(Strategy::NextEvent);
             for source in sources.clone().filter(|_| next_event) {
                 let lit = plan.setup.emission.pixel(scene, ends, source, point.surface.p);
@@ -401,23 +401,23 @@ impl Walks {
                         emitter.chain.scale(Spectral::splat(share));
                     }
                     let sender = Sender { source, pixel: lit };
-                    joiner.join(camera, &[emitter], sender, None, out);
+                    joiner.join(camera, &[emitter], sender, None);
                 }
             }
             if scene.settings.strategy.is_none() && !scene.lights.is_empty() && all {
-                joiner.join_lights(camera, out);
+                joiner.join_lights(camera);
             }
             let alone = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
             let over_flats = alone || plan.setup.mirrors.flats_weigh();
             for source in sources {
                 if strategies.has(Strategy::SmoothInterfaces) {
-                    joiner.join_by_manifold(camera, source, out);
+                    joiner.join_by_manifold(camera, source);
                 }
                 if over_flats {
-                    joiner.join_over_flats(camera, source, alone, out);
+                    joiner.join_over_flats(camera, source, alone);
                 }
                 if alone {
-                    joiner.join_alone(camera, source, out);
+                    joiner.join_alone(camera, source);
                 }
             }
         }
@@ -434,7 +434,7 @@ impl Walks {
         stream: &mut Stream,
         out: &mut Contributions,
     ) -> u32 {
-        let mut joiner = Joiner::new(scene, &plan.setup, ends, &mut self.scratch, stream);
+        let mut joiner = Joiner::new(scene, &plan.setup, ends, &mut self.scratch, stream, out);
         for s in plan.first()..=self.light.points.len() {
             if !self.light.points[s - 1].connects(scene) {
                 continue;
@@ -442,7 +442,7 @@ impl Walks {
             for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
                 if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
                     let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
-                    joiner.join(camera, light, sender, None, out);
+                    joiner.join(camera, light, sender, None);
                 }
             }
         }

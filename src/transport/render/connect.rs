@@ -1,6 +1,6 @@
 //! Next-event estimation: connections from a surface point to the projector and to the point emitters.
 
-use super::sheets::{self, Blocked, Connection};
+use super::sheets::{self, Connection};
 use super::state::State;
 use super::views::Views;
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -25,6 +25,9 @@ use optics::spectrum::Spectral;
 
 /// A surface point on the path.
 pub(super) struct Vertex<'a> {
+    pub scene: &'a Scene,
+    /// The state of the path behind the ray that hit it.
+    pub state: &'a State,
     pub hit: Hit,
     pub surface: &'a Surface,
     /// Direction in which light leaves.
@@ -89,14 +92,12 @@ impl<const N: usize> LitAt<'_, N> {
 /// rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
-    scene: &Scene,
     views: &Views,
-    state: &State,
     at: &Vertex<'_>,
     lit: Option<LitAt<N>>,
     out: &mut Contributions,
 ) -> u32 {
-    let mut rays = 0;
+    let (scene, mut rays) = (at.scene, 0);
     if let (Some(projector), Some(LitAt { lit, place })) = (&scene.projector, lit)
         && lit.at.pixel[place] != OUTSIDE
     {
@@ -114,32 +115,26 @@ pub(super) fn connect_all<const N: usize>(
             Some(view) => view.sees(lit.cells[place], a.local[2][place], &at.hit, at.surface),
             None => None,
         };
-        rays += connect(scene, state, at, &connection, seen, out);
+        rays += connect(at, &connection, seen, out);
     }
     if !scene.points.is_empty() && scene.point_tree.is_none() {
-        rays += connect_points(scene, state, at, out);
+        rays += connect_points(at, out);
     }
     rays
 }
 
 /// Connects a surface point along a line that is known to be free.
 #[inline(never)]
-pub(super) fn connect_known(
-    scene: &Scene,
-    state: &State,
-    at: &Vertex<'_>,
-    to: &Connection,
-    out: &mut Contributions,
-) {
-    connect(scene, state, at, to, Some(true), out);
+pub(super) fn connect_known(at: &Vertex<'_>, to: &Connection, out: &mut Contributions) {
+    connect(at, to, Some(true), out);
 }
 
 /// Connects a surface point to every point emitter. Returns the number of rays traced.
 #[inline(never)]
-fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contributions) -> u32 {
+fn connect_points(at: &Vertex<'_>, out: &mut Contributions) -> u32 {
     let mut rays = 0;
-    for point in &scene.points {
-        rays += connect_point(scene, state, at, (point, 1.0), out);
+    for point in &at.scene.points {
+        rays += connect_point(at, (point, 1.0), out);
     }
     rays
 }
@@ -147,24 +142,16 @@ fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contr
 /// Connects a surface point to point emitter `number`, chosen with `chance`. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
-    scene: &Scene,
-    state: &State,
     at: &Vertex<'_>,
     (number, chance): (u32, f32),
     out: &mut Contributions,
 ) -> u32 {
-    connect_point(scene, state, at, (&scene.points[number as usize], chance), out)
+    connect_point(at, (&at.scene.points[number as usize], chance), out)
 }
 
 /// Connects a surface point to a point emitter chosen with probability `chance`. Returns the number of rays.
 #[inline(always)]
-fn connect_point(
-    scene: &Scene,
-    state: &State,
-    at: &Vertex<'_>,
-    (point, chance): (&PointEmitter, f32),
-    out: &mut Contributions,
-) -> u32 {
+fn connect_point(at: &Vertex<'_>, (point, chance): (&PointEmitter, f32), out: &mut Contributions) -> u32 {
     let to = point.position - at.surface.p;
     let distance = to.length();
     if distance <= 0.0 {
@@ -179,24 +166,19 @@ fn connect_point(
         wi,
         position: point.position,
         distance,
-        irradiance: point.share(&scene.materials.textures, -wi, share),
+        irradiance: point.share(&at.scene.materials.textures, -wi, share),
         polarized: Polarized { axis: point.axis, filter: None },
         pixel: NO_PIXEL,
         start_m: 0.0,
     };
-    connect(scene, state, at, &connection, None, out)
+    connect(at, &connection, None, out)
 }
 
 /// Connects a surface point to all directional lights and to a sampled light. Returns the number of rays.
 #[inline(never)]
-pub(super) fn connect_lights(
-    scene: &Scene,
-    state: &State,
-    at: &Vertex<'_>,
-    drawn: Option<Drawn>,
-    out: &mut Contributions,
-) -> u32 {
-    let (lights, surface) = (&scene.lights, at.surface);
+pub(super) fn connect_lights(at: &Vertex<'_>, drawn: Option<Drawn>, out: &mut Contributions) -> u32 {
+    let &Vertex { scene, surface, .. } = at;
+    let lights = &scene.lights;
     let mut rays = 0;
     let distant = lights.distant.iter().filter_map(|d| d.toward(surface.p, scene.far));
     for drawn in distant.chain(drawn) {
@@ -215,28 +197,21 @@ pub(super) fn connect_lights(
             pixel: NO_PIXEL,
             start_m: drawn.start_m,
         };
-        rays += connect(scene, state, at, &connection, None, out);
+        rays += connect(at, &connection, None, out);
     }
     rays
 }
 
 /// Makes one connection: checks known visibility, then the BRDF, and only then traces a ray.
 #[inline(always)]
-fn connect(
-    scene: &Scene,
-    state: &State,
-    at: &Vertex<'_>,
-    to: &Connection,
-    known: Option<bool>,
-    out: &mut Contributions,
-) -> u32 {
+fn connect(at: &Vertex<'_>, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     if known == Some(false) {
         return 0;
     }
     if out.labelled {
-        return connect_by_kind(scene, state, at, to, known, out);
+        return connect_by_kind(at, to, known, out);
     }
-    let (surface, wo) = (at.surface, at.wo);
+    let &Vertex { scene, state, surface, wo, .. } = at;
     // Borrowed, not moved, because it is large.
     let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
@@ -244,24 +219,15 @@ fn connect(
     };
     match look(scene, surface, to, known) {
         (rays, Sight::Shut) => rays,
-        (rays, Sight::Free) => rays + bring(scene, state, at, to, (scatter, state.label, None), out),
-        (rays, Sight::Blocked(ray)) => {
-            rays + bring(scene, state, at, to, (scatter, state.label, Some(ray)), out)
-        }
+        (rays, Sight::Free) => rays + bring(at, to, (scatter, state.label, None), out),
+        (rays, Sight::Blocked(ray)) => rays + bring(at, to, (scatter, state.label, Some(ray)), out),
     }
 }
 
 /// Implements [`connect`] with one contribution for each kind of lobe.
 #[inline(never)]
-fn connect_by_kind(
-    scene: &Scene,
-    state: &State,
-    at: &Vertex<'_>,
-    to: &Connection,
-    known: Option<bool>,
-    out: &mut Contributions,
-) -> u32 {
-    let surface = at.surface;
+fn connect_by_kind(at: &Vertex<'_>, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
+    let &Vertex { scene, state, surface, .. } = at;
     let lobes = scene.materials.lobes(surface.material, surface, at.wo, to.wi);
     if lobes.is_empty() {
         return 0;
@@ -272,7 +238,7 @@ fn connect_by_kind(
         (rays, Sight::Blocked(ray)) => (rays, Some(ray)),
     };
     for (kind, scatter) in &lobes {
-        rays += bring(scene, state, at, to, (scatter, state.label | kind, blocked), out);
+        rays += bring(at, to, (scatter, state.label | kind, blocked), out);
     }
     rays
 }
@@ -304,38 +270,26 @@ fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) 
 /// Appends an emitter's light by an interaction (with label and blocked ray). Returns the number of rays.
 #[inline(always)]
 fn bring(
-    scene: &Scene,
-    state: &State,
     at: &Vertex<'_>,
     to: &Connection,
     (scatter, label, blocked): (&Scatter, u8, Option<Ray>),
     out: &mut Contributions,
 ) -> u32 {
-    let (surface, wo) = (at.surface, at.wo);
+    let &Vertex { scene, state, surface, wo, .. } = at;
     let id = surface.material;
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let filling = beyond.flatten().unwrap_or(state.filling);
     if let Some(shadow) = blocked {
-        let blocked = Blocked {
-            to,
-            scatter,
-            wo,
-            from: surface.p,
-            at: state.from,
-            shadow,
-            filling,
-            bounces: at.bounces,
-            label,
-        };
-        return sheets::connect(scene, state, &blocked, out);
+        let ray = (shadow, filling);
+        return sheets::connect(at, to, ray, (scatter, label), out);
     }
     let extent = if to.polarized.filter.is_some() {
-        through_filter(scene, state, scatter, filling, wo, to, out)
+        through_filter(at, scatter, filling, to, out)
     } else if let Scatter::Depolarize(f) = scatter {
         state.chain.finish_depolarized(*f * to.irradiance, out.elements)
     } else if filling.crystal != NO_CRYSTAL {
-        through_filter(scene, state, scatter, filling, wo, to, out)
+        through_filter(at, scatter, filling, to, out)
     } else {
         let frame_in = scatter.frame_in();
         let (c2, s2) = turn(-to.wi, to.polarized.frame(-to.wi), frame_in);
@@ -350,20 +304,18 @@ fn bring(
 /// Finishes a path whose last segment passes a crystal, which changes polarization, or the emitter's filter.
 #[cold]
 fn through_filter(
-    scene: &Scene,
-    state: &State,
+    at: &Vertex<'_>,
     scatter: &Scatter,
     filling: Filling,
-    wo: Vec3A,
     to: &Connection,
     out: &mut Contributions,
 ) -> Extent {
-    let mut chain = state.chain;
-    let frame = chain.push(scatter, wo, state.frame);
+    let mut chain = at.state.chain;
+    let frame = chain.push(scatter, at.wo, at.state.frame);
     chain.scale(to.irradiance);
     // After a depolarizing interaction any frame is valid.
     let mut frame = frame.unwrap_or_else(|| perpendicular(to.wi));
-    if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
+    if let Some(way) = at.scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
         frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
     }
     to.polarized.end(&mut chain, -to.wi, frame);

@@ -209,9 +209,9 @@ impl Emission {
                 (point.share(&scene.materials.textures, dir, share), point.axis)
             }
             Emitter::Projector(p) => {
-                let cos = dir.dot(p.pinhole.forward());
+                let cos = dir.dot(p.pinhole.axes.z_axis);
                 let factor = Spectral::splat(1.0 / (cos * cos * cos));
-                (p.irradiance * factor, p.pinhole.right())
+                (p.irradiance * factor, p.pinhole.axes.x_axis)
             }
         }
     }

@@ -93,7 +93,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
             return None;
         }
         let t = g.surface(&back, &other);
-        let both = (s.rounding + t.rounding) * UNIT * g.extent();
+        let both = (s.rounding + t.rounding) * UNIT * g.extent;
         let least = (3.0 * near + g.moved(&t)).max(both);
         // A surface in front by more than rounding is hit first.
         let width = far - other.t;

@@ -21,7 +21,7 @@ pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
 /// All curved mirrors, approximated by one ball that scatters light uniformly.
 #[derive(Debug, Default)]
 pub(super) struct Glints {
-    centre: Vec3A,
+    pub centre: Vec3A,
     radius: f32,
     /// Sum of area times reflectance, in m².
     reflecting: f32,
@@ -43,10 +43,6 @@ impl Glints {
 
     pub fn unknown() -> Self {
         Self { reflecting: f32::INFINITY, ..Self::default() }
-    }
-
-    pub fn centre(&self) -> Vec3A {
-        self.centre
     }
 
     /// Returns the irradiance at `p` per intensity of an emitter at `from`, in m⁻².

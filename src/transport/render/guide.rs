@@ -190,8 +190,7 @@ mod tests {
     /// A forward-scattering medium with two targets for camera subpaths.
     fn guided() -> (Media, Guide) {
         let mut media = Media::default();
-        let bulk =
-            Bulk { absorption: 0.0, scattering: 1.0, index: 1.0, asymmetry: 0.7, c_sca: 0.0, c_abs: 0.0 };
+        let bulk = Bulk { scattering: 1.0, index: 1.0, asymmetry: 0.7, ..Bulk::default() };
         media.push(&Optics {
             bulk: vec![bulk],
             phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(0.7), 0.0, 0.0)),

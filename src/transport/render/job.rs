@@ -14,7 +14,7 @@ use tensor::slice::Slice;
 /// Returns the job of rendering all slices of a scene; `plans` are its [`plans`].
 pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     let slices = scene.slices.iter().zip(plans).map(|(slice, plan)| JobSlice {
-        layout: plan.layout().clone(),
+        layout: plan.layout.clone(),
         attributes: slice_attributes(scene, slice, plan),
     });
     Job {

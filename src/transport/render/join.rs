@@ -120,6 +120,8 @@ pub(super) struct Joiner<'a> {
     /// False if no other strategy samples the same paths, or if weights are not needed.
     pub weighs: bool,
     pub stream: &'a mut Stream,
+    /// The contributions so far.
+    pub out: Contributions<'a>,
     pub rays: u32,
 }
 
@@ -131,6 +133,7 @@ impl<'a> Joiner<'a> {
         ends: [&'a Ends; 2],
         scratch: &'a mut Scratch,
         stream: &'a mut Stream,
+        out: &'a mut Contributions,
     ) -> Self {
         Self {
             stream,
@@ -139,35 +142,29 @@ impl<'a> Joiner<'a> {
             ends,
             scratch,
             weighs: setup.strategies.walk_from_light() && scene.settings.strategy.is_none(),
+            out: Contributions::new(out.list, out.elements, out.labelled),
             rays: 0,
         }
     }
 
     /// Connects the last vertex of a light subpath to the camera, with weight `factor`.
-    pub fn splat(&mut self, light: &[Point], sender: Sender, factor: f32, out: &mut Contributions) {
+    pub fn splat(&mut self, light: &[Point], sender: Sender, factor: f32) {
         let camera = &self.ends[0].camera;
         let point = last(light);
-        let dir = (point.surface.p - camera.origin).normalize_or(camera.forward());
+        let dir = (point.surface.p - camera.origin).normalize_or(camera.axes.z_axis);
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
         end.chain.scale(Spectral::splat(end.density / self.setup.walks as f32));
-        self.join(&[Point::end(self.scene, &end)], light, sender, Some(factor), out);
+        self.join(&[Point::end(self.scene, &end)], light, sender, Some(factor));
     }
 
     /// Connects the last vertices of a camera subpath and a light subpath and appends the contribution. Both
     /// vertices may be ends. `factor` is the weight if roulette has already been decided.
-    pub fn join(
-        &mut self,
-        camera: &[Point],
-        light: &[Point],
-        sender: Sender,
-        factor: Option<f32>,
-        out: &mut Contributions,
-    ) {
+    pub fn join(&mut self, camera: &[Point], light: &[Point], sender: Sender, factor: Option<f32>) {
         if self.are_parted(camera, light) {
             return;
         }
-        if !out.labelled {
-            self.join_lobes(camera, light, sender, (factor, [None; 2]), out);
+        if !self.out.labelled {
+            self.join_lobes(camera, light, sender, (factor, [None; 2]));
             return;
         }
         let (scene, z, y) = (self.scene, last(camera), last(light));
@@ -201,7 +198,7 @@ impl<'a> Joiner<'a> {
         let of_light = kinds(y, -way, y.back);
         for of_z in kinds(z, z.back, way) {
             for of_y in &of_light {
-                self.join_lobes(camera, light, sender, (Some(factor), [of_z, *of_y]), out);
+                self.join_lobes(camera, light, sender, (Some(factor), [of_z, *of_y]));
             }
         }
     }
@@ -234,7 +231,6 @@ impl<'a> Joiner<'a> {
         light: &[Point],
         sender: Sender,
         (factor, kinds): (Option<f32>, [Option<u8>; 2]),
-        out: &mut Contributions,
     ) {
         let scene = self.scene;
         let (z, y) = (last(camera), last(light));
@@ -299,7 +295,7 @@ impl<'a> Joiner<'a> {
             interactions: interactions + way.sheets,
             label: kinds.iter().fold(z.label | y.label, |all, kind| all | kind.unwrap_or(0)),
         };
-        meet(chain, Beam { travel, frame }, y, &record, out);
+        meet(chain, Beam { travel, frame }, y, &record, &mut self.out);
     }
 
     /// Traces a connection; returns `None` if it is blocked.

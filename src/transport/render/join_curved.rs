@@ -12,7 +12,6 @@ use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
 use super::point::{Point, last};
 use super::traced::Traced;
-use crate::accumulate::Contributions;
 use glam::Vec3A;
 use optics::spectrum::max_lane;
 
@@ -23,15 +22,15 @@ impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
     /// accounts for, and appends the contributions: randomly found paths and paths through crystals. They
     /// must not be [`Self::reached`] by other strategies.
-    pub fn join_alone(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    pub fn join_alone(&mut self, camera: &[Point], source: usize) {
         if self.setup.mirrors.splits {
-            self.join_through_crystals(camera, source, out);
+            self.join_through_crystals(camera, source);
         }
-        self.join_over_one(camera, source, out);
-        self.join_through(camera, source, out);
+        self.join_over_one(camera, source);
+        self.join_through(camera, source);
     }
 
-    fn join_over_one(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    fn join_over_one(&mut self, camera: &[Point], source: usize) {
         let z = last(camera);
         let setup = self.setup;
         let to = setup.emission.position(self.scene, self.ends[0], source);
@@ -42,12 +41,12 @@ impl Joiner<'_> {
             let seed = setup.mirrors.draw(joiner.stream)?;
             joiner.way_over(z, &[seed], Goal { to, lane })
         };
-        self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0), out);
+        self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0));
     }
 
     /// Connects by all other paths that include something curved: through curved glass, except for the path
     /// that [`Self::join_by_manifold`] finds, and over several mirrors.
-    fn join_through(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    fn join_through(&mut self, camera: &[Point], source: usize) {
         let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
         let Some(bends) = most(scene).checked_sub(z.interactions + 1).filter(|n| *n > 0) else {
@@ -73,7 +72,7 @@ impl Joiner<'_> {
             let brings = z.chain.max_m00() * max_lane(scattered.m00()) * arrives;
             setup.roulette.spin(brings, joiner.stream)
         };
-        self.join_by_chance(camera, source, factor, draw, decide, out);
+        self.join_by_chance(camera, source, factor, draw, decide);
     }
 
     /// Returns true if a path over mirrors is found from its deterministic initial guess.
@@ -102,7 +101,6 @@ impl Joiner<'_> {
         factor: f32,
         mut draw: impl FnMut(&mut Self, usize, bool) -> Option<Way>,
         decide: impl Fn(&mut Self, &Way) -> Option<f32>,
-        out: &mut Contributions,
     ) {
         let z = last(camera);
         let mut found = |joiner: &mut Self, lane| {
@@ -114,7 +112,7 @@ impl Joiner<'_> {
         };
         if !self.setup.mirrors.disperses {
             self.each_way(z, found, |joiner, way, takers| {
-                joiner.join_way(camera, source, way, takers, out);
+                joiner.join_way(camera, source, way, takers);
             });
             return;
         }
@@ -122,7 +120,7 @@ impl Joiner<'_> {
         for k in 0..z.lanes.count() {
             let lane = z.lanes.nth(k);
             if let Some((way, tries)) = found(self, lane) {
-                self.join_way(camera, source, &way, Takers::only(lane, tries), out);
+                self.join_way(camera, source, &way, Takers::only(lane, tries));
             }
         }
     }
@@ -133,7 +131,7 @@ impl Joiner<'_> {
         if setup.mirrors.is_flat() {
             return None;
         }
-        let toward = |p: Vec3A| (glints.centre() - p).normalize_or(Vec3A::Z);
+        let toward = |p: Vec3A| (glints.centre - p).normalize_or(Vec3A::Z);
         let scattered = z.scatter(scene, z.back, toward(z.surface.p));
         let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, toward(to));
         let expected = z.chain.max_m00()

@@ -7,7 +7,7 @@ use super::emission::Sender;
 use super::join::Joiner;
 use super::point::{End, Point, last};
 use super::state::From;
-use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::accumulate::NO_PIXEL;
 use crate::geometry::ray::Ray;
 use crate::light::{Drawn, share};
 use crate::material::Filling;
@@ -17,7 +17,7 @@ use optics::spectrum::Spectral;
 
 impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to all directional lights and to a sampled light.
-    pub fn join_lights(&mut self, camera: &[Point], out: &mut Contributions) {
+    pub fn join_lights(&mut self, camera: &[Point]) {
         let (scene, guide, point) = (self.scene, &self.setup.guide, last(camera));
         let p = point.surface.p;
         let [u, v] = self.stream.uniform2();
@@ -34,12 +34,12 @@ impl Joiner<'_> {
             } else {
                 1.0
             };
-            self.join_drawn(camera, &drawn, share, out);
+            self.join_drawn(camera, &drawn, share);
         }
         self.weighs = weighs;
     }
 
-    fn join_drawn(&mut self, camera: &[Point], drawn: &Drawn, share: f32, out: &mut Contributions) {
+    fn join_drawn(&mut self, camera: &[Point], drawn: &Drawn, share: f32) {
         let dir = -drawn.wi;
         // Compensates for the division by the squared distance along the connection.
         let intensity = share * drawn.distance * drawn.distance;
@@ -57,6 +57,6 @@ impl Joiner<'_> {
         let mut emitter = Point::end(self.scene, &end);
         emitter.optical_m = drawn.start_m;
         let sender = Sender { source: 0, pixel: NO_PIXEL };
-        self.join(camera, &[emitter], sender, None, out);
+        self.join(camera, &[emitter], sender, None);
     }
 }

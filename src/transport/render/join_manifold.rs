@@ -11,7 +11,6 @@ use super::point::{Point, Site, last};
 use super::route::Route;
 use super::split_way::{Choice, SplitSearch};
 use super::state::Beam;
-use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
 use crate::material::Lanes;
 use crate::scene::Scene;
@@ -68,7 +67,7 @@ fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
 
 impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to an emitter through interfaces.
-    pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    pub fn join_by_manifold(&mut self, camera: &[Point], source: usize) {
         let z = last(camera);
         let (scene, emission) = (self.scene, &self.setup.emission);
         let to = emission.position(scene, self.ends[0], source);
@@ -83,13 +82,13 @@ impl Joiner<'_> {
         self.each_way(
             z,
             |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
-            |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
+            |joiner, way, takers| joiner.join_way(camera, source, way, takers),
         );
     }
 
     /// Connects the last vertex of a camera subpath to an emitter through crystals with double images. The
     /// path must not be [`Self::reached`] by other strategies.
-    pub fn join_through_crystals(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    pub fn join_through_crystals(&mut self, camera: &[Point], source: usize) {
         let (z, scene) = (last(camera), self.scene);
         let to = self.setup.emission.position(scene, self.ends[0], source);
         let search = self.straight(z, to).and_then(|start| SplitSearch::straight(scene, start, to));
@@ -97,7 +96,7 @@ impl Joiner<'_> {
             self.each_way(
                 z,
                 |_, lane| Some((search.as_ref()?.find(Choice { lane, waves })?, 1.0)),
-                |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
+                |joiner, way, takers| joiner.join_way(camera, source, way, takers),
             );
         }
     }
@@ -115,7 +114,7 @@ impl Joiner<'_> {
     /// contribution. If `alone`, no other strategy samples the paths ([`Self::reached`]), and sequences of
     /// three or more mirrors are tried as well. Otherwise other strategies must account for these connections
     /// in their weights ([`Mirrors::flats_weigh`]).
-    pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool, out: &mut Contributions) {
+    pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
         let chance = flats_chance(scene, z);
@@ -131,7 +130,7 @@ impl Joiner<'_> {
             self.each_way(
                 z,
                 |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
-                |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
+                |joiner, way, takers| joiner.join_way(camera, source, way, takers),
             );
         };
         setup.mirrors.flat_ways(z.surface.p, to, &mut take);
@@ -266,25 +265,18 @@ impl Joiner<'_> {
     }
 
     /// Appends the contribution of a specular path for its wavelengths.
-    pub fn join_way(
-        &mut self,
-        camera: &[Point],
-        source: usize,
-        way: &Way,
-        takers: Takers,
-        out: &mut Contributions,
-    ) {
+    pub fn join_way(&mut self, camera: &[Point], source: usize, way: &Way, takers: Takers) {
         let scene = self.scene;
         let z = last(camera);
-        if !out.labelled {
+        if !self.out.labelled {
             if let Some(scatter) = z.scatter(scene, z.back, way.dir) {
-                self.join_way_by(camera, source, way, takers, (&scatter, 0), out);
+                self.join_way_by(camera, source, way, takers, (&scatter, 0));
             }
             return;
         }
         for (kind, scatter) in z.lobes(scene, z.back, way.dir) {
             let label = z.label | kind | way.label();
-            self.join_way_by(camera, source, way, takers, (&scatter, label), out);
+            self.join_way_by(camera, source, way, takers, (&scatter, label));
         }
     }
 
@@ -296,7 +288,6 @@ impl Joiner<'_> {
         way: &Way,
         takers: Takers,
         (scatter, label): (&Scatter, u8),
-        out: &mut Contributions,
     ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let z = last(camera);
@@ -338,7 +329,7 @@ impl Joiner<'_> {
             label,
         };
         let beam = Beam { travel: way.emitted, frame };
-        meet(chain, beam, &emitter, &record, out);
+        meet(chain, beam, &emitter, &record, &mut self.out);
     }
 
     /// For a light subpath that starts with interfaces: returns the index of the first vertex behind them at

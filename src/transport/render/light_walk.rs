@@ -1,11 +1,12 @@
 //! Light subpaths by number: each depends only on its number and the seed.
 
+use super::bidirectional::{Plan, Walks};
 use super::emission::{Ends, Sender};
-use super::join::{Setup, most};
+use super::join::most;
 use super::parting::Parting;
 use super::splats::WalkNumber;
 use super::state::From;
-use super::walk::{First, Limits, Walk};
+use super::walk::{First, Limits};
 use crate::scene::Scene;
 use optics::sampling::stream::Stream;
 
@@ -21,29 +22,31 @@ pub(super) struct Begun {
     pub limits: Limits,
 }
 
-/// Traces a light subpath (or its first branch) up to `point`; `None` if the scene has no sources.
-pub(super) fn light_walk(
-    walk: &mut Walk,
-    scene: &Scene,
-    setup: &Setup,
-    seed: u64,
-    number: WalkNumber,
-    (point, parting): (usize, Parting),
-) -> Option<Begun> {
-    let seed = seed ^ LIGHT_SEED;
-    let mut stream = Stream::new(seed, number.walk, number.sample);
-    let ends = Ends::draw(scene, &mut stream);
-    let start = setup.emission.start(scene, &ends, spread(seed, number), &mut stream)?;
-    let limits = Limits {
-        interactions: most(scene),
-        point,
-        escapes: false,
-        labelled: setup.labelled,
-        first: if setup.redirected { First::Redirects } else { First::Anything },
-        parting,
-    };
-    walk.run(scene, &setup.guide, From::Light, &start.end, &mut stream, limits);
-    Some(Begun { ends, sender: start.sender, stream, limits })
+impl Walks {
+    /// Traces a light subpath (or its first branch) up to `point`; `None` if the scene has no sources.
+    pub(super) fn light_walk(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        (point, parting): (usize, Parting),
+    ) -> Option<Begun> {
+        self.scratch.seen[1] = None;
+        let (setup, seed) = (&plan.setup, plan.seed ^ LIGHT_SEED);
+        let mut stream = Stream::new(seed, number.walk, number.sample);
+        let ends = Ends::draw(scene, &mut stream);
+        let start = setup.emission.start(scene, &ends, spread(seed, number), &mut stream)?;
+        let limits = Limits {
+            interactions: most(scene),
+            point,
+            escapes: false,
+            labelled: setup.labelled,
+            first: if setup.redirected { First::Redirects } else { First::Anything },
+            parting,
+        };
+        self.light.run(scene, &setup.guide, From::Light, &start.end, &mut stream, limits);
+        Some(Begun { ends, sender: start.sender, stream, limits })
+    }
 }
 
 /// Returns the point on the projector's image from which a subpath starts. The points of one sample are

@@ -141,9 +141,9 @@ impl Mirrors {
     /// Collects all specularly reflecting surfaces of a scene.
     pub fn new(geometry: &Geometry, materials: &Materials) -> Self {
         let mut out = Self {
-            bent: materials.any_interface(),
-            disperses: materials.any_disperses(),
-            splits: materials.any_splits(),
+            bent: materials.any(Materials::is_interface),
+            disperses: materials.any(Materials::disperses),
+            splits: materials.any(Materials::splits),
             ..Self::default()
         };
         let mirrors: Vec<f32> =
@@ -165,7 +165,7 @@ impl Mirrors {
             // Flat mirrors with a normal map are treated as curved.
             let group = if flat && !materials.is_turned(surface.material) {
                 let d = surface.ng.dot(surface.p);
-                let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
+                let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent];
                 let key = key.map(|v| (v / SAME_PLANE).round() as i64);
                 *planes.entry((surface.material, key)).or_insert_with(|| {
                     out.flats.push(Flat { n: surface.ng, d, centre: Vec3A::ZERO, radius: 0.0 });

@@ -25,7 +25,6 @@ mod manifold;
 mod mirrors;
 mod mirrors_copied;
 mod onward;
-mod parted;
 mod parting;
 mod path;
 mod point;

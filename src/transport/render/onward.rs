@@ -4,7 +4,6 @@ use super::bridge::pass;
 use super::environment::Chosen;
 use super::flight::{Flight, Hero};
 use super::guide::{self, At, Guide, Lean};
-use super::parted::part;
 use super::point::Point;
 use super::polarized::quarter_turn;
 use super::state::{From, State};
@@ -95,6 +94,30 @@ fn onward(
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
     }
     Some((sampled, density))
+}
+
+/// Replaces a sampled interaction with density `density`, of a subpath that came from direction `back`, by
+/// that of one kind of lobe divided by the probability of the kind. Returns the label bits of the kind.
+#[inline(never)]
+fn part(
+    scene: &Scene,
+    from: From,
+    s: &Surface,
+    back: Vec3A,
+    (next, density): (&mut Sampled, f32),
+    stream: &mut Stream,
+) -> u8 {
+    let (materials, id) = (&scene.materials, s.material);
+    // Transmission through an interface is weighted by its own lobe and has one kind.
+    if from == From::Camera || next.delta || next.filling.is_some() {
+        return materials.part(id, s, back, next, stream);
+    }
+    // Light travels in the opposite direction, and the weight is per flux.
+    let factor = s.ng.dot(next.wi).abs() / (s.ng.dot(back).abs() * density);
+    let drawn = materials.draw_lobe(id, s, [next.wi, back], stream);
+    let (kind, scatter) = drawn.unwrap_or((0, next.scatter.scaled(Spectral::ZERO)));
+    next.scatter = scatter.scaled(Spectral::splat(factor));
+    kind
 }
 
 /// Samples how a subpath continues from a surface.

@@ -42,6 +42,18 @@ pub(super) struct Wants<'a> {
     pub labels: bool,
 }
 
+/// The samples to trace of a camera pixel, and their grouping for stratification.
+#[derive(Clone)]
+pub(super) struct Batch<'a> {
+    pub scene: &'a Scene,
+    pub views: &'a Views,
+    pub pixel: [u32; 2],
+    /// At most [`BATCH`].
+    pub samples: Range<u32>,
+    pub group: Group,
+    pub wants: Wants<'a>,
+}
+
 /// Number of paths traced together. Their rays are intersected one after the other before any vertex is
 /// shaded. The paths are independent, so the processor overlaps their work. The number is small enough that
 /// all of them fit into the first-level cache.
@@ -90,76 +102,46 @@ struct Rows {
 }
 
 impl Paths {
-    /// Traces one path for each of `samples` (at most [`BATCH`]) of camera pixel (x, y) into `lists` and
-    /// `elements`. Each path starts at a uniformly random point of the pixel, stratified over its `group`.
+    /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a uniformly
+    /// random point of the pixel, stratified over the group.
     ///
     /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of rays.
     #[inline]
-    pub fn trace(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-        wants: Wants,
-    ) -> u32 {
-        if wants.aims.is_empty() && !wants.labels {
-            self.trace_for::<false>(scene, views, [x, y], samples, group, wants)
+    pub(super) fn trace(&mut self, batch: &Batch) -> u32 {
+        if batch.wants.aims.is_empty() && !batch.wants.labels {
+            self.trace_for::<false>(batch)
         } else {
-            self.trace_for::<true>(scene, views, [x, y], samples, group, wants)
+            self.trace_for::<true>(batch)
         }
     }
 
     #[inline]
-    fn trace_for<const MORE: bool>(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        pixel: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-        wants: Wants,
-    ) -> u32 {
+    fn trace_for<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if scene.geometry.avx2() {
+        if batch.scene.geometry.avx2 {
             // SAFETY: AVX2 support was detected when the geometry was built.
-            return unsafe { self.trace_avx2::<MORE>(scene, views, pixel, samples, group, wants) };
+            return unsafe { self.trace_avx2::<MORE>(batch) };
         }
-        self.trace_any::<MORE>(scene, views, pixel, samples, group, wants)
+        self.trace_any::<MORE>(batch)
     }
 
     /// The same operations in AVX encoding. No operations are fused, so the results are bit-identical.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
-    fn trace_avx2<const MORE: bool>(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        pixel: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-        wants: Wants,
-    ) -> u32 {
-        self.trace_any::<MORE>(scene, views, pixel, samples, group, wants)
+    fn trace_avx2<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
+        self.trace_any::<MORE>(batch)
     }
 
     #[inline(always)]
-    fn trace_any<const MORE: bool>(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-        wants: Wants,
-    ) -> u32 {
+    fn trace_any<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
+        let &Batch { scene, views, pixel: [x, y], wants, .. } = batch;
+        let samples = batch.samples.clone();
         let (count, labelled) = (samples.len().min(BATCH), MORE && wants.labels);
         let pixel = y * scene.camera.resolution[0] + x;
         self.lists.resize_with(count, Vec::new);
         self.lists.iter_mut().for_each(Vec::clear);
         self.elements.clear();
-        let cells = self.start(scene, views, [x, y], samples.clone(), group);
+        let cells = self.start(batch);
         let mut rays = 0;
         if MORE && !wants.aims.is_empty() {
             rays += selected::draw_all(scene, wants.aims, pixel, samples, &mut self.points);
@@ -249,10 +231,9 @@ impl Paths {
                 let before = out.list.len();
                 rays += path.connect(scene, views, bounces, lit, &mut out);
                 if MORE && !wants.aims.is_empty() {
-                    let z = path.vertex(bounces);
+                    let z = path.vertex(scene, bounces);
                     let came = Came { density: path.density, lit: lit.map(|lit| lit.toward()), before };
-                    rays +=
-                        selected::connect(scene, &path.state, &z, came, &self.points[i as usize], &mut out);
+                    rays += selected::connect(&z, came, &self.points[i as usize], &mut out);
                 }
                 if shines {
                     rays += path.connect_lights(scene, bounces, &rows, n, &mut out);
@@ -323,11 +304,12 @@ impl Path {
 
     /// Returns the surface, after `bounces` previous interactions, as the start of connections.
     #[inline(always)]
-    fn vertex(&self, bounces: u32) -> Vertex<'_> {
+    fn vertex<'a>(&'a self, scene: &'a Scene, bounces: u32) -> Vertex<'a> {
         let Some(hit) = self.hit else {
             unreachable!("paths that hit nothing have ended");
         };
-        Vertex { hit, surface: &self.surface, wo: -self.state.ray.dir, bounces: bounces + 1 }
+        let (state, surface) = (&self.state, &self.surface);
+        Vertex { scene, state, hit, surface, wo: -state.ray.dir, bounces: bounces + 1 }
     }
 
     /// Connects the surface, after `bounces` previous interactions, to emitters. Returns the number of rays.
@@ -343,7 +325,7 @@ impl Path {
         if !scene.materials.has_extended_lobe(self.surface.material) {
             return 0;
         }
-        connect_all(scene, views, &self.state, &self.vertex(bounces), lit, out)
+        connect_all(views, &self.vertex(scene, bounces), lit, out)
     }
 
     /// Adds the emission of a surface that the path hits after `bounces` interactions.
@@ -414,7 +396,7 @@ impl Path {
             rows.places[n],
             scene.far,
         );
-        connect_lights(scene, &self.state, &self.vertex(bounces), drawn, out)
+        connect_lights(&self.vertex(scene, bounces), drawn, out)
     }
 
     /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
@@ -429,7 +411,7 @@ impl Path {
         let Some(number) = choice.light() else {
             return 0;
         };
-        connect_drawn_point(scene, &self.state, &self.vertex(bounces), (number, choice.chance), out)
+        connect_drawn_point(&self.vertex(scene, bounces), (number, choice.chance), out)
     }
 
     /// Records how the next direction `wi` was sampled; `delta` if from a delta lobe.

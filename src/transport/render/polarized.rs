@@ -60,8 +60,7 @@ mod tests {
     use optics::sampling::stream::Stream;
 
     fn media(phase: PhaseOptics) -> Media {
-        let bulk =
-            Bulk { absorption: 0.0, scattering: 1.0, index: 1.0, asymmetry: 0.0, c_sca: 0.0, c_abs: 0.0 };
+        let bulk = Bulk { scattering: 1.0, index: 1.0, asymmetry: 0.0, ..Bulk::default() };
         let mut media = Media::default();
         media.push(&Optics { bulk: vec![bulk], phase });
         media

@@ -22,7 +22,6 @@ use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::join::Joiner;
 use super::point::{Point, Site, last};
 use super::state::{From, State};
-use crate::accumulate::Contributions;
 use crate::geometry::ray::{Ray, Surface};
 use crate::scene::Scene;
 use glam::Vec3A;
@@ -103,7 +102,7 @@ impl Joiner<'_> {
 
     /// Connects a particle at the end of a camera subpath to all emitters through the rough interface near it
     /// and appends the contributions. Returns true if such an interface lies between it and every emitter.
-    pub fn join_through_rough(&mut self, camera: &[Point], out: &mut Contributions) -> bool {
+    pub fn join_through_rough(&mut self, camera: &[Point]) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let z = last(camera);
         let Site::Volume(id) = z.site else {
@@ -114,7 +113,7 @@ impl Joiner<'_> {
             let to = emission.position(scene, self.ends[0], source);
             self.rays += 1;
             match Exit::find(scene, id, z, to) {
-                Some(exit) => self.join_by(&exit, z, id, source, out),
+                Some(exit) => self.join_by(&exit, z, id, source),
                 None => all = false,
             }
         }
@@ -122,7 +121,7 @@ impl Joiner<'_> {
     }
 
     /// Connects a particle of medium `id` to one emitter.
-    fn join_by(&mut self, exit: &Exit, z: &Point, id: u32, source: usize, out: &mut Contributions) {
+    fn join_by(&mut self, exit: &Exit, z: &Point, id: u32, source: usize) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let (s, mut lanes) = (&exit.surface, scene.lanes());
         let Some(drawn) = scene.materials.sample(s.material, s, exit.out, &mut lanes, self.stream) else {
@@ -147,7 +146,7 @@ impl Joiner<'_> {
         }
         let own = walks(self, z, id, &y);
         emitter.chain.scale(Spectral::splat(1.0 / (own + density)));
-        self.join(&[y], &[emitter], Sender { source, pixel }, None, out);
+        self.join(&[y], &[emitter], Sender { source, pixel }, None);
     }
 
     /// Traces a straight line from a particle to the next surface that affects light.

@@ -54,7 +54,7 @@ const ROUGH_FLOOR: f32 = 0.01;
 
 /// The threshold τ; 0 to make all connections.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Roulette(f32);
+pub(super) struct Roulette(pub f32);
 
 impl Roulette {
     /// Derives the threshold from the contributions of some camera samples, in a scene with or without media.
@@ -71,14 +71,6 @@ impl Roulette {
         }
         let (share, most) = if media { (SHARE_IN_MEDIA, MOST_IN_MEDIA) } else { (SHARE, MOST) };
         Self((share * second / first).clamp(LEAST * typical, most * typical))
-    }
-
-    pub fn of(threshold: f32) -> Self {
-        Self(threshold)
-    }
-
-    pub fn threshold(self) -> f32 {
-        self.0
     }
 
     /// Returns the weight of a connection with contribution up to about `expected`; `None` to skip it.

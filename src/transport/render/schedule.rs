@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use tensor::part::{self, Part};
 pub use tensor::sink::Summary;
@@ -148,26 +148,28 @@ fn run<S: Sink>(
 ) -> Result<Summary, S::Error> {
     let begun = Instant::now();
     let mut todo: BTreeSet<u32> = tiles.iter().copied().collect();
-    // Totals of tiles from earlier runs and from this run.
-    let (before, totals) = (Totals::default(), Totals::default());
-    for r in records {
-        if todo.remove(&r.tile) {
-            before.add(r);
-        }
+    let mut before = Summary { tiles: tiles.len() as u32, ..Summary::default() };
+    for r in records.iter().filter(|r| todo.remove(&r.tile)) {
+        before.tiles_done += 1;
+        before.discarded += r.discarded;
+        before.rays_before += r.rays;
     }
-    let tiles = tiles.len() as u32;
-    let summary = || Summary {
-        complete: before.tiles() + totals.tiles() == tiles,
-        tiles_done: before.tiles() + totals.tiles(),
-        tiles,
-        discarded: before.get(&before.discarded) + totals.get(&totals.discarded),
-        samples: totals.get(&totals.samples),
-        rays: totals.get(&totals.rays),
-        rays_before: before.get(&before.rays),
-        wall_s: begun.elapsed().as_secs_f64(),
+    // The totals so far, with those of an added tile.
+    let totals = Mutex::new(before);
+    let add = |record: Option<&TileRecord>| {
+        let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(record) = record {
+            totals.tiles_done += 1;
+            totals.samples += record.samples;
+            totals.discarded += record.discarded;
+            totals.rays += record.rays;
+        }
+        totals.complete = totals.tiles_done == totals.tiles;
+        totals.wall_s = begun.elapsed().as_secs_f64();
+        totals.clone()
     };
     let todo: Vec<u32> = todo.into_iter().collect();
-    tracing::info!("{} of {tiles} tiles to render", todo.len());
+    tracing::info!("{} of {} tiles to render", todo.len(), tiles.len());
     backend.render(
         &todo,
         || watch.interrupted(),
@@ -175,36 +177,9 @@ fn run<S: Sink>(
             sums.put(sink)?;
             let record = &sums.record;
             tracing::debug!("tile {}: {} rays in {:.2} s", record.tile, record.rays, record.seconds);
-            totals.add(record);
-            watch.tile_done(&summary());
+            watch.tile_done(&add(Some(record)));
             Ok(())
         },
     )?;
-    Ok(summary())
-}
-
-/// Running totals that all threads add to.
-#[derive(Default)]
-struct Totals {
-    tiles: AtomicU64,
-    samples: AtomicU64,
-    discarded: AtomicU64,
-    rays: AtomicU64,
-}
-
-impl Totals {
-    fn add(&self, r: &TileRecord) {
-        self.samples.fetch_add(r.samples, Ordering::Relaxed);
-        self.discarded.fetch_add(r.discarded, Ordering::Relaxed);
-        self.rays.fetch_add(r.rays, Ordering::Relaxed);
-        self.tiles.fetch_add(1, Ordering::Relaxed);
-    }
-
-    fn get(&self, counter: &AtomicU64) -> u64 {
-        counter.load(Ordering::Relaxed)
-    }
-
-    fn tiles(&self) -> u32 {
-        self.get(&self.tiles) as u32
-    }
+    Ok(add(None))
 }

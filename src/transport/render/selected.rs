@@ -95,8 +95,8 @@ pub(super) struct Came {
 
 impl Came {
     /// Records in each contribution of `z` the density ratio of sampling it for a given s': p/(c q).
-    fn note_rivals(&self, scene: &Scene, z: &Vertex, out: &mut Contributions) {
-        let (Some(projector), Some((wi, far))) = (&scene.projector, self.lit) else {
+    fn note_rivals(&self, z: &Vertex, out: &mut Contributions) {
+        let (Some(projector), Some((wi, far))) = (&z.scene.projector, self.lit) else {
             return;
         };
         if self.density > 0.0 {
@@ -114,20 +114,14 @@ impl Came {
 
 /// Connects a camera vertex at `state` to the points that drawn s' illuminate. Returns the number of rays.
 #[inline(never)]
-pub(super) fn connect(
-    scene: &Scene,
-    state: &State,
-    z: &Vertex,
-    came: Came,
-    points: &[LitPoint],
-    out: &mut Contributions,
-) -> u32 {
-    came.note_rivals(scene, z, out);
+pub(super) fn connect(z: &Vertex, came: Came, points: &[LitPoint], out: &mut Contributions) -> u32 {
+    came.note_rivals(z, out);
+    let scene = z.scene;
     let ends = z.bounces + 1 >= scene.settings.max_depth;
     if ends || !scene.materials.has_extended_lobe(z.surface.material) {
         return 0;
     }
-    points.iter().map(|y| y.connect(scene, state, z, out)).sum()
+    points.iter().map(|y| y.connect(z, out)).sum()
 }
 
 /// Draws an s' of each slice for a sample of a camera pixel. Appends the point that it illuminates, if the
@@ -178,7 +172,8 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
 
 impl LitPoint {
     /// Connects a camera vertex at `state` to this point. Returns the number of rays.
-    fn connect(&self, scene: &Scene, state: &State, z: &Vertex, out: &mut Contributions) -> u32 {
+    fn connect(&self, z: &Vertex, out: &mut Contributions) -> u32 {
+        let &Vertex { scene, state, .. } = z;
         let Some(projector) = &scene.projector else {
             return 0;
         };
@@ -215,7 +210,6 @@ impl LitPoint {
         let through = z.surface.ng.dot(z.wo) * z.surface.ng.dot(dir) < 0.0;
         let beyond = through.then(|| scene.materials.beyond(id, z.surface, z.wo, state.lanes));
         let filling = beyond.flatten().unwrap_or(state.filling);
-        let at = Vertex { hit: self.hit, surface: y, wo: -dir, bounces: z.bounces + 1 };
         let to = Connection {
             wi: self.wi,
             position: projector.pinhole.origin,
@@ -237,7 +231,8 @@ impl LitPoint {
             }
             on.optical_m += f64::from(on.filling.index) * on.from.distance(self.at);
             on.from = self.at;
-            connect_known(scene, &on, &at, &to, out);
+            let (wo, bounces) = (-dir, z.bounces + 1);
+            connect_known(&Vertex { scene, state: &on, hit: self.hit, surface: y, wo, bounces }, &to, out);
         }
         let chance = scene.materials.pdf(id, z.surface, z.wo, dir);
         for made in &mut out.list[before..] {

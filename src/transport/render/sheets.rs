@@ -3,15 +3,14 @@
 //! strategy samples ([`super::bridge`]).
 
 use super::bridge::{Allowed, End, Start, bridge};
-use super::state::State;
+use super::connect::Vertex;
 use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
 use crate::light::filter::Polarized;
 use crate::material::Filling;
 use crate::medium::nesting::Nest;
-use crate::scene::Scene;
 use base::units::picoseconds;
-use glam::{DVec3, Vec3A};
+use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
@@ -31,57 +30,29 @@ pub(super) struct Connection {
     pub start_m: f64,
 }
 
-pub(super) struct Blocked<'a> {
-    pub to: &'a Connection,
-    /// The interaction at the connected surface, and its direction `wo`.
-    pub scatter: &'a Scatter,
-    pub wo: Vec3A,
-    /// As in [`Start`].
-    pub from: Vec3A,
-    pub at: DVec3,
-    /// The ray from there, and the material it runs through.
-    pub shadow: Ray,
-    pub filling: Filling,
-    /// Number of interactions without the sheets, and their label.
-    pub bounces: u32,
-    pub label: u8,
-}
-
-/// Makes a blocked connection if only sheets block it: traces its ray through one sheet after the other and
-/// appends the contribution. Appends nothing if another surface blocks it or it has more interactions than
-/// `max_depth` allows. Returns the number of rays traced.
+/// Makes a connection along a blocked ray if only sheets block it: traces the ray, which runs through
+/// `filling`, through one sheet after the other and appends the contribution of an interaction with its
+/// label. Appends nothing if another surface blocks it or it has more interactions than `max_depth` allows.
+/// Returns the number of rays traced.
 #[inline(never)]
 pub(super) fn connect(
-    scene: &Scene,
-    state: &State,
-    connection: &Blocked<'_>,
+    at: &Vertex<'_>,
+    to: &Connection,
+    (ray, filling): (Ray, Filling),
+    (scatter, label): (&Scatter, u8),
     out: &mut Contributions,
 ) -> u32 {
-    let Blocked { to, bounces, label, .. } = *connection;
+    let &Vertex { scene, state, wo, bounces, .. } = at;
     let mut chain = state.chain;
     // After a depolarizing interaction any frame is valid.
-    let mut frame =
-        chain.push(connection.scatter, connection.wo, state.frame).unwrap_or_else(|| perpendicular(to.wi));
+    let mut frame = chain.push(scatter, wo, state.frame).unwrap_or_else(|| perpendicular(to.wi));
     chain.scale(to.irradiance);
-    let start = Start {
-        ray: connection.shadow,
-        from: connection.from,
-        at: connection.at,
-        filling: connection.filling,
-        nest: Nest::default(),
-    };
+    let start = Start { ray, from: at.surface.p, at: state.from, filling, nest: Nest::default() };
+    let end = End { aim: to.position, at: to.position.as_dvec3() };
     let mut rays = 0;
     let allowed =
         Allowed { sheets: scene.settings.max_depth.saturating_sub(1 + bounces), lane: state.lanes.nth(0) };
-    if let Some(line) = bridge(
-        scene,
-        &mut chain,
-        &mut frame,
-        &start,
-        End { aim: to.position, at: to.position.as_dvec3() },
-        allowed,
-        &mut rays,
-    ) {
+    if let Some(line) = bridge(scene, &mut chain, &mut frame, &start, end, allowed, &mut rays) {
         to.polarized.end(&mut chain, -to.wi, frame);
         let extent = chain.finish(out.elements);
         let time_ps = picoseconds(state.optical_m + line.optical_m + to.start_m);

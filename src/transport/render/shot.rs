@@ -25,8 +25,8 @@ pub(super) struct Shot {
     /// `slopes` are its derivatives by the two angles.
     pub dir: Vec3A,
     pub miss: Vec3A,
-    slopes: [Vec3A; 2],
-    length: f32,
+    pub slopes: [Vec3A; 2],
+    pub length: f32,
 }
 
 impl Shot {

@@ -6,6 +6,7 @@
 use super::bridge::Start;
 use super::manifold::{Bend, Way};
 use super::route::{INTERFACES, MOST_SURFACES, passes};
+use super::shot::{Shot, newton};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lobe, Specular};
 use crate::medium::nesting::Nest;
@@ -19,9 +20,6 @@ const CRYSTALS: u32 = 4;
 
 /// Maximum number of Newton steps. Crystals shift light and refract it little, so few are needed.
 const STEPS: usize = 12;
-
-/// A ray hits the emitter if it passes within this distance of it, relative to the path length.
-const NEAR: f32 = 5e-6;
 
 /// Angular step for differences in radians: far above rounding, but small enough for linearity.
 const STEP: f32 = 1e-3;
@@ -44,13 +42,6 @@ pub(super) struct SplitSearch<'a> {
 pub(super) struct Choice {
     pub lane: usize,
     pub waves: u32,
-}
-
-/// The end of a traced ray.
-struct Shot {
-    miss: Vec3A,
-    dir: Vec3A,
-    length: f32,
 }
 
 impl<'a> SplitSearch<'a> {
@@ -112,12 +103,7 @@ impl<'a> SplitSearch<'a> {
         let (mut left, mut length) = (self.bends, 0.0);
         for _ in 0..MOST_SURFACES {
             if left == 0 {
-                let way = (self.to - from).dot(dir);
-                return (way > 0.0).then(|| Shot {
-                    miss: from + dir * way - self.to,
-                    dir,
-                    length: length + way,
-                });
+                return Shot::past(self.to, from, dir, [[Vec3A::ZERO; 2]; 2], length);
             }
             let ray = Ray { origin, dir };
             let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
@@ -150,22 +136,15 @@ impl<'a> SplitSearch<'a> {
 
     /// Returns the Newton step from a direction, and J.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
-        let (across, q) = (basis(dir), basis(shot.dir));
-        let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
+        let across = basis(dir);
         let slope = |axis: Vec3A| {
             let ends = [STEP, -STEP].map(|step| {
                 let turned = (dir + axis * step).normalize();
                 self.shoot(turned, choice, |_| ()).map(|s| self.crossing(&s, shot.dir))
             });
-            Some(at((ends[0]? - ends[1]?) / (2.0 * STEP)))
+            Some((ends[0]? - ends[1]?) / (2.0 * STEP))
         };
-        let ([a, c], [b, d], [x, y]) = (slope(across.x_axis)?, slope(across.y_axis)?, at(shot.miss));
-        let det = a * d - b * c;
-        if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-            return None;
-        }
-        let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
-        Some((step, det.abs()))
+        newton(dir, &Shot { slopes: [slope(across.x_axis)?, slope(across.y_axis)?], ..*shot })
     }
 
     /// Returns where a ray crosses the plane through the goal with normal `n`, relative to the goal.
@@ -178,7 +157,7 @@ impl<'a> SplitSearch<'a> {
         let mut dir = self.start.ray.dir;
         let mut shot = self.shoot(dir, choice, |_| ())?;
         for _ in 0..STEPS {
-            let near = shot.miss.length() < NEAR * shot.length;
+            let near = shot.is_near();
             let (step, spread) = self.newton(dir, choice, &shot)?;
             if near {
                 let mut bends = ArrayVec::new();

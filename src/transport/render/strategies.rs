@@ -1,6 +1,7 @@
 //! Selects the strategies that render a scene.
 
 use super::glints::reflectance;
+use crate::material::Materials;
 use crate::scene::{Integrator, Scene};
 use crate::strategy::{Strategies, Strategy};
 
@@ -17,8 +18,8 @@ pub fn strategies(scene: &Scene) -> Strategies {
     let inside = settings.integrator == Integrator::Path && scene.filled && !alone;
     Strategies::NONE
         .with(Strategy::NextEvent, true)
-        .with(Strategy::RoughInterface, inside && materials.any_rough_interface())
-        .with(Strategy::SmoothInterfaces, bent && materials.any_interface())
+        .with(Strategy::RoughInterface, inside && materials.any(Materials::is_rough_interface))
+        .with(Strategy::SmoothInterfaces, bent && materials.any(Materials::is_interface))
         .with(Strategy::FlatMirrors, over)
         .with(Strategy::CurvedMirrors, over)
         .with(Strategy::LightTracing, both)

@@ -147,7 +147,7 @@ fn every_processor_renders_the_same() {
     for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
         let [fast, plain] = [false, true].map(|plain| {
             let scene = scene(integrator, plain);
-            assert!(!(plain && scene.geometry.avx2()));
+            assert!(!(plain && scene.geometry.avx2));
             bits(&scene)
         });
         assert!(fast.1 > 10_000, "{} of {} are lit", fast.1, fast.0.len());

@@ -1,7 +1,7 @@
 //! Samples the paths of a camera pixel: from the camera, bidirectionally if needed, or both in turn.
 
 use super::bidirectional::{Plan, Walks, samples};
-use super::path::{Paths, Wants};
+use super::path::{Batch, Paths, Wants};
 use super::shared_light::SharedLight;
 use super::spill::{NO_PART, Parts};
 use super::tiles;
@@ -150,7 +150,8 @@ impl Tracer {
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
         match (pass.kind, &prepared.paths, &prepared.walks) {
             (PassKind::Paths, Some(views), _) => {
-                let rays = self.paths.trace(scene, views, pixel, samples, pass.group, wants);
+                let batch = Batch { scene, views, pixel, samples, group: pass.group, wants };
+                let rays = self.paths.trace(&batch);
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
             (PassKind::Walks, _, Some(plan)) => {

@@ -8,7 +8,6 @@ use super::manifold::{self, Goal, Way};
 use super::point::{Point, last};
 use super::route::Route;
 use super::state::Beam;
-use crate::accumulate::Contributions;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -54,14 +53,7 @@ impl Joiner<'_> {
     ///
     /// The path was traced from the vertex, so its matrix K is that of light from the camera. Light to the
     /// camera has the matrix D Kᵀ D, with its radiance scaled in the opposite sense.
-    pub fn splat_way(
-        &mut self,
-        light: &[Point],
-        sender: Sender,
-        way: &Way,
-        takers: Takers,
-        out: &mut Contributions,
-    ) {
+    pub fn splat_way(&mut self, light: &[Point], sender: Sender, way: &Way, takers: Takers) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);
         let y = last(light);
         let interactions = y.interactions + 1 + way.count() as u32;
@@ -69,7 +61,7 @@ impl Joiner<'_> {
             return;
         };
         let (mut whole, mut lobes) = (None, vec![]);
-        if out.labelled {
+        if self.out.labelled {
             lobes = y.lobes_flux(scene, way.dir, y.back);
         } else {
             whole = y.scatter_flux(scene, way.dir, y.back);
@@ -111,7 +103,7 @@ impl Joiner<'_> {
                 label: y.label | kind | way.label(),
             };
             let beam = Beam { travel: -y.back, frame };
-            meet(chain, beam, y, &record, out);
+            meet(chain, beam, y, &record, &mut self.out);
         }
     }
 }

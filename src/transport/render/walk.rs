@@ -267,14 +267,7 @@ mod tests {
     fn milk() -> (Scene, Guide, End) {
         let mut scene = scene(Integrator::Bidirectional, true);
         scene.media = Media::default();
-        let bulk = Bulk {
-            absorption: 0.0,
-            scattering: 1e6,
-            index: 1.0,
-            asymmetry: f64::from(G),
-            c_sca: 0.0,
-            c_abs: 0.0,
-        };
+        let bulk = Bulk { scattering: 1e6, index: 1.0, asymmetry: f64::from(G), ..Bulk::default() };
         scene.media.push(&Optics {
             bulk: vec![bulk; 4],
             phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(G), 0.0, 0.0)),

@@ -37,7 +37,7 @@ fn a_scene_by_hand_is_read() {
     // The vertical field of view is the smaller one: 30° over 16 pixels.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
-    assert!((scene.camera.right() - Vec3A::X).length() < 1e-6, "image right is +x, seen along -z");
+    assert!((scene.camera.axes.x_axis - Vec3A::X).length() < 1e-6, "image right is +x, seen along -z");
     assert!((scene.camera.axes.y_axis + Vec3A::Y).length() < 1e-6);
     assert_eq!(scene.points[0].intensity.to_array()[..3], [1.5, 2.5, 3.6]);
     assert!(import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.3, 0.2, 0.1]\n"), "{}", import.toml);

@@ -142,13 +142,13 @@ fn the_plane_in_focus_is_sharp() {
     p.lens = Lens { radius: 0.05, focus: 2.0 };
     let pixel = DVec2::new(40.0, 200.0);
     let central = p.direction(pixel);
-    let target = p.origin + central * (2.0 / central.dot(p.forward()));
+    let target = p.origin + central * (2.0 / central.dot(p.axes.z_axis));
     for _ in 0..200 {
         let seen = p.through_lens(stream.uniform2());
         assert!((seen.origin - p.origin).length() < 0.0501);
-        assert!((seen.origin - p.origin).dot(p.forward()).abs() < 1e-6);
+        assert!((seen.origin - p.origin).dot(p.axes.z_axis).abs() < 1e-6);
         let d = seen.direction(pixel);
-        let hit = seen.origin + d * ((2.0) / d.dot(p.forward()));
+        let hit = seen.origin + d * ((2.0) / d.dot(p.axes.z_axis));
         assert!((hit - target).length() < 1e-5);
         let (back, _) = seen.project(seen.origin + d * 5.0).unwrap();
         assert!((back - pixel).length() < 1e-2);

@@ -1,32 +1,23 @@
 //! Starts the paths of a camera pixel.
 
-use super::{BATCH, Path, Paths};
+use super::{BATCH, Batch, Path, Paths};
 use crate::geometry::many;
 use crate::geometry::ray::Ray;
 use crate::material::Filling;
 use crate::render::environment::Chosen;
-use crate::render::views::Views;
-use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use optics::polarization::chain::Chain;
-use optics::sampling::stream::{Group, Stream};
-use std::ops::Range;
+use optics::sampling::stream::Stream;
 
 impl Paths {
     /// Starts a path for each sample. Returns the index of each path's cell in the camera's view.
     #[inline(always)]
-    pub(super) fn start(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-    ) -> [u32; BATCH] {
+    pub(super) fn start(&mut self, batch: &Batch) -> [u32; BATCH] {
+        let &Batch { scene, views, pixel: [x, y], group, .. } = batch;
         let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
         let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
         let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
-        for (n, sample) in samples.take(BATCH).enumerate() {
+        for (n, sample) in batch.samples.clone().take(BATCH).enumerate() {
             let mut stream = Stream::stratified(scene.settings.seed, pixel, sample, group);
             let [jx, jy] = stream.uniform2();
             at[0][n] += f64::from(jx);
