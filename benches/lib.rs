@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 /// Path of a shipped scene file, independent of the working directory.
-#[must_use]
 pub fn shipped(scene: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(scene).join("scene.toml")
 }

@@ -86,7 +86,6 @@ pub enum Truth {
 }
 
 /// Returns the same variant, for [`Truth::Slice`].
-#[must_use]
 pub fn itself(variant: u64) -> u64 {
     variant
 }
@@ -109,7 +108,6 @@ pub struct Method {
 
 impl Method {
     /// Returns a method of this name and publication.
-    #[must_use]
     pub const fn new(name: &'static str, source: &'static str) -> Self {
         Self { name, source }
     }
@@ -125,7 +123,6 @@ pub struct Metric {
 }
 
 impl Metric {
-    #[must_use]
     pub const fn new(name: &'static str, unit: &'static str, more_is_better: bool) -> Self {
         Self { name, unit, more_is_better }
     }

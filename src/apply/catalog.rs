@@ -4,7 +4,6 @@ use crate::application::Application;
 use crate::{analysis, crystals, ellipsometry, metamerism, multibounce, scattering, shape, transient};
 
 /// Returns all applications, in the paper's order.
-#[must_use]
 pub fn all() -> Vec<Application> {
     vec![
         analysis::application(),
@@ -22,7 +21,6 @@ pub fn all() -> Vec<Application> {
 }
 
 /// Returns the application of this name.
-#[must_use]
 pub fn find(name: &str) -> Option<Application> {
     all().into_iter().find(|a| a.name == name)
 }

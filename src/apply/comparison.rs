@@ -16,7 +16,6 @@ pub struct Row {
 
 /// Returns the scores of a method by a metric, from scores with their seeds: a row per variant, a column per
 /// seed; NaN for missing scores.
-#[must_use]
 pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
     let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
     let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
@@ -35,7 +34,6 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
 
 /// Returns the rows of all methods and metrics from scores with their seeds: metrics one after the other,
 /// methods in their order.
-#[must_use]
 pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = &application.methods;
     let mut rows = vec![];

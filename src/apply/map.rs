@@ -15,7 +15,6 @@ pub struct Map {
 
 impl Map {
     /// Returns the map of a function of column and row, which fills a pixel's channels.
-    #[must_use]
     pub fn from_fn(
         width: usize,
         height: usize,
@@ -35,7 +34,6 @@ impl Map {
     ///
     /// # Panics
     /// If the pixel is outside.
-    #[must_use]
     pub fn at(&self, x: usize, y: usize) -> &[f64] {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside");
         let first = (y * self.width + x) * self.channels;

@@ -169,25 +169,21 @@ impl Pixels {
     }
 
     /// Returns the mean of element 4 i + j at a pixel, in a bin, at a wavelength.
-    #[must_use]
     pub fn at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
         self.mean[self.place(pixel, bin, element, lane)]
     }
 
     /// Returns the standard error of [`Self::at`].
-    #[must_use]
     pub fn error_at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
         self.error[self.place(pixel, bin, element, lane)]
     }
 
-    #[must_use]
     pub fn count(&self) -> usize {
         self.width * self.height
     }
 
     /// Returns the map of the means weighted by element (`[element]`) and summed over bins and elements, the
     /// result of a linear analysis of polarization.
-    #[must_use]
     pub fn weighed(&self, weights: &[f64]) -> Map {
         Map::from_fn(self.width, self.height, self.wavelengths, |x, y, out| {
             let pixel = y * self.width + x;

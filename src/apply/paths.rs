@@ -22,44 +22,37 @@ pub struct Path {
 
 impl Path {
     /// Returns whether the path is one reflection by a matte surface.
-    #[must_use]
     pub fn single_diffuse(self) -> bool {
         self.label == DIFFUSE && self.bounces == 1
     }
 
     /// Returns whether the path is two or more reflections, all by matte surfaces.
-    #[must_use]
     pub fn diffuse_interreflection(self) -> bool {
         self.label == DIFFUSE && self.bounces > 1
     }
 
     /// Returns whether all reflections are by mirrors and facets.
-    #[must_use]
     pub fn all_specular(self) -> bool {
         self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
     }
 
     /// Returns whether the path is one reflection by a mirror or facets.
-    #[must_use]
     pub fn single_specular(self) -> bool {
         self.all_specular() && self.bounces == 1
     }
 
     /// Returns whether the path is two or more reflections, all by mirrors and facets.
-    #[must_use]
     pub fn multi_specular(self) -> bool {
         self.all_specular() && self.bounces > 1
     }
 
     /// Returns whether the path includes a smooth and a matte surface.
-    #[must_use]
     pub fn mirror_and_diffuse(self) -> bool {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
     /// Returns whether the path is one mirror and one matte surface, in any order: light from a mirror on a
     /// wall, or a wall seen in a mirror.
-    #[must_use]
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }
@@ -137,7 +130,6 @@ impl Paths {
     }
 
     /// Returns the light of all paths of a kind.
-    #[must_use]
     pub fn of(&self, is: impl Fn(Path) -> bool) -> Map {
         let chosen: Vec<usize> = (0..self.kinds.len()).filter(|k| is(self.kinds[*k])).collect();
         Map::from_fn(self.width, self.height, 1, |x, y, out| {
@@ -147,7 +139,6 @@ impl Paths {
     }
 
     /// Returns all light.
-    #[must_use]
     pub fn all(&self) -> Map {
         self.of(|_| true)
     }

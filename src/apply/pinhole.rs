@@ -24,7 +24,6 @@ pub struct Pinhole {
 impl Pinhole {
     /// Returns a device from plain numbers. `axes` are image right, image down and forward in world
     /// coordinates.
-    #[must_use]
     pub fn new(
         resolution: [usize; 2],
         focal: [f64; 2],
@@ -42,20 +41,17 @@ impl Pinhole {
     }
 
     /// Returns (x, y, 1) for a pixel coordinate: the point of its ray at depth 1, in the device's frame.
-    #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let at = |k: usize| (pixel[k] - self.principal[k]) / self.focal[k];
         Vector3::new(at(0), at(1), 1.0)
     }
 
     /// Returns [`Self::ray`] of the centre of pixel (x, y).
-    #[must_use]
     pub fn centre(&self, x: usize, y: usize) -> Vector3<f64> {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
     /// Returns the pixel coordinate of a world point; `None` if it is not in front of the device.
-    #[must_use]
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];
@@ -63,7 +59,6 @@ impl Pinhole {
     }
 
     /// Returns the world point at depth z on the ray through the centre of pixel (x, y).
-    #[must_use]
     pub fn point(&self, x: usize, y: usize, z: f64) -> Vector3<f64> {
         self.origin + self.axes * (self.centre(x, y) * z)
     }

@@ -11,7 +11,6 @@ use std::path::Path;
 pub const MOST_TEXT: u64 = 256 << 20;
 
 /// Returns whether a path exists and is neither a file nor a folder: a pipe, a device or a socket.
-#[must_use]
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }

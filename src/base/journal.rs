@@ -65,7 +65,6 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
 }
 
 /// Returns whether the folder `of` has a journal, that is, contains unfinished work.
-#[must_use]
 pub fn exists(of: &Path) -> bool {
     of.join(FILE).exists()
 }

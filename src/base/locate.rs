@@ -14,19 +14,16 @@ pub struct Located<T>(toml::Spanned<T>);
 
 impl<T> Located<T> {
     /// Wraps a value that is not from a file (a default).
-    #[must_use]
     pub fn nowhere(value: T) -> Self {
         Self(toml::Spanned::new(0..0, value))
     }
 
     /// Wraps a value with its location.
-    #[must_use]
     pub fn at(span: Range<usize>, value: T) -> Self {
         Self(toml::Spanned::new(span, value))
     }
 
     /// Returns the byte range in the file.
-    #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.0.span()
     }
@@ -101,7 +98,6 @@ pub struct InputError {
 
 impl InputError {
     /// Returns an error in the text of a file, with advice how to fix it.
-    #[must_use]
     pub fn new(
         file: impl Into<PathBuf>,
         text: impl Into<Arc<str>>,
@@ -114,7 +110,6 @@ impl InputError {
     }
 
     /// Returns line and column of the error, both counted from 1; columns are in characters.
-    #[must_use]
     pub fn line_column(&self) -> Option<(usize, usize)> {
         let start = self.span.as_ref()?.start.min(self.text.len());
         let before = self.text.get(..start)?;

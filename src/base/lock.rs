@@ -31,7 +31,6 @@ pub enum LockError {
 }
 
 /// Returns the path of an output's lock file: `.NAME.lock` in the same folder.
-#[must_use]
 pub fn file_of(output: &Path) -> PathBuf {
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     output.with_file_name(format!(".{name}.lock"))
@@ -116,7 +115,6 @@ fn is_file_at(file: &File, path: &Path) -> bool {
 }
 
 /// Returns this process's name for others: `process 12 on host`.
-#[must_use]
 pub fn holder_name() -> String {
     format!("process {} on {}", std::process::id(), host())
 }

@@ -12,7 +12,6 @@ pub struct SpectralTable<'a> {
 impl SpectralTable<'_> {
     /// Returns whether the table is valid: as many values as wavelengths, at least one, all finite, and
     /// wavelengths positive and strictly increasing.
-    #[must_use]
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
         finite
@@ -23,7 +22,6 @@ impl SpectralTable<'_> {
     }
 
     /// Returns the value at a wavelength: linear between entries, constant beyond them, 0 for an empty table.
-    #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         let right = self.nm.partition_point(|w| *w <= nm);
         let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));
@@ -36,7 +34,6 @@ impl SpectralTable<'_> {
 }
 
 /// Returns the index of the entry nearest to `wanted`, the first of equal ones; `None` for an empty list.
-#[must_use]
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
     (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
@@ -46,7 +43,6 @@ pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
 pub const BEYOND_NM: f64 = 5.0;
 
 /// As [`nearest`], but `None` for a wavelength more than [`BEYOND_NM`] beyond the entries.
-#[must_use]
 pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     let low = nm.iter().copied().fold(f64::INFINITY, f64::min);
     let high = nm.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -13,7 +13,6 @@ fn beside(path: &Path, kind: &str) -> PathBuf {
 }
 
 /// Returns the path of the unfinished folder: `.NAME.part` next to the destination.
-#[must_use]
 pub fn part_of(path: &Path) -> PathBuf {
     beside(path, "part")
 }

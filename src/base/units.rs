@@ -8,7 +8,6 @@ pub const METRES_PER_PS: f64 = LIGHT_SPEED_M_PER_S * 1e-12;
 
 /// Converts an optical path length (Σ n·d) in metres to a travel time in picoseconds.
 #[inline]
-#[must_use]
 pub fn picoseconds(optical_path_m: f64) -> f64 {
     optical_path_m / METRES_PER_PS
 }

@@ -14,7 +14,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
 /// Returns a temporary name next to `path`, unique in this process and among running processes.
-#[must_use]
 pub fn temporary_beside(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let n = COUNTER.fetch_add(1, Ordering::Relaxed);
@@ -22,13 +21,11 @@ pub fn temporary_beside(path: &Path) -> PathBuf {
 }
 
 /// Returns whether a name has the form that [`temporary_beside`] returns.
-#[must_use]
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
 
 /// Returns whether two paths refer to the same existing file or folder, through any links.
-#[must_use]
 pub fn is_same(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
         (Ok(a_path), Ok(b_path)) => a_path == b_path || is_same_node(a, b),
@@ -37,7 +34,6 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 /// Resolves links and dots in a path whose last components need not exist.
-#[must_use]
 pub fn real(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut found = PathBuf::new();

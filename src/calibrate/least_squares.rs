@@ -40,14 +40,12 @@ pub struct Fit {
 
 impl Fit {
     /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
-    #[must_use]
     pub fn sigma(&self, i: usize) -> Option<f64> {
         let message = self.untold.iter().all(|d| d[i].abs() < NAMED);
         message.then(|| self.covariance[(i, i)].max(0.0).sqrt())
     }
 
     /// Describes the undetermined directions by the parameters' names.
-    #[must_use]
     pub fn untold_in_words(&self, names: &[String]) -> Vec<String> {
         let words = |d: &DVector<f64>| {
             let parts: Vec<&str> = (0..d.len())

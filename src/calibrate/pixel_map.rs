@@ -12,18 +12,15 @@ pub struct PixelMap(pub Vec<f32>);
 
 impl PixelMap {
     /// Returns the number of a pixel, or NaN outside the map.
-    #[must_use]
     pub fn at(&self, pixel: usize) -> f64 {
         self.0.get(pixel).map_or(f64::NAN, |v| f64::from(*v))
     }
 
     /// Returns the number of pixels.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -138,7 +138,6 @@ commands! {
 struct NoArguments {}
 
 /// Parses the program's arguments, runs the command, reports errors and returns the exit code.
-#[must_use]
 pub fn run() -> ExitCode {
     run_words(std::env::args_os()).into()
 }

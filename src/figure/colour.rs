@@ -17,7 +17,6 @@ pub const PRIMARIES_NM: [f64; 3] = [660.0, 550.0, 450.0];
 
 /// Returns the weight of every wavelength in red, green and blue: `weights[channel][wavelength]`. Each row
 /// sums to 1; see the module for the rule.
-#[must_use]
 pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
     let n = nm.len();
     let mut weights = [(); 3].map(|()| vec![0.0; n]);
@@ -47,20 +46,17 @@ pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
 }
 
 /// Returns the index of the primary (0 red, 1 green, 2 blue) nearest to a wavelength.
-#[must_use]
 pub fn primary(nm: f64) -> usize {
     nearest(&PRIMARIES_NM, nm)
 }
 
 /// Returns the index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
-#[must_use]
 pub fn nearest(values: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
 /// Returns line colours that are distinct on white: by primary for several wavelengths (the second of one
 /// primary is darker), dark grey for a single one.
-#[must_use]
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
     const SHADES: [[[u8; 3]; 2]; 3] =
         [[[204, 44, 38], [120, 20, 50]], [[40, 140, 60], [10, 82, 70]], [[38, 96, 190], [92, 48, 150]]];
@@ -84,7 +80,6 @@ pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
 }
 
 /// Returns the quantile `q` (0..1) of the finite values; `None` if no value is finite.
-#[must_use]
 pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     let mut finite: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     if finite.is_empty() {
@@ -96,14 +91,12 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
 
 /// Returns the white level of an image: the 99th percentile of its values, or their maximum if that is not
 /// positive.
-#[must_use]
 pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
     percentile(values.clone(), 0.99).filter(positive).or_else(|| percentile(values, 1.0)).into()
 }
 
 /// sRGB transfer function of a linear value, clamped to 0..1.
-#[must_use]
 pub fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
@@ -111,25 +104,21 @@ pub fn srgb(linear: f32) -> u8 {
 }
 
 /// Returns a linear colour relative to its white level.
-#[must_use]
 pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     if rgb.iter().all(|v| v.is_finite()) { Rgb(rgb.map(|v| srgb(v / white))) } else { UNDEFINED }
 }
 
 /// Diverging map: -1 blue, 0 nearly white, +1 red; values beyond are clamped.
-#[must_use]
 pub fn signed(v: f32) -> Rgb<u8> {
     gradient(colorous::RED_BLUE, v, 0.5 - 0.5 * v.clamp(-1.0, 1.0))
 }
 
 /// Returns the colour of an element divided by M00 on the scale ± `limit`.
-#[must_use]
 pub fn quotient(element: f32, m00: f32, limit: f32) -> Rgb<u8> {
     if m00 > 0.0 && m00.is_finite() { signed(element / m00 / limit) } else { UNDEFINED }
 }
 
 /// Perceptually uniform sequential map: 0 black, 1 pale yellow; values beyond are clamped.
-#[must_use]
 pub fn sequential(v: f32) -> Rgb<u8> {
     gradient(colorous::INFERNO, v, v.clamp(0.0, 1.0))
 }

@@ -26,19 +26,16 @@ pub struct Rect {
 
 impl Rect {
     /// Returns the rectangle of this size whose upper left corner is at `(dx, dy)` from that of `self`.
-    #[must_use]
     pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
         let (x, y) = (self.x + dx, self.y + dy);
         Self { x, y, w, h }
     }
 
-    #[must_use]
     pub fn centre(self) -> Point {
         (self.x + self.w / 2.0, self.y + self.h / 2.0)
     }
 
     /// Returns whether a point is inside or on the edge.
-    #[must_use]
     pub fn holds(self, (x, y): Point) -> bool {
         (self.x..=self.x + self.w).contains(&x) && (self.y..=self.y + self.h).contains(&y)
     }
@@ -106,7 +103,6 @@ fn escaped(text: &str) -> String {
 }
 
 impl Drawing {
-    #[must_use]
     pub(crate) fn new(width: f64, height: f64, title: &str) -> Self {
         Self {
             width,
@@ -120,19 +116,16 @@ impl Drawing {
     }
 
     /// Returns the width in whole pixels.
-    #[must_use]
     pub fn width(&self) -> u32 {
         self.width.ceil() as u32
     }
 
     /// Returns the height in whole pixels.
-    #[must_use]
     pub fn height(&self) -> u32 {
         self.height.ceil() as u32
     }
 
     /// Returns the drawing with this number of pixels per inch of paper.
-    #[must_use]
     pub(crate) fn printed_at(mut self, per_inch: f64) -> Self {
         self.per_inch = Some(per_inch);
         self
@@ -144,7 +137,6 @@ impl Drawing {
 
     /// Returns the SVG document. Its text requests DejaVu Sans, with fallback fonts of nearly the same
     /// widths.
-    #[must_use]
     pub fn svg(&self) -> String {
         let (w, h) = (self.width(), self.height());
         match self.per_inch {

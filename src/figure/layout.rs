@@ -24,7 +24,6 @@ const EDGE: f64 = 18.0;
 pub const BAR_STEPS: u32 = 256;
 
 /// Returns the scale factor of text and distances for a plot of this width.
-#[must_use]
 pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
@@ -49,7 +48,6 @@ pub struct Axis {
 
 impl Axis {
     /// Creates an axis that points right or up.
-    #[must_use]
     pub fn new(label: impl Into<String>, ticks: Ticks) -> Self {
         let label = label.into();
         Self { label, ticks, downward: false }
@@ -130,7 +128,6 @@ impl Measure {
 impl Page<'_> {
     /// Lays the page out around a plot of `w` × `h` pixels and draws everything except the data. The returned
     /// drawing contains the rectangle of the data.
-    #[must_use]
     pub fn draw(&self, w: f64, h: f64) -> Drawing {
         let m = Measure::of(w);
         let (y_ticks, y_label) = (m.beside(&self.y.ticks), m.name(&self.y.label));
@@ -240,7 +237,6 @@ pub struct Panels {
 
 impl Panels {
     /// Returns the size of a plot with `count` panels, at least one.
-    #[must_use]
     pub fn extent(&self, count: usize) -> (f64, f64) {
         let (across, _) = self.corner(count.min(self.columns) - 1);
         let (_, down) = self.corner(count - 1);
@@ -248,20 +244,17 @@ impl Panels {
     }
 
     /// Returns the upper left corner of a panel relative to that of the plot.
-    #[must_use]
     pub fn corner(&self, i: usize) -> Point {
         let (column, row) = ((i % self.columns) as f64, (i / self.columns) as f64);
         (column * (self.size.0 + self.gap), self.head + row * (self.size.1 + self.gap + self.head))
     }
 
     /// Returns the rectangle of a panel on a page.
-    #[must_use]
     pub fn place(&self, page: &Drawing, i: usize) -> Rect {
         page.data.within(self.corner(i), self.size)
     }
 
     /// Creates a page for `count` panels, at least one, with a bar and notes.
-    #[must_use]
     pub fn page(&self, count: usize, title: &str, bar: Option<Bar>, notes: Vec<String>) -> Drawing {
         let page = Page { title, bar, notes, frameless: true, ..Page::default() };
         let (w, h) = self.extent(count);

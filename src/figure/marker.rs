@@ -26,7 +26,6 @@ const OUTLINES: [&str; 8] = [
 pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
 
 /// Returns a colour of the palette, which repeats.
-#[must_use]
 pub fn palette(index: usize) -> Rgb<u8> {
     Rgb(PALETTE[index % PALETTE.len()])
 }
@@ -37,19 +36,16 @@ pub struct Marker(usize);
 impl Marker {
     /// Returns the marker for an index. The numbers of markers and colours have no common factor, so their
     /// pair repeats only after [`DISTINCT`].
-    #[must_use]
     pub fn of(index: usize) -> Self {
         Self(index % OUTLINES.len())
     }
 
     /// Returns the outer edge of [`Marker::path`].
-    #[must_use]
     pub fn rim(self) -> &'static str {
         self.path().split_inclusive('Z').next().unwrap_or_default()
     }
 
     /// Returns the outline as SVG path data, for a radius of 1.
-    #[must_use]
     pub fn path(self) -> &'static str {
         OUTLINES[self.0]
     }

@@ -22,7 +22,6 @@ use tensor::axes::AxisKind;
 const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 
 /// Returns the sixteen panels of a grid with panels of this size, `gap` apart.
-#[must_use]
 pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     Panels { size, head: 0.0, gap, columns: 4 }
 }
@@ -100,7 +99,6 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
 }
 
 /// Returns the colour of element `i` of a matrix; if normalized, M00 is an intensity.
-#[must_use]
 pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
     match (normalized, i) {
         (true, 0) if m[0].is_finite() => Rgb([srgb(m[0] / white); 3]),

@@ -53,7 +53,6 @@ impl Format {
 }
 
 /// Returns whether a file extension names an animation format, `.gif` or `.apng`.
-#[must_use]
 pub fn is_animation(path: &Path) -> bool {
     matches!(extension(path).as_str(), "gif" | "apng")
 }

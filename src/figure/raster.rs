@@ -28,7 +28,6 @@ pub struct Factor {
 impl Factor {
     /// Returns the factor that brings `n` data pixels as close below `target` as possible by repetition, or
     /// below `most` by averaging if there are more than `most`.
-    #[must_use]
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
         if n > most {
@@ -39,13 +38,11 @@ impl Factor {
     }
 
     /// Returns the number of image pixels of `n` data pixels.
-    #[must_use]
     pub fn length(self, n: usize) -> f64 {
         (n.div_ceil(self.down) * self.up) as f64
     }
 
     /// Returns the factor enlarged until `n` data pixels are at least `least` image pixels.
-    #[must_use]
     pub fn at_least(self, least: usize, n: usize) -> Self {
         let length = n.div_ceil(self.down) * self.up;
         Self { up: self.up * least.div_ceil(length.max(1)), ..self }
@@ -53,7 +50,6 @@ impl Factor {
 
     /// Returns factors that keep pixels square, with the longer side close to `target`. A strip thinner than
     /// `least` is stretched across to remain visible.
-    #[must_use]
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
@@ -65,7 +61,6 @@ impl Factor {
 
 impl Raster<3> {
     /// Returns red, green and blue from values whose last axis is the wavelength.
-    #[must_use]
     pub fn colour(w: usize, h: usize, values: &Reduced, weights: &[Vec<f32>; 3]) -> Self {
         let lanes = weights[0].len().max(1);
         let mix = |lane: &[f32], row: &[f32]| match row {
@@ -96,7 +91,6 @@ impl<const C: usize> Raster<C> {
     }
 
     /// Averages over boxes; a box with a non-finite value is undefined.
-    #[must_use]
     pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
             return self;
@@ -120,7 +114,6 @@ impl<const C: usize> Raster<C> {
     }
 
     /// Returns the raster flipped vertically, so that rows run upward.
-    #[must_use]
     pub fn flipped(mut self) -> Self {
         self.data = self.data.chunks_exact(self.w).rev().flatten().copied().collect();
         self

@@ -50,7 +50,6 @@ pub enum View {
 
 impl View {
     /// Returns the name of the drawn slice.
-    #[must_use]
     pub fn slice(&self) -> &str {
         match self {
             Self::Photo(v) => &v.slice,

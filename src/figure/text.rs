@@ -10,7 +10,6 @@ pub const CAP_PER_EM: f64 = 0.729;
 
 /// Returns the font of all text. There is only one, because svg2pdf's output with several fonts is not
 /// reproducible.
-#[must_use]
 pub fn font() -> &'static [u8] {
     dejavu::sans::regular()
 }
@@ -36,7 +35,6 @@ impl Style {
     }
 
     /// Returns the style scaled by `k`.
-    #[must_use]
     pub fn scaled(self, k: f64) -> Self {
         let em = self.em * k;
         Self { em, ..self }
@@ -62,14 +60,12 @@ fn advance(c: char, style: Style) -> f64 {
 }
 
 /// Returns the width of a text in pixels.
-#[must_use]
 pub fn width(text: &str, style: Style) -> f64 {
     text.chars().map(|c| advance(c, style)).sum()
 }
 
 /// Returns the text and style that fit into `room`: first the style shrinks, then the text is cut with an
 /// ellipsis.
-#[must_use]
 pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     let wide = width(text, style);
     if wide <= room {
@@ -89,7 +85,6 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
 }
 
 /// Wraps a text into lines no wider than `room`; a wider word has its own line.
-#[must_use]
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

@@ -15,7 +15,6 @@ pub struct Ticks {
 
 impl Ticks {
     /// Returns ticks at 1, 2 or 5 times powers of ten between `low` and `high`, about `most` at most.
-    #[must_use]
     pub fn linear(low: f64, high: f64, most: usize) -> Self {
         let span = high - low;
         if !(span.is_finite() && span > 0.0) {
@@ -42,7 +41,6 @@ impl Ticks {
     }
 
     /// Returns ticks at whole powers of ten between two powers of ten.
-    #[must_use]
     pub fn decades(low_exp: f64, high_exp: f64) -> Self {
         let span = high_exp - low_exp;
         if !(span.is_finite() && span > 0.0) {
@@ -56,7 +54,6 @@ impl Ticks {
 
     /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis do
     /// not overlap. Axes that are not evenly spaced are labelled at some of their entries.
-    #[must_use]
     pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
         let ticks = |most: usize| match ruler(coords) {
             // Whole numbers have no ticks between them.
@@ -75,7 +72,6 @@ impl Ticks {
     }
 
     /// Returns whether the labels fit side by side into `length` pixels without overlap.
-    #[must_use]
     pub fn fit_side_by_side(&self, length: f64) -> bool {
         self.marks.iter().map(|m| width(&m.1, TICK) + 16.0).sum::<f64>() <= length
     }
@@ -96,7 +92,6 @@ impl Ticks {
     }
 
     /// Returns a unit with the power of ten factored out of the labels.
-    #[must_use]
     pub fn unit(&self, unit: &str) -> String {
         match self.exponent {
             0 => unit.to_owned(),
@@ -122,7 +117,6 @@ fn number(value: f64, decimals: usize) -> String {
 }
 
 /// Formats a value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
-#[must_use]
 pub fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

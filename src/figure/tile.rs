@@ -99,7 +99,6 @@ pub enum Scale {
 }
 
 impl Tile {
-    #[must_use]
     pub fn image(image: RgbImage) -> Self {
         Self::images(vec![(image, String::new())], 1)
     }
@@ -109,7 +108,6 @@ impl Tile {
     }
 
     /// Returns the size in pixels of a single image.
-    #[must_use]
     pub fn size(&self) -> Option<[u32; 2]> {
         match &self.cells[..] {
             [(image, _)] => Some([image.width(), image.height()]),
@@ -259,7 +257,6 @@ pub fn of_colours(
 
 /// Returns the common white level of several images: the 99th percentile of all values, or their maximum if
 /// that is not positive.
-#[must_use]
 pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> White {
     colour::exposure(values)
 }

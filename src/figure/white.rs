@@ -11,7 +11,6 @@ pub enum White {
 
 impl White {
     /// Returns the value; 1 if there is none.
-    #[must_use]
     pub fn value(self) -> f32 {
         match self {
             Self::Value(v) => v,

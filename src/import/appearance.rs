@@ -81,7 +81,6 @@ pub enum Source {
 
 impl Appearance {
     /// Returns whether the file gives only a name: the default material of glTF, or a grey of an MTL library.
-    #[must_use]
     pub fn is_plain(&self) -> bool {
         let plain = Self {
             alpha: self.alpha,

@@ -16,7 +16,6 @@ const DRAWN: u32 = 48;
 
 /// Returns the directional albedo at normal incidence of a coat of GGX facets of roughness `alpha` and
 /// relative index `eta`.
-#[must_use]
 pub fn coat_albedo(eta: f64, alpha: f64, masking: Masking) -> f64 {
     let model = Microfacet { distribution: Distribution::Ggx, masking, alpha: alpha.max(0.001) as f32 };
     let eta = Spectral::splat(eta as f32);
@@ -37,7 +36,6 @@ fn schlick(cos: f64) -> f64 {
 
 /// Returns ρ / base colour for glTF's dielectric, whose diffuse part is base (1 - F(v·h)) / π (glTF 2.0,
 /// appendix B.3).
-#[must_use]
 pub fn gltf(eta: f64, alpha: f64) -> f64 {
     let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
     let diffuse = cosine_mean(|cos| {
@@ -51,7 +49,6 @@ pub fn gltf(eta: f64, alpha: f64) -> f64 {
 /// Returns ρ / base colour for Disney's `principled` as in Mitsuba 3: (1 - Fo/2)(1 - Fi/2) and
 /// retro-reflection by `roughness` (Burley 2012, sect. 5.3). The latter adds energy, so the factor can exceed
 /// 1.
-#[must_use]
 pub fn principled(eta: f64, roughness: f64) -> f64 {
     let diffuse = cosine_mean(|cos| {
         let fo = schlick(cos);

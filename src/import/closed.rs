@@ -13,7 +13,6 @@ pub struct Inside {
 
 impl Inside {
     /// Creates the inside test of all `meshes` together.
-    #[must_use]
     pub fn new(meshes: &[&mut Mesh]) -> Self {
         let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
         let triangles: Vec<[DVec3; 3]> =
@@ -24,13 +23,11 @@ impl Inside {
         Self { triangles, low, high }
     }
 
-    #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
         (self.low, self.high)
     }
 
     /// Returns up to `most` points of the surface: centroids of triangles.
-    #[must_use]
     pub fn points(&self, most: usize) -> Vec<DVec3> {
         let step = self.triangles.len().div_ceil(most.max(1)).max(1);
         let some = self.triangles.iter().step_by(step);
@@ -38,7 +35,6 @@ impl Inside {
     }
 
     /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.
-    #[must_use]
     pub fn holds(&self, p: DVec3) -> Option<bool> {
         let near = 1e-4 * (self.high - self.low).max_element();
         // A direction that is unlikely to be parallel to an edge.
@@ -106,7 +102,6 @@ impl Welded {
 
 /// Returns a message about the first error of a surface that should be closed, or `None`. Vertices within
 /// 1e-6 of its extent are merged, since coordinates at seams are rounded.
-#[must_use]
 pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let all = meshes.iter().flat_map(|m| &m.positions);
     let low = all.clone().copied().fold(Vec3::INFINITY, Vec3::min);

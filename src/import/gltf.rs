@@ -76,7 +76,6 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
 }
 
 /// Returns the file names of a document's external buffers, as far as the document is readable.
-#[must_use]
 pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
     let root = container(bytes).ok().and_then(|(json, _)| Root::from_slice(&json).ok());
     let buffers = root.map(|root| root.buffers).unwrap_or_default();

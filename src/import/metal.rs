@@ -10,7 +10,6 @@ const ANGLES: [f64; 5] = [0.0, 30.0, 45.0, 60.0, 70.0];
 /// Returns n and k of the metal that reflects `r` (0..1) at normal incidence and is closest to
 /// r + (1 - r)(1 - cosθ)⁵ (Schlick 1994) at angles up to 70°: within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5.
 /// n of all such metals is between (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
-#[must_use]
 pub fn metal(r: f64) -> [f64; 2] {
     const STEPS: u32 = 400;
     let r = r.clamp(0.0, 1.0);

@@ -19,7 +19,6 @@ use transport::material::texture::{Filter, Wrap};
 /// Returns the library names of the `mtllib` lines of an OBJ file. A line can contain several names, and
 /// names can contain spaces. Each line is a list of its interpretations: as one name, and as one name per
 /// word.
-#[must_use]
 pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     let mut all: Vec<Vec<Vec<String>>> = vec![];
     for line in text::lines(&text::decode(obj)) {
@@ -80,7 +79,6 @@ impl Entry {
 }
 
 /// Parses the materials of a library.
-#[must_use]
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
     let mut all: Vec<Entry> = vec![];
     for line in text::lines(&text::decode(bytes)) {

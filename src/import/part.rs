@@ -138,7 +138,6 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
 }
 
 /// Returns whether every coordinate is finite and within `limit` (metres) of 0.
-#[must_use]
 pub fn lies_within(mesh: &Mesh, limit: f64) -> bool {
     let sane = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) < limit;
     mesh.positions.par_iter().with_min_len(1 << 14).all(sane)

@@ -32,7 +32,6 @@ pub enum Channels {
 }
 
 /// Returns a linear value, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
-#[must_use]
 pub fn linear(value: f32, encoded: bool) -> f32 {
     if !encoded {
         value
@@ -145,7 +144,6 @@ pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out
 }
 
 /// Returns red, green or blue per wavelength: above 590 nm, from 500 to 590 nm, and below.
-#[must_use]
 pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
     let channel = |nm: f64| match nm {
         nm if nm < 500.0 => 2,
@@ -162,14 +160,12 @@ fn luminance([r, g, b]: [f32; 3]) -> f32 {
 }
 
 /// Returns the encoded brightness of every pixel, top row first.
-#[must_use]
 pub fn weights(image: &Pixels) -> Vec<f32> {
     let brightness = |p: &[f32; 3]| luminance(image.to_rgb.map_or(*p, |m| primaries::times(&m, *p)));
     image.values.iter().map(brightness).collect()
 }
 
 /// Multiplies texels by a factor per wavelength; returns false if a result is not a valid radiance (0..1e30).
-#[must_use]
 pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     let by = by.to_array();
     texels.iter_mut().all(|texel| {

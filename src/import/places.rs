@@ -13,7 +13,6 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
 }
 
 /// Returns whether bytes begin like a `.npy` file.
-#[must_use]
 pub fn is_array(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x93NUMPY")
 }

@@ -23,13 +23,11 @@ pub struct AnalogLimits {
 
 impl AnalogLimits {
     /// Returns the smallest step, in volts.
-    #[must_use]
     pub fn step(&self) -> f64 {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
     /// Returns the output voltage for a requested voltage: the nearest possible one.
-    #[must_use]
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();

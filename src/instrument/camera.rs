@@ -22,7 +22,6 @@ impl PixelFormat {
     pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10p, Self::Mono12p, Self::Mono16];
 
     /// Returns the number of bits per pixel.
-    #[must_use]
     pub fn bits(self) -> u32 {
         match self {
             Self::Mono8 => 8,
@@ -33,7 +32,6 @@ impl PixelFormat {
     }
 
     /// Returns GenICam's name of the format.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Mono8 => "Mono8",
@@ -44,7 +42,6 @@ impl PixelFormat {
     }
 
     /// Returns the number of bytes of `pixels` pixels; packed formats are padded to a full byte.
-    #[must_use]
     pub fn bytes(self, pixels: usize) -> usize {
         (pixels * self.bits() as usize).div_ceil(8)
     }

@@ -25,7 +25,6 @@ impl Fault {
         [Self::Timeout, Self::Limit, Self::Stalled, Self::Disconnected, Self::Saturated, Self::Refused];
 
     /// Returns the fault's name in journals and messages.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Timeout => "timeout",
@@ -38,7 +37,6 @@ impl Fault {
     }
 
     /// Returns whether a retry can succeed.
-    #[must_use]
     pub fn may_pass(self) -> bool {
         !matches!(self, Self::Limit | Self::Refused)
     }
@@ -57,7 +55,6 @@ pub struct Failure {
 
 impl Failure {
     /// Creates a failure of an instrument.
-    #[must_use]
     pub fn new(fault: Fault, instrument: &str, what: impl Into<String>) -> Self {
         Self { fault, instrument: instrument.to_owned(), what: what.into() }
     }

@@ -3,7 +3,6 @@
 use super::camera::{PixelFormat, RawFrame};
 
 /// Packs numbers into a format; larger numbers are clamped to the format's maximum.
-#[must_use]
 pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     let bits = format.bits();
     let most = (1_u32 << bits) - 1;
@@ -25,7 +24,6 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
 }
 
 /// Unpacks a frame's numbers, rows from the top; `None` if the length does not match region and format.
-#[must_use]
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
     let bits = frame.format.bits();
     let pixels = u128::from(frame.region.width) * u128::from(frame.region.height);

@@ -32,7 +32,6 @@ impl StageLimits {
     }
 
     /// Returns the duration of a move by `degrees` with a trapezoidal velocity profile.
-    #[must_use]
     pub fn move_time(&self, degrees: f64) -> Duration {
         let (d, v, a) = (degrees.abs(), self.velocity, self.acceleration);
         let seconds = if d * a <= v * v { 2.0 * (d / a).sqrt() } else { d / v + v / a };

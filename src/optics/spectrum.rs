@@ -55,14 +55,12 @@ impl Wavelengths {
 
     /// Returns the number of wavelengths (1 to 4).
     #[inline]
-    #[must_use]
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
     /// Returns the wavelengths in nanometres, ascending.
     #[inline]
-    #[must_use]
     pub fn nm(&self) -> &[f64] {
         &self.0
     }
@@ -78,14 +76,12 @@ impl Wavelengths {
 
     /// Returns one in every used lane, zero in the others.
     #[inline]
-    #[must_use]
     pub fn ones(&self) -> Spectral {
         self.map(|_| 1.0)
     }
 }
 
 #[inline]
-#[must_use]
 pub fn max_lane(s: Spectral) -> f32 {
     let a = s.to_array();
     a[0].max(a[1]).max(a[2].max(a[3]))

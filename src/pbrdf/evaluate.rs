@@ -25,13 +25,11 @@ pub struct Direction {
 
 impl Direction {
     /// Returns the direction of a vector of any length.
-    #[must_use]
     pub fn of([x, y, z]: [f64; 3]) -> Self {
         Self { theta_deg: x.hypot(y).atan2(z).to_degrees(), phi_deg: y.atan2(x).to_degrees() }
     }
 
     /// Returns the unit vector of the direction.
-    #[must_use]
     pub fn vector(self) -> [f64; 3] {
         let [theta, phi] = [self.theta_deg, self.phi_deg].map(f64::to_radians);
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
@@ -39,7 +37,6 @@ impl Direction {
 
     /// Returns the horizontal of the Stokes frame along the direction: (-sin φ, cos φ, 0), also on the
     /// normal.
-    #[must_use]
     pub fn frame(self) -> [f64; 3] {
         let phi = self.phi_deg.to_radians();
         [-phi.sin(), phi.cos(), 0.0]
@@ -99,14 +96,12 @@ pub struct Specimen<'a> {
 
 impl<'a> Specimen<'a> {
     /// Creates a specimen of a material at texture coordinates `uv`; `None` if the name is unknown.
-    #[must_use]
     pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
         let id = *set.names.get(name)?;
         Some(Self::of(&set.materials, set.wavelengths.count(), id, uv))
     }
 
     /// Creates a specimen of a scene's material at texture coordinates `uv`; `None` if the name is unknown.
-    #[must_use]
     pub fn in_scene(scene: &'a Scene, name: &str, uv: [f32; 2]) -> Option<Self> {
         let names = &scene.names;
         let place = names.materials.iter().position(|other| other == name)?;
@@ -129,7 +124,6 @@ impl<'a> Specimen<'a> {
     }
 
     /// Returns the BRDF for light from `incoming` to `outgoing`; zero if nothing is scattered.
-    #[must_use]
     pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
         let m = self.mueller(incoming, outgoing);
         let (wi, wo) = (incoming.single().0, outgoing.single().0);
@@ -140,7 +134,6 @@ impl<'a> Specimen<'a> {
     }
 
     /// Returns only the matrices of [`Self::brdf`].
-    #[must_use]
     pub fn mueller(&self, incoming: Direction, outgoing: Direction) -> Mueller {
         let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
         self.materials

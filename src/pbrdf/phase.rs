@@ -52,7 +52,6 @@ pub fn tables(
 }
 
 /// Returns the tables of the medium `name`, one per wavelength of the set; empty if the name is unknown.
-#[must_use]
 pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     let mut out = vec![];
     let Some(&id) = set.names.get(name) else {

@@ -61,21 +61,18 @@ impl BandedMaterials {
     }
 
     /// Returns whether the material has a non-specular lobe; `None` if the name is unknown.
-    #[must_use]
     pub fn is_smooth(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
     /// Returns the names of the materials that a table can represent: those with a non-specular lobe.
-    #[must_use]
     pub fn tabulable(&self) -> Vec<String> {
         let smooth = |name: &&String| self.is_smooth(name) == Some(true);
         self.names().filter(smooth).cloned().collect()
     }
 
     /// Returns the names of the substitutes.
-    #[must_use]
     pub fn stand_ins(&self) -> Vec<String> {
         let mut names = self.tabulable();
         names.retain(|name| name.starts_with(PREFIX));
@@ -83,7 +80,6 @@ impl BandedMaterials {
     }
 
     /// Returns a material as the argument of `tabulate`, one source per four bands; empty if unknown.
-    #[must_use]
     pub fn sources(&self, name: &str) -> Vec<(&Materials, u32)> {
         let of = |set| -> Option<(&Materials, u32)> {
             let set: &MaterialSet = set;
@@ -93,7 +89,6 @@ impl BandedMaterials {
     }
 
     /// Returns the substitutes as the argument of [`crate::data_set::evaluate`].
-    #[must_use]
     pub fn analytic(&self) -> Vec<Analytic<'_>> {
         let material = |name: String| {
             let sources = self.sources(&name);

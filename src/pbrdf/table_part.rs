@@ -6,14 +6,12 @@ use transport::material::measured::table::Table;
 const LOOKED_AT: usize = 200_000;
 
 /// Returns the index of the node (in radians) nearest to an angle in degrees; 0 if there are no nodes.
-#[must_use]
 pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     let distance = |i: &usize| (nodes[*i] - degrees.to_radians()).abs();
     (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
 
 /// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are none.
-#[must_use]
 pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
     let distance = |i: &usize| (f64::from(bands_nm[*i]) - nm).abs();
     (0..bands_nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
@@ -35,14 +33,12 @@ pub struct BandStatistics {
 }
 
 /// Returns the stride with which [`band_statistics`] samples entries; 1 for small tables.
-#[must_use]
 pub fn statistics_step(table: &Table) -> usize {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     (p * d * h / LOOKED_AT).max(1)
 }
 
 /// Returns the statistics of each band, in the order of the bands.
-#[must_use]
 pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     let step = statistics_step(table);
@@ -83,7 +79,6 @@ pub struct TablePart {
 impl TablePart {
     /// Creates the part in which the given angles (degrees: φ_d, θ_d, θ_h) and wavelength (nanometres) are
     /// fixed at their nearest entries; the other axes are kept.
-    #[must_use]
     pub fn new(table: &Table, angles_deg: [Option<f32>; 3], nm: Option<f32>) -> Self {
         let all = |n: usize| (0..n).collect::<Vec<_>>();
         let angles = table.angles();

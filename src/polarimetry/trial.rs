@@ -71,7 +71,6 @@ pub enum EstimateKind {
 
 impl EstimateKind {
     /// Returns the name in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::LeastSquares => "least squares",
@@ -233,7 +232,6 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
 
 /// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` are those of the
 /// wavelengths, which alternate over the pixels.
-#[must_use]
 pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
     let pixels = captured.layout.pixels();
@@ -260,7 +258,6 @@ fn squared(t: &[f64], m: &[f32]) -> f64 {
 }
 
 /// Compares row-major matrices of 16 elements per pixel. Pixels with a non-finite truth are ignored.
-#[must_use]
 pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
     let (n, sum) = pairs(truth, found).fold((0.0, 0.0), |(n, sum), (t, _)| (n + 1.0, sum + t[0]));
     let mean = sum / n;
@@ -285,7 +282,6 @@ pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
 
 /// Returns the errors of reconstructed matrices per pixel, relative to a brightness `mean`; pixels in the
 /// order of `layout`.
-#[must_use]
 pub fn error_image(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> ErrorImage {
     let inner = layout.times * layout.lanes;
     let places = truth.chunks_exact((16 * inner).max(1)).zip(found.chunks_exact((16 * inner).max(1)));

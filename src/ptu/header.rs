@@ -110,7 +110,6 @@ fn ascii(bytes: &[u8]) -> String {
 
 impl Header {
     /// Returns the value of the first tag of a name.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.tags.iter().find(|t| t.name == name).map(|t| &t.value)
     }
@@ -121,7 +120,6 @@ impl Header {
     }
 
     /// Returns an integer or flags.
-    #[must_use]
     pub fn int(&self, name: &str) -> Option<i64> {
         match self.get(name)? {
             Value::Int(i) => Some(*i),
@@ -132,7 +130,6 @@ impl Header {
 
     /// Returns an integer, flags, float or boolean (1 or 0) as a number. Programs disagree on the types of
     /// tags.
-    #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
             Value::Int(i) => Some(*i as f64),
@@ -144,7 +141,6 @@ impl Header {
     }
 
     /// Returns a text of either type.
-    #[must_use]
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.get(name)? {
             Value::Text(t) | Value::Wide(t) => Some(t),
@@ -153,7 +149,6 @@ impl Header {
     }
 
     /// Returns the duration of a count of `dtime` (T3) or of the time tag (T2) in seconds, if positive.
-    #[must_use]
     pub fn resolution_s(&self, mode: Mode) -> Option<f64> {
         let name = match mode {
             Mode::T2 => "MeasDesc_GlobalResolution",
@@ -163,7 +158,6 @@ impl Header {
     }
 
     /// Returns the duration of a count of the time tag in seconds, if positive; in T3 the laser's period.
-    #[must_use]
     pub fn global_resolution_s(&self) -> Option<f64> {
         self.resolution_s(Mode::T2)
     }

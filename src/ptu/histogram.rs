@@ -31,7 +31,6 @@ impl Plan {
     /// Returns the number of bins in one laser period, including a partial last bin.
     ///
     /// If the header has no period, the bins cover all times that records can represent (T2: 32768).
-    #[must_use]
     pub fn period_bins<R: Read>(reader: &Reader<R>, bin: u32) -> usize {
         let (record, header) = (reader.record_type(), reader.header());
         let all = f64::from(record.dtimes());
@@ -91,13 +90,11 @@ pub struct LeftOut {
 
 impl LeftOut {
     /// Returns the total number of photons left out.
-    #[must_use]
     pub fn photons(&self) -> u64 {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }
 
     /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a count.
-    #[must_use]
     pub fn describe(&self, resolution_s: Option<f64>) -> String {
         let latest = match resolution_s {
             Some(s) => format!("{:.3} ns", self.latest as f64 * s * 1e9),
@@ -134,7 +131,6 @@ pub struct Histograms {
 
 impl Histograms {
     /// Returns the number of photons in the histogram.
-    #[must_use]
     pub fn counted(&self) -> u64 {
         self.counts.iter().map(|n| u64::from(*n)).sum()
     }

@@ -56,7 +56,6 @@ const IMAGE: [&str; 18] = [
 
 /// Returns a note for each header tag that may change the meaning of the records and that a histogram ignores
 /// or interprets ambiguously.
-#[must_use]
 pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let mut notes = vec![];
     let is = |name: &str| header.number(name).unwrap_or(0.0);

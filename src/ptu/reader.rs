@@ -86,29 +86,24 @@ impl<R: Read> Reader<R> {
         })
     }
 
-    #[must_use]
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    #[must_use]
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    #[must_use]
     pub fn record_type(&self) -> RecordType {
         self.record
     }
 
     /// Returns the number of readable records.
-    #[must_use]
     pub fn records(&self) -> u64 {
         self.records
     }
 
     /// Returns the mismatch between header and file length, which deserves a warning.
-    #[must_use]
     pub fn mismatch(&self) -> Option<Mismatch> {
         self.mismatch
     }

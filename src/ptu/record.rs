@@ -75,23 +75,19 @@ impl RecordType {
     };
 
     /// Returns the type's code in headers.
-    #[must_use]
     pub fn code(self) -> u32 {
         TYPES[self as usize].1
     }
 
     /// Returns the type of a code.
-    #[must_use]
     pub fn of_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|r| r.code() == code)
     }
 
-    #[must_use]
     pub fn name(self) -> &'static str {
         TYPES[self as usize].2
     }
 
-    #[must_use]
     pub fn mode(self) -> Mode {
         match self.family() {
             Family::PicoT2 | Family::HydraT2 | Family::OldHydraT2 => Mode::T2,
@@ -101,7 +97,6 @@ impl RecordType {
 
     /// Returns the number of the last channel plus 1. Channels count from 0, except those of the PicoHarp in
     /// T2, which count from 1.
-    #[must_use]
     pub fn channels(self) -> u8 {
         match self.family() {
             Family::PicoT2 => 5,
@@ -111,7 +106,6 @@ impl RecordType {
     }
 
     /// Returns the number of `dtime` values in T3.
-    #[must_use]
     pub fn dtimes(self) -> u32 {
         if self.family() == Family::PicoT3 { 1 << 12 } else { 1 << 15 }
     }
@@ -286,7 +280,6 @@ fn split<L: Layout>(record: u32) -> Parts {
 
 impl Decoder {
     /// Creates a decoder for the begin of a measurement.
-    #[must_use]
     pub fn new(record: RecordType) -> Self {
         Self { record, overflow: 0 }
     }

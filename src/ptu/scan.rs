@@ -65,7 +65,6 @@ pub struct Clock {
 }
 
 /// Returns whether every second row runs backwards by the header (`ImgHdr_BiDirect`).
-#[must_use]
 pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }

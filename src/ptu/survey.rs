@@ -23,7 +23,6 @@ pub struct Survey {
 
 impl Survey {
     /// Returns the channels that have photons.
-    #[must_use]
     pub fn channels(&self) -> Vec<u8> {
         (0..64).filter(|c| self.photons[usize::from(*c)] > 0).collect()
     }

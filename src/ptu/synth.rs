@@ -29,7 +29,6 @@ fn draw(stream: &mut Stream, below: u64) -> u64 {
 
 /// Assigns the counts of bins to pulses at random and returns the stamps in order of time. With `alone`, each
 /// pulse has at most one detection, and excess detections are dropped.
-#[must_use]
 pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Vec<Stamp> {
     if pulses == 0 {
         return vec![];

@@ -75,7 +75,6 @@ fn to_ansi(text: &str) -> Option<Vec<u8>> {
 
 impl Value {
     /// Returns a text as Windows-1252 if possible, otherwise as UTF-16.
-    #[must_use]
     pub fn text(text: &str) -> Self {
         match to_ansi(text) {
             Some(_) => Self::Text(text.to_owned()),
@@ -163,7 +162,6 @@ pub struct Tag {
 
 impl Tag {
     /// Creates a tag outside any list.
-    #[must_use]
     pub fn new(name: &str, value: Value) -> Self {
         Self { name: name.to_owned(), index: -1, value }
     }

@@ -27,7 +27,6 @@ pub struct Description {
 
 impl Description {
     /// Returns the header of a file without records.
-    #[must_use]
     pub fn header(&self) -> Header {
         let (mode, resolution) = match self.record.mode() {
             Mode::T2 => (2, self.global_resolution_s),
@@ -225,7 +224,6 @@ impl<W: Write + Seek> Writer<W> {
 pub struct Records(Writer<std::io::Cursor<Vec<u8>>>);
 
 impl Records {
-    #[must_use]
     pub fn new(record: RecordType) -> Self {
         Self(Writer::over(std::io::Cursor::new(vec![]), record, 0))
     }
@@ -238,7 +236,6 @@ impl Records {
         self.0.photon(time, dtime, channel)
     }
 
-    #[must_use]
     pub fn words(self) -> Vec<u32> {
         let bytes = self.0.out.into_inner();
         bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect()

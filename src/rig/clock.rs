@@ -25,13 +25,11 @@ const SIMULATED_EPOCH_S: f64 = 1_767_225_600.0;
 
 impl Clock {
     /// Creates a clock that starts now and follows the machine's clock.
-    #[must_use]
     pub fn real() -> Self {
         Self::Real(Instant::now())
     }
 
     /// Creates a simulated clock at zero.
-    #[must_use]
     pub fn simulated() -> Self {
         Self::Simulated(Arc::new(Mutex::new(Simulated {
             now: Duration::ZERO,
@@ -40,7 +38,6 @@ impl Clock {
     }
 
     /// Returns the time since the clock was created. It is monotonic.
-    #[must_use]
     pub fn now(&self) -> Duration {
         match self {
             Self::Real(begun) => begun.elapsed(),
@@ -49,7 +46,6 @@ impl Clock {
     }
 
     /// Returns the wall time in seconds since 1970. It can jump.
-    #[must_use]
     pub fn wall_s(&self) -> f64 {
         match self {
             Self::Real(_) => SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64()),

@@ -81,26 +81,22 @@ impl From<SceneFile> for SceneBuilder {
 
 impl SceneBuilder {
     /// Creates an empty scene, which needs at least a camera and a light.
-    #[must_use]
     pub fn new() -> Self {
         Self { has_camera: false, ..Self::from(SceneFile::new(PinholeFile::look_at([0.0; 3], [0.0; 3]))) }
     }
 
     /// Sets the short name, used in titles.
-    #[must_use]
     pub fn name(mut self, name: impl Into<String>) -> Self {
         self.file.name = Some(name.into());
         self
     }
 
     /// Sets one to four vacuum wavelengths in nanometres, increasing.
-    #[must_use]
     pub fn wavelengths_nm(mut self, nm: impl Into<Vec<f64>>) -> Self {
         self.file.wavelengths_nm = nm.into().into();
         self
     }
 
-    #[must_use]
     pub fn camera(mut self, camera: PinholeFile) -> Self {
         self.file.camera = camera.into();
         self.has_camera = true;
@@ -108,20 +104,17 @@ impl SceneBuilder {
     }
 
     /// Sets the projector. A camera given as one has an irradiance of 1 W/(m² nm) at 1 m on its axis.
-    #[must_use]
     pub fn projector(mut self, projector: impl Into<ProjectorFile>) -> Self {
         self.file.projector = Some(projector.into().into());
         self
     }
 
-    #[must_use]
     pub fn emitter(mut self, emitter: EmitterFile) -> Self {
         self.file.emitters.push(emitter.into());
         self
     }
 
     /// Adds a material under a unique name.
-    #[must_use]
     pub fn material(mut self, name: impl Into<String>, material: MaterialFile) -> Self {
         let name = name.into();
         if self.file.materials.insert(name.clone(), material.into()).is_some() {
@@ -131,7 +124,6 @@ impl SceneBuilder {
     }
 
     /// Adds a medium under a unique name.
-    #[must_use]
     pub fn medium(mut self, name: impl Into<String>, medium: MediumFile) -> Self {
         let name = name.into();
         if self.file.media.insert(name.clone(), medium.into()).is_some() {
@@ -141,7 +133,6 @@ impl SceneBuilder {
     }
 
     /// Adds a mesh (metres) under a unique name, which [`ObjectFile::mesh`] accepts as a file name.
-    #[must_use]
     pub fn mesh(mut self, name: impl Into<String>, mesh: &Mesh) -> Self {
         let name = name.into();
         let place = format!("mesh(\"{name}\")");
@@ -162,7 +153,6 @@ impl SceneBuilder {
 
     /// Adds a file (an image, a mesh) that exists in memory only, under the name by which materials, objects
     /// and slices refer to it. Tables of measured materials must be on disk.
-    #[must_use]
     pub fn file_in_memory(mut self, name: impl Into<String>, bytes: Vec<u8>) -> Self {
         let name = name.into();
         if self.memory.insert(name.clone(), bytes).is_some() {
@@ -172,26 +162,22 @@ impl SceneBuilder {
     }
 
     /// Returns the files that exist in memory only, by name.
-    #[must_use]
     pub fn files_in_memory(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.memory
     }
 
     /// Sets the folder of relative paths. Default: the current folder.
-    #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.folder = folder.into();
         self
     }
 
-    #[must_use]
     pub fn object(mut self, object: ObjectFile) -> Self {
         self.file.objects.push(object.into());
         self
     }
 
     /// Adds a group of objects under a unique name. It is visible only through its instances.
-    #[must_use]
     pub fn group(mut self, name: impl Into<String>, group: GroupFile) -> Self {
         let name = name.into();
         if self.file.groups.insert(name.clone(), group.into()).is_some() {
@@ -201,53 +187,45 @@ impl SceneBuilder {
     }
 
     /// Adds one or more copies of a group.
-    #[must_use]
     pub fn instance(mut self, instance: InstanceFile) -> Self {
         self.file.instances.push(instance.into());
         self
     }
 
-    #[must_use]
     pub fn slice(mut self, slice: SliceFile) -> Self {
         self.file.slices.push(slice.into());
         self
     }
 
     /// Replaces all render settings.
-    #[must_use]
     pub fn render(mut self, render: RenderFile) -> Self {
         self.file.render = render;
         self
     }
 
-    #[must_use]
     pub fn spp(mut self, spp: u32) -> Self {
         self.file.render.spp = spp.into();
         self
     }
 
     /// Sets the maximum path length: 2 is direct light only; n allows n - 1 surface interactions.
-    #[must_use]
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.file.render.max_depth = max_depth.into();
         self
     }
 
-    #[must_use]
     pub fn integrator(mut self, integrator: Integrator) -> Self {
         self.file.render.integrator = integrator;
         self
     }
 
     /// Sets the seed of the random streams.
-    #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.file.render.seed = seed;
         self
     }
 
     /// Sets the edge length of a tile in camera pixels.
-    #[must_use]
     pub fn tile(mut self, tile: u32) -> Self {
         self.file.render.tile = tile.into();
         self

@@ -17,7 +17,6 @@ pub struct Denoised {
     of: String,
 }
 
-#[must_use]
 pub fn is_denoised(store: &TensorStore) -> bool {
     store.attributes().contains_key(ATTRIBUTE)
 }

@@ -34,7 +34,6 @@ impl MatchingStores {
     }
 
     /// Returns the weights of the stores in the mean of all their samples; their sum is 1.
-    #[must_use]
     pub fn shares(&self) -> Vec<f32> {
         let samples = |input: &Input| input.samples_per_pixel.filter(|n| *n > 0.0);
         let all: Option<Vec<f64>> = self.inputs.iter().map(samples).collect();
@@ -44,7 +43,6 @@ impl MatchingStores {
     }
 
     /// Returns the attributes of a store with the samples of all stores.
-    #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
         match &self.inputs[..] {
             [only] => only.store.attributes(),
@@ -53,7 +51,6 @@ impl MatchingStores {
     }
 
     /// Returns the grid of the sample counts that all stores have.
-    #[must_use]
     pub fn grid(&self) -> Option<SampleGrid> {
         merge::common_grid(&self.inputs)
     }

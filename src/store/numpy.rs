@@ -143,18 +143,15 @@ impl NumpyReader {
         })
     }
 
-    #[must_use]
     pub fn len(&self) -> usize {
         self.shape.iter().product()
     }
 
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Returns whether the elements need `f64`.
-    #[must_use]
     pub fn is_double(&self) -> bool {
         matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }

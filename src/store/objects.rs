@@ -30,7 +30,6 @@ pub enum Ask {
 
 impl Ask {
     /// Cuts the requested bytes out of a whole object.
-    #[must_use]
     pub fn of(&self, whole: &Bytes) -> Bytes {
         let size = whole.len();
         let at = |offset: u64| usize::try_from(offset).map_or(size, |o| o.min(size));

@@ -13,7 +13,6 @@ pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
 
 /// Returns the scheme of an address, at least two characters before `://`; `None` for a path.
-#[must_use]
 pub fn scheme(path: &Path) -> Option<&str> {
     let (scheme, _) = path.to_str()?.split_once("://")?;
     let plain = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
@@ -21,7 +20,6 @@ pub fn scheme(path: &Path) -> Option<&str> {
 }
 
 /// Returns whether a path is an address rather than a local path.
-#[must_use]
 pub fn is_address(path: &Path) -> bool {
     scheme(path).is_some()
 }

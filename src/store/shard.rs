@@ -34,7 +34,6 @@ pub enum ShardError {
 
 impl ShardError {
     /// Returns whether a system error is the cause, rather than the input.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

@@ -86,13 +86,11 @@ struct Open {
 
 impl ZarrSink {
     /// Returns a sink for a destination, which is not accessed before the render begins.
-    #[must_use]
     pub fn new(target: Target) -> Self {
         Self { target, open: None }
     }
 
     /// Returns the store, after a render has begun.
-    #[must_use]
     pub fn store(&self) -> Option<&TensorStore> {
         self.open.as_ref().map(|o| &o.store)
     }
@@ -256,13 +254,11 @@ fn finished_status(part: Option<Part>) -> &'static str {
 }
 
 /// Returns whether `path` is a finished part of a render.
-#[must_use]
 pub fn is_finished_part(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.is_finished_part() && !journal::exists(path))
 }
 
 /// Returns whether `path` is a finished store.
-#[must_use]
 pub fn is_finished(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.is_finished() && !journal::exists(path))
 }

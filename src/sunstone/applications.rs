@@ -202,7 +202,6 @@ impl<'a> Run<'a> {
     }
 
     /// Returns the number of renders of this run, without those taken from the folder.
-    #[must_use]
     pub fn rendered(&self) -> usize {
         self.observer.studio.rendered()
     }
@@ -352,7 +351,6 @@ fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
 }
 
 /// Finds the folder `scenes` with the file `scene`, in `from` or the nearest parent folder that has one.
-#[must_use]
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
 }

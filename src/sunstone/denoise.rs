@@ -52,7 +52,6 @@ pub enum DenoiseError {
 
 impl DenoiseError {
     /// Returns whether a system error is the cause, rather than the input.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Inputs(e) => e.is_of_system(),

@@ -48,7 +48,6 @@ pub struct Render<'a> {
 
 impl<'a> Render<'a> {
     /// Returns a render of a scene on the threads of the current rayon pool, without a watch.
-    #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         Self {
@@ -61,14 +60,12 @@ impl<'a> Render<'a> {
     }
 
     /// Reports each finished tile to `watch`, which can stop the render.
-    #[must_use]
     pub fn watch(mut self, watch: &'a dyn Watch) -> Self {
         self.watch = watch;
         self
     }
 
     /// Adds an attribute of the store, in addition to the provenance that every render records.
-    #[must_use]
     pub fn attribute(mut self, name: &'a str, value: Value) -> Self {
         self.attributes.push((name, value));
         self
@@ -77,7 +74,6 @@ impl<'a> Render<'a> {
     /// Renders only a part. Its tiles are bit-identical to those of the whole render; all others stay zero.
     /// The store records the part and does not open as a finished render. [`store::merge::merge`] joins all
     /// parts; the result equals the whole render byte for byte.
-    #[must_use]
     pub fn part(mut self, part: Part) -> Self {
         self.share.part = Some(part);
         self
@@ -86,7 +82,6 @@ impl<'a> Render<'a> {
     /// Sets the samples per pixel of each tile, row by row, instead of one number for all. A tile is
     /// bit-identical to that of a render with its number everywhere; tiles with 0 samples stay zero. The
     /// scene's settings contain the largest number.
-    #[must_use]
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
@@ -94,14 +89,12 @@ impl<'a> Render<'a> {
 
     /// Shares the light paths between all parts K of N, by files in a folder that their machines share.
     /// Otherwise each part traces all of them. Parts never block on one another; the output is bit-identical.
-    #[must_use]
     pub fn shared_light(mut self, folder: &'a Path) -> Self {
         self.share.light = Some(folder);
         self
     }
 
     /// Uses a separate pool of `threads` threads.
-    #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
@@ -199,20 +192,17 @@ impl Choices {
 
 /// Returns the maximum number of threads: more than the machine can use, but few enough not to overload
 /// it.
-#[must_use]
 pub fn most_threads() -> usize {
     8 * cores()
 }
 
 /// Returns the number of threads that the machine runs concurrently.
-#[must_use]
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Returns whether a system error, such as a full disk, stopped a render into a store, rather than the
 /// request.
-#[must_use]
 pub fn is_of_system(e: &RenderError) -> bool {
     match e {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => true,

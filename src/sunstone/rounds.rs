@@ -50,7 +50,6 @@ pub enum RoundsError {
 
 impl RoundsError {
     /// Returns whether a system error is the cause, rather than the request.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Render(e) => crate::render::is_of_system(e),
@@ -82,7 +81,6 @@ pub struct Standing {
 impl Standing {
     /// Returns the state as JSON, without the sample counts of the next round. `next` is `round`, `reached`
     /// or `exhausted`.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         let next = match &self.next {
             Next::Round(_) => "round",
@@ -118,7 +116,6 @@ pub struct RoundPart<'a> {
 }
 
 /// Returns the folder for the rounds of a store, next to the store.
-#[must_use]
 pub fn folder_of(store: &Path) -> PathBuf {
     let mut name = store.file_name().unwrap_or_default().to_owned();
     name.push(".rounds");

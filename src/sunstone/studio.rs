@@ -81,7 +81,6 @@ impl<'a> Studio<'a> {
     }
 
     /// Returns the number of new renders, without those taken from the folder.
-    #[must_use]
     pub fn rendered(&self) -> usize {
         self.rendered
     }
@@ -194,7 +193,6 @@ impl<'a> Studio<'a> {
     }
 
     /// Returns the error for a scene that lacks an item.
-    #[must_use]
     pub fn lacks(&self, what: String, fix: String) -> StudioError {
         StudioError::Lacks { file: self.path.clone(), what, fix }
     }

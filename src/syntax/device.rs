@@ -251,13 +251,11 @@ impl Default for PoseFile {
 
 impl PoseFile {
     /// Returns the pose of a device at `origin` that looks at `target` (metres), with +y up.
-    #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::LookAt(LookAtFile { origin, target, up: defaults::y_axis() })
     }
 
     /// Returns the pose for x_device = R x_world + t; `t` in metres.
-    #[must_use]
     pub fn extrinsics(rotation: [[f64; 3]; 3], t: [f64; 3]) -> Self {
         Self::Extrinsics(ExtrinsicsFile { rotation: Some(rotation), t: Some(t), ..ExtrinsicsFile::default() })
     }
@@ -265,101 +263,86 @@ impl PoseFile {
 
 impl PinholeFile {
     /// Creates a camera with this pose. Resolution and focal length must still be set.
-    #[must_use]
     pub fn new(pose: PoseFile) -> Self {
         Self { pose: pose.into(), ..Self::default() }
     }
 
     /// Creates a camera at `origin` that looks at `target` (metres), with +y up.
-    #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::new(PoseFile::look_at(origin, target))
     }
 
     /// Creates a camera from a `sunstone calibrate` file.
-    #[must_use]
     pub fn calibrated(file: &str) -> Self {
         Self { calibration: Some(file.to_owned().into()), ..Self::default() }
     }
 
     /// Returns whether the device has a pose.
-    #[must_use]
     pub fn has_pose(&self) -> bool {
         *self.pose != PoseFile::default()
     }
 
     /// Makes the camera orthographic, with an image of this width in metres.
-    #[must_use]
     pub fn orthographic_width(mut self, metres: f64) -> Self {
         self.orthographic_width = Some(metres.into());
         self
     }
 
     /// Sets width and height in pixels.
-    #[must_use]
     pub fn resolution(mut self, width: u32, height: u32) -> Self {
         self.resolution = [width, height].into();
         self
     }
 
     /// Sets the horizontal field of view in degrees.
-    #[must_use]
     pub fn fov_x_deg(mut self, degrees: f64) -> Self {
         self.fov_x_deg = Some(degrees.into());
         self
     }
 
     /// Sets the vertical field of view in degrees.
-    #[must_use]
     pub fn fov_y_deg(mut self, degrees: f64) -> Self {
         self.fov_y_deg = Some(degrees.into());
         self
     }
 
     /// Sets the focal lengths along x and y in pixels.
-    #[must_use]
     pub fn focal(mut self, fx: f64, fy: f64) -> Self {
         (self.fx, self.fy) = (Some(fx.into()), Some(fy.into()));
         self
     }
 
     /// Sets the principal point in continuous pixels (the first pixel covers 0..1).
-    #[must_use]
     pub fn principal(mut self, cx: f64, cy: f64) -> Self {
         (self.cx, self.cy) = (Some(cx), Some(cy));
         self
     }
 
     /// Sets OpenCV's camera matrix, for which (0, 0) is the centre of the first pixel.
-    #[must_use]
     pub fn opencv_matrix(mut self, rows: [[f64; 3]; 3]) -> Self {
         self.opencv_matrix = Some(rows.into());
         self
     }
 
     /// Sets OpenCV's 4, 5, 8, 12 or 14 distortion coefficients in OpenCV's order.
-    #[must_use]
     pub fn opencv(mut self, coefficients: impl Into<Vec<f64>>) -> Self {
         self.opencv = Some(coefficients.into().into());
         self
     }
 
     /// Sets the four coefficients of OpenCV's fisheye model.
-    #[must_use]
     pub fn fisheye(mut self, coefficients: [f64; 4]) -> Self {
         self.fisheye = Some(coefficients.into());
         self
     }
 
     /// Sets lens distortion by name.
-    #[must_use]
     pub fn distortion(mut self, distortion: DistortionFile) -> Self {
         self.distortion = Some(distortion.into());
         self
     }
 
     /// Sets a thin lens of this radius, in focus at this distance along the optical axis; both in metres.
-    #[must_use]
     pub fn aperture(mut self, radius: f64, focus: f64) -> Self {
         self.aperture = Some(ApertureFile { radius, focus }.into());
         self
@@ -368,7 +351,6 @@ impl PinholeFile {
 
 impl ProjectorFile {
     /// Creates a projector with the pixels, lens and pose of `device`.
-    #[must_use]
     pub fn new(device: PinholeFile) -> Self {
         Self {
             irradiance: defaults::unit_spectrum(),
@@ -391,13 +373,11 @@ impl ProjectorFile {
     }
 
     /// Creates a projector that illuminates through the camera's own pixels.
-    #[must_use]
     pub fn coaxial() -> Self {
         Self { coaxial: true, ..Self::new(PinholeFile::default()) }
     }
 
     /// Sets the irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1.
-    #[must_use]
     pub fn irradiance(mut self, irradiance: impl Into<SpectrumFile>) -> Self {
         self.irradiance = irradiance.into().into();
         self
@@ -413,7 +393,6 @@ impl From<PinholeFile> for ProjectorFile {
 impl EmitterFile {
     /// Creates a point emitter at `position` (metres) with a radiant intensity in W/(sr nm), equal in all
     /// directions.
-    #[must_use]
     pub fn point(position: [f64; 3], intensity: impl Into<SpectrumFile>) -> Self {
         Self::Point(PointFile {
             position,
@@ -423,7 +402,6 @@ impl EmitterFile {
     }
 
     /// Creates an environment with the same radiance, in W/(m² sr nm), from every direction.
-    #[must_use]
     pub fn environment(radiance: impl Into<SpectrumFile>) -> Self {
         Self::Environment(Box::new(EnvironmentFile::new(radiance)))
     }

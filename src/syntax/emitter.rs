@@ -156,7 +156,6 @@ pub struct BeamFile {
 
 impl EmissionFile {
     /// Creates emission from the front with a radiance in W/(m² sr nm).
-    #[must_use]
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {
             radiance: radiance.into().into(),
@@ -171,7 +170,6 @@ impl EmissionFile {
 
 impl EnvironmentFile {
     /// Creates an environment with the same radiance, in W/(m² sr nm), from all directions.
-    #[must_use]
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {
             radiance: radiance.into().into(),

@@ -35,7 +35,6 @@ pub struct InstanceFile {
 
 impl GroupFile {
     /// Creates a group of these objects.
-    #[must_use]
     pub fn new(objects: impl IntoIterator<Item = ObjectFile>) -> Self {
         Self { objects: objects.into_iter().map(Into::into).collect() }
     }
@@ -43,20 +42,17 @@ impl GroupFile {
 
 impl InstanceFile {
     /// Creates a copy of a group at the group's own place.
-    #[must_use]
     pub fn new(group: impl Into<String>) -> Self {
         Self { name: None, group: group.into().into(), places: None, transform: None }
     }
 
     /// Sets the transform: scale, then rotate, then translate; or a matrix.
-    #[must_use]
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self
     }
 
     /// Sets the file with the transforms of all copies.
-    #[must_use]
     pub fn places(mut self, file: impl Into<String>) -> Self {
         self.places = Some(file.into().into());
         self

@@ -346,13 +346,11 @@ pub struct MeasuredFile {
 
 impl MaterialFile {
     /// Creates a depolarizing Lambertian surface from its albedo: a number, one per wavelength, or an image.
-    #[must_use]
     pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
         Self::Diffuse(DiffuseFile { albedo: albedo.into().into() })
     }
 
     /// Creates a smooth metal from its name in the optical constants, such as `Au`.
-    #[must_use]
     pub fn metal(name: impl Into<String>) -> Self {
         Self::Conductor(ConductorFile {
             metal: Some(name.into().into()),
@@ -364,7 +362,6 @@ impl MaterialFile {
 
     /// Creates a metal of the optical constants with GGX microfacets of roughness 0.001..1: a number or an
     /// image.
-    #[must_use]
     pub fn rough_metal(name: impl Into<String>, alpha: impl Into<ScalarFile>) -> Self {
         Self::RoughConductor(RoughConductorFile {
             metal: Some(name.into().into()),
@@ -379,13 +376,11 @@ impl MaterialFile {
 
     /// Creates smooth glass in vacuum from its refractive index: a number, one per wavelength, or a name such
     /// as `N-BK7`.
-    #[must_use]
     pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
         Self::Dielectric(DielectricFile { ior: ior.into().into(), exterior_ior: defaults::unit_index() })
     }
 
     /// Creates a rough dielectric coat over a depolarizing base.
-    #[must_use]
     pub fn plastic(
         albedo: impl Into<AlbedoFile>,
         ior: impl Into<IndexFile>,
@@ -406,7 +401,6 @@ impl MaterialFile {
     }
 
     /// Creates an ideal polarizer whose transmission axis is `angle_deg` from the surface's u direction.
-    #[must_use]
     pub fn polarizer(angle_deg: f64) -> Self {
         Self::Polarizer(PolarizerFile {
             angle_deg: Some(angle_deg.into()),
@@ -418,13 +412,11 @@ impl MaterialFile {
     }
 
     /// Creates a material with one named material in front and another (or none: black) behind.
-    #[must_use]
     pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
         Self::TwoSided(TwoSidedFile { front: front.into().into(), back: back.map(|b| b.to_owned().into()) })
     }
 
     /// Creates a material from a table of measured Mueller matrices: a `.pbsdf` file.
-    #[must_use]
     pub fn measured(file: impl Into<String>) -> Self {
         Self::Measured(MeasuredFile { file: file.into().into(), even_axes: false })
     }

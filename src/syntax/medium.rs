@@ -337,7 +337,6 @@ impl Default for SkinFile {
 
 impl MediumFile {
     /// Creates an index-matched medium with absorption and scattering coefficients in 1/m.
-    #[must_use]
     pub fn homogeneous(
         absorption: impl Into<SpectrumFile>,
         scattering: impl Into<SpectrumFile>,

@@ -132,7 +132,6 @@ impl Default for RenderFile {
 
 impl SceneFile {
     /// Creates a scene with this camera and nothing else. Optional keys have their defaults.
-    #[must_use]
     pub fn new(camera: PinholeFile) -> Self {
         Self {
             name: None,

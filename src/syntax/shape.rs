@@ -193,7 +193,6 @@ impl Default for CylinderFile {
 impl ShapeFile {
     /// Creates a mesh from a file, or from a mesh of a scene built in code. The file extension selects the
     /// format; without a known one it is PLY.
-    #[must_use]
     pub fn mesh(file: impl Into<String>) -> Self {
         let file = file.into();
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
@@ -209,7 +208,6 @@ impl ShapeFile {
 
 impl ObjectFile {
     /// Creates an object without a transform. Call [`Self::material`] too.
-    #[must_use]
     pub fn new(shape: impl Into<Located<ShapeFile>>) -> Self {
         Self {
             name: None,
@@ -225,52 +223,44 @@ impl ObjectFile {
     }
 
     /// Creates an exact sphere; lengths in metres.
-    #[must_use]
     pub fn sphere(center: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Sphere(SphereFile { center, radius }))
     }
 
     /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres), whose front is
     /// where these vertices are in counter-clockwise order.
-    #[must_use]
     pub fn rectangle(corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
         Self::new(ShapeFile::Rectangle(RectangleFile { corner, u, v }))
     }
 
     /// Creates a flat disk whose front faces `normal`; lengths in metres.
-    #[must_use]
     pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Disk(DiskFile { center, normal, radius }))
     }
 
     /// Creates an axis-aligned box; lengths in metres.
-    #[must_use]
     pub fn cube(min: [f64; 3], max: [f64; 3]) -> Self {
         Self::new(ShapeFile::Cube(CubeFile { min, max }))
     }
 
     /// Creates a circular cylinder that is open at both ends; lengths in metres.
-    #[must_use]
     pub fn cylinder(p0: [f64; 3], p1: [f64; 3], radius: f64) -> Self {
         let caps = false;
         Self::new(ShapeFile::Cylinder(CylinderFile { p0, p1, radius, caps }))
     }
 
     /// Creates a mesh object; see [`ShapeFile::mesh`].
-    #[must_use]
     pub fn mesh(file: impl Into<String>) -> Self {
         Self::new(ShapeFile::mesh(file))
     }
 
     /// Sets the name used in messages and paths.
-    #[must_use]
     pub fn named(mut self, name: impl Into<String>) -> Self {
         self.name = Some(name.into());
         self
     }
 
     /// Sets the name of the material.
-    #[must_use]
     pub fn material(mut self, name: impl Into<String>) -> Self {
         self.material = name.into().into();
         self
@@ -278,7 +268,6 @@ impl ObjectFile {
 
     /// Sets the name of the medium that fills the object, and its priority where filled objects overlap (the
     /// highest fills the space).
-    #[must_use]
     pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
         self.interior = Some(medium.into().into());
         self.priority = priority;
@@ -286,21 +275,18 @@ impl ObjectFile {
     }
 
     /// Makes the object emit light.
-    #[must_use]
     pub fn emission(mut self, emission: EmissionFile) -> Self {
         self.emission = Some(emission.into());
         self
     }
 
     /// Sets the transform: scale, then rotate, then translate; or a matrix.
-    #[must_use]
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self
     }
 
     /// Sets the translation in metres and keeps scale and rotation.
-    #[must_use]
     pub fn translate(mut self, by: [f64; 3]) -> Self {
         let mut transform = self.transform.as_deref().cloned().unwrap_or_default();
         transform.translate = Some(by);

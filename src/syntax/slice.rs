@@ -128,7 +128,6 @@ pub enum PolarizationFile {
 impl SliceFile {
     /// Creates a slice of the whole image, summed over projector pixels and travel time, without
     /// polarization.
-    #[must_use]
     pub fn new(name: impl Into<String>) -> Self {
         Self {
             name: name.into().into(),
@@ -143,49 +142,42 @@ impl SliceFile {
     }
 
     /// Keeps all 16 elements of the Mueller matrices.
-    #[must_use]
     pub fn mueller(mut self) -> Self {
         self.polarization = PolarizationFile::Mueller;
         self
     }
 
     /// Selects the camera pixels.
-    #[must_use]
     pub fn camera(mut self, pixels: CameraSelectFile) -> Self {
         self.camera = pixels.into();
         self
     }
 
     /// Selects the projector pixels, or how to sum them.
-    #[must_use]
     pub fn projector(mut self, pixels: ProjectorSelectFile) -> Self {
         self.projector = pixels.into();
         self
     }
 
     /// Resolves travel time in `bins` bins of `bin_ps`, the first from `start_ps`, all in picoseconds.
-    #[must_use]
     pub fn time(mut self, start_ps: f64, bin_ps: f64, bins: u32) -> Self {
         self.time = TimeFile::Bins(TimeBins { start_ps, bin_ps: bin_ps.into(), bins: bins.into() });
         self
     }
 
     /// Resolves the number of surface interactions.
-    #[must_use]
     pub fn bounces(mut self) -> Self {
         self.bounces = true;
         self
     }
 
     /// Separates light whose first bounce is direct from the rest.
-    #[must_use]
     pub fn split_first_bounce(mut self) -> Self {
         self.split_first_bounce = true;
         self
     }
 
     /// Separates light by path type.
-    #[must_use]
     pub fn labels(mut self) -> Self {
         self.labels = true;
         self

@@ -114,7 +114,6 @@ from! {
 
 impl ImageAlbedo {
     /// Creates an unscaled image from a file.
-    #[must_use]
     pub fn new(file: impl Into<String>) -> Self {
         Self {
             image: file.into().into(),

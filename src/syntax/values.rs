@@ -83,7 +83,6 @@ pub struct SpectrumTable {
 
 impl SpectrumTable {
     /// Returns the table in a form that can be interpolated.
-    #[must_use]
     pub fn table(&self) -> SpectralTable<'_> {
         SpectralTable { nm: &self.nm, values: &self.values }
     }

@@ -15,26 +15,22 @@ pub struct Tensor {
 
 impl Tensor {
     /// Creates a tensor of zeros over the given axes.
-    #[must_use]
     pub fn zeros(name: &str, axes: Vec<Axis>) -> Self {
         let n = axes.iter().map(|a| a.coords.len()).product();
         Self { name: name.to_owned(), axes, data: vec![0.0; n] }
     }
 
     /// Returns the length of every axis.
-    #[must_use]
     pub fn shape(&self) -> Vec<usize> {
         self.axes.iter().map(|a| a.coords.len()).collect()
     }
 
     /// Returns the position of an axis kind.
-    #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
     /// Returns the length of an axis, or 1 if it is absent.
-    #[must_use]
     pub fn extent(&self, kind: AxisKind) -> usize {
         self.find(kind).map_or(1, |i| self.axes[i].coords.len())
     }
@@ -43,7 +39,6 @@ impl Tensor {
     ///
     /// # Panics
     /// If an index is outside its axis.
-    #[must_use]
     pub fn at(&self, indices: &[(AxisKind, usize)]) -> f32 {
         let mut offset = 0;
         for axis in &self.axes {
@@ -78,7 +73,6 @@ impl Tensor {
 
     /// Returns the sub-tensor at one index of an axis, without that axis. Has no effect if the axis is
     /// absent.
-    #[must_use]
     pub fn select(&self, kind: AxisKind, index: usize) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
             out.copy_from_slice(&lane[index * inner..(index + 1) * inner]);
@@ -87,7 +81,6 @@ impl Tensor {
     }
 
     /// Returns the sum (in f64) over an axis, without that axis. Has no effect if the axis is absent.
-    #[must_use]
     pub fn sum(&self, kind: AxisKind) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
             for (j, o) in out.iter_mut().enumerate() {

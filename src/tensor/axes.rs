@@ -43,7 +43,6 @@ pub enum AxisKind {
 
 impl ProjectorAxis {
     /// Returns the corresponding axis kind of a slice.
-    #[must_use]
     pub fn kind(self) -> AxisKind {
         match self {
             Self::U => AxisKind::U,
@@ -69,7 +68,6 @@ impl AxisKind {
     ];
 
     /// Returns the dimension name in the store.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Y => "y",
@@ -87,13 +85,11 @@ impl AxisKind {
     }
 
     /// Returns the kind with this dimension name.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 
     /// Returns the unit of the coordinates ("1" for plain indices).
-    #[must_use]
     pub fn units(self) -> &'static str {
         match self {
             Self::Y | Self::X | Self::V | Self::U => "pixel",
@@ -104,7 +100,6 @@ impl AxisKind {
     }
 
     /// Returns a one-line description.
-    #[must_use]
     pub fn long_name(self) -> &'static str {
         match self {
             Self::Y => "camera row (pixel centre)",
@@ -135,19 +130,16 @@ pub struct Axis {
 
 impl Axis {
     /// Returns the number of entries.
-    #[must_use]
     pub fn len(&self) -> u64 {
         self.coords.len() as u64
     }
 
     /// Returns whether the axis has no entries.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
 
     /// Returns the index of the entry nearest to a coordinate, the first of equal ones; 0 for an empty axis.
-    #[must_use]
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
         (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -221,7 +213,6 @@ fn binned(total: u32, n: u32) -> Vec<f64> {
 
 impl SliceLayout {
     /// Creates the layout of a slice for the given extents and chooses its chunks.
-    #[must_use]
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let mut axes = Vec::new();
         let mut push = |kind, coords: Vec<f64>, chunk: u64| {
@@ -314,25 +305,21 @@ impl SliceLayout {
     }
 
     /// Returns the length of every axis.
-    #[must_use]
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(Axis::len).collect()
     }
 
     /// Returns the chunk length along every axis.
-    #[must_use]
     pub fn chunk_shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.chunk).collect()
     }
 
     /// Returns the position of an axis kind.
-    #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
     /// Returns the layout without the time axis, as the overflow arrays have it. Keeps the name.
-    #[must_use]
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);
@@ -341,7 +328,6 @@ impl SliceLayout {
     }
 
     /// Returns the layout of arrays with one value per camera element: axes `y` and `x` only. Keeps the name.
-    #[must_use]
     pub fn camera_alone(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| matches!(a.kind, AxisKind::Y | AxisKind::X));

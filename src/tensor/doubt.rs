@@ -23,7 +23,6 @@ pub struct Doubt {
 
 impl Doubt {
     /// Counts from the standard errors of totals over `y`, `x` and the marks of [`doubtful`].
-    #[must_use]
     pub fn of(errors: &[f32], doubtful: &[bool]) -> Self {
         let lit = errors.iter().zip(doubtful).filter(|(e, _)| **e != 0.0);
         lit.fold(Self::default(), |all, (_, doubtful)| Self {
@@ -33,7 +32,6 @@ impl Doubt {
     }
 
     /// Returns the fraction of the lit pixels with unreliable errors, 0 to 1.
-    #[must_use]
     pub fn share(&self) -> f64 {
         self.doubtful as f64 / self.lit.max(1) as f64
     }
@@ -41,7 +39,6 @@ impl Doubt {
 
 /// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). With `single`, each value
 /// is of one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
-#[must_use]
 pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let [rows, columns] = &errors.axes[..] else {
         return vec![false; errors.data.len()];

@@ -24,7 +24,6 @@ impl Field {
         [Self::Mean, Self::StdError, Self::Overflow, Self::OverflowStdError, Self::TotalStdError];
 
     /// Returns the name of the array in the store.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Mean => "mean",
@@ -36,7 +35,6 @@ impl Field {
     }
 
     /// Returns a one-line description.
-    #[must_use]
     pub fn long_name(self) -> &'static str {
         match self {
             Self::Mean => "light transport",
@@ -50,7 +48,6 @@ impl Field {
     }
 
     /// Returns the layout of this field in a slice, or `None` if the slice does not have the field.
-    #[must_use]
     pub fn layout_in(self, slice: &SliceLayout) -> Option<SliceLayout> {
         match self {
             Self::Mean | Self::StdError => Some(slice.clone()),

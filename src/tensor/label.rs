@@ -21,7 +21,6 @@ pub const BITS: [(u8, &str); 4] =
     [(MEDIUM, "medium"), (SPECULAR, "specular"), (GLOSSY, "glossy"), (DIFFUSE, "diffuse")];
 
 /// Returns the name of a set: `specular+diffuse`, `none`.
-#[must_use]
 pub fn name(set: u8) -> String {
     let all: Vec<&str> = BITS.iter().filter(|(bit, _)| set & bit != 0).map(|(_, n)| *n).collect();
     if all.is_empty() {
@@ -31,7 +30,6 @@ pub fn name(set: u8) -> String {
 }
 
 /// Parses the name of a set; its parts may be in any order.
-#[must_use]
 pub fn parse(text: &str) -> Option<u8> {
     if text.trim() == "none" {
         return Some(0);

@@ -46,13 +46,11 @@ pub struct LayerSet {
 
 impl LayerSet {
     /// Returns the layer with this name.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|l| l.name == name)
     }
 
     /// Returns the number of values per pixel of a layer.
-    #[must_use]
     pub fn channels(&self, layer: &Layer) -> usize {
         match layer.parts {
             Parts::One => 1,
@@ -62,7 +60,6 @@ impl LayerSet {
     }
 
     /// Returns the shape of a layer's array: y, x and, for several values per pixel, their number.
-    #[must_use]
     pub fn shape(&self, layer: &Layer) -> Vec<u64> {
         let [w, h] = self.size.map(u64::from);
         match layer.parts {
@@ -72,7 +69,6 @@ impl LayerSet {
     }
 
     /// Returns the values of a real-valued layer at pixel (x, y), if layer and pixel exist.
-    #[must_use]
     pub fn real(&self, name: &str, x: u32, y: u32) -> Option<&[f32]> {
         let layer = self.get(name)?;
         let LayerValues::Real(values) = &layer.values else {
@@ -84,7 +80,6 @@ impl LayerSet {
     }
 
     /// Returns the number of an object, copy or material at pixel (x, y); `None` as in [`Self::real`].
-    #[must_use]
     pub fn number(&self, name: &str, x: u32, y: u32) -> Option<i32> {
         let LayerValues::Number(values) = &self.get(name)?.values else {
             return None;
@@ -94,7 +89,6 @@ impl LayerSet {
     }
 
     /// Returns the name for the number at pixel (x, y); `None` also if the value is missing.
-    #[must_use]
     pub fn label(&self, name: &str, x: u32, y: u32) -> Option<&str> {
         let number = usize::try_from(self.number(name, x, y)?).ok()?;
         self.get(name)?.labels.as_ref()?.get(number).map(String::as_str)

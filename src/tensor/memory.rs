@@ -18,13 +18,11 @@ pub struct Arrays {
 
 impl Arrays {
     /// Returns the names of the slices, in order.
-    #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
     /// Returns a copy of a field of a slice (shape: the slice's axes, row-major), if the render has it.
-    #[must_use]
     pub fn get(&self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].as_ref()?;
@@ -32,7 +30,6 @@ impl Arrays {
     }
 
     /// Removes and returns a field of a slice without copying; see [`Self::get`].
-    #[must_use]
     pub fn take(&mut self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].take()?;
@@ -40,7 +37,6 @@ impl Arrays {
     }
 
     /// Returns the number of valid samples of each camera pixel, row by row.
-    #[must_use]
     pub fn samples(&self) -> Vec<u32> {
         self.samples.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

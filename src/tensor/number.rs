@@ -9,7 +9,6 @@ pub trait Number: Pod + Default + PartialOrd + Send + Sync {
     /// Converts to `f64` without loss.
     fn get(self) -> f64;
     /// Returns self · a + b with a single rounding.
-    #[must_use]
     fn times_plus(self, a: Self, b: Self) -> Self;
 }
 

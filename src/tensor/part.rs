@@ -31,7 +31,6 @@ pub enum Part {
 
 impl Part {
     /// Returns the error of this part for a render of `tiles` tiles, if any. A share may be empty.
-    #[must_use]
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
             Self::Share { number, of } if number == 0 || number > of => {
@@ -49,7 +48,6 @@ impl Part {
     }
 
     /// Returns whether the part contains a tile.
-    #[must_use]
     pub fn contains(self, tile: u32) -> bool {
         match self {
             Self::Share { number, of } => of > 0 && tile % of == number.wrapping_sub(1),
@@ -63,7 +61,6 @@ impl Part {
     }
 
     /// Converts to an attribute of a store: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
-    #[must_use]
     pub fn to_json(self) -> Value {
         match self {
             Self::Share { number, of } => json!({"number": number, "of": of}),
@@ -72,7 +69,6 @@ impl Part {
     }
 
     /// Converts from an attribute of a store; returns `None` if it is not one of [`Self::to_json`].
-    #[must_use]
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {
@@ -83,7 +79,6 @@ impl Part {
     }
 
     /// Returns the part in the root attributes of a store.
-    #[must_use]
     pub fn of_attributes(attributes: &Map<String, Value>) -> Option<Self> {
         attributes.get(ATTRIBUTE).and_then(Self::from_json)
     }

@@ -3,13 +3,11 @@
 //! All functions are index arithmetic on `u64` shapes (last axis fastest), without storage or units.
 
 /// Returns the number of elements of a shape, or `None` on overflow.
-#[must_use]
 pub fn volume(shape: &[u64]) -> Option<usize> {
     shape.iter().try_fold(1_u64, |n, &k| n.checked_mul(k)).and_then(|n| usize::try_from(n).ok())
 }
 
 /// Returns whether the box `start..start + shape` has the dimensions of `bounds` and lies inside it.
-#[must_use]
 pub fn contains(bounds: &[u64], start: &[u64], shape: &[u64]) -> bool {
     start.len() == bounds.len()
         && shape.len() == bounds.len()
@@ -43,7 +41,6 @@ pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, V
 }
 
 /// Returns the box (start, shape) of one chunk of a regular grid, clipped to the array.
-#[must_use]
 pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<u64>) {
     let start: Vec<u64> = index.iter().zip(chunk).map(|(&i, &c)| i * c).collect();
     let size = (0..shape.len()).map(|a| chunk[a].min(shape[a].saturating_sub(start[a]))).collect();

@@ -32,7 +32,6 @@ pub struct Job {
 
 impl Job {
     /// Returns the number of tiles, which are numbered row by row.
-    #[must_use]
     pub fn tiles(&self) -> u32 {
         self.camera[0].div_ceil(self.tile) * self.camera[1].div_ceil(self.tile)
     }

@@ -59,7 +59,6 @@ pub struct Goal {
 
 impl Goal {
     /// Returns the error of this goal, if any. `dashes` is the prefix of option names in the message.
-    #[must_use]
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
@@ -92,7 +91,6 @@ impl Goal {
     }
 
     /// Converts to an attribute of a store.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         json!({
             "slice": self.slice,
@@ -184,14 +182,12 @@ impl Tile {
 
 impl Survey {
     /// Returns the relative error that a share of the lit pixels does not exceed; 0 if no pixel is lit.
-    #[must_use]
     pub fn reached(&self, share: f64) -> f64 {
         let errors = sorted(self.lit.iter().map(|p| p.error).collect());
         quantile(&errors, share).unwrap_or(0.0)
     }
 
     /// Returns the uniform number of samples per pixel that would reach this error, from variances.
-    #[must_use]
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);
         let needs = self.lit.iter().map(|p| p.samples * (p.error / reached).powi(2));
@@ -199,21 +195,18 @@ impl Survey {
     }
 
     /// Returns the total number of samples.
-    #[must_use]
     pub fn samples(&self) -> u64 {
         let of = |t: &Tile| u64::from(t.pixels) * u64::from(t.samples);
         self.tiles.iter().map(of).sum()
     }
 
     /// Returns the mean number of samples per pixel over the image.
-    #[must_use]
     pub fn mean_samples(&self) -> f64 {
         let pixels: u64 = self.tiles.iter().map(|t| u64::from(t.pixels)).sum();
         self.samples() as f64 / pixels.max(1) as f64
     }
 
     /// Returns the next step.
-    #[must_use]
     pub fn next(&self, goal: &Goal) -> Next {
         self.next_by(goal, LEAST_LIT)
     }

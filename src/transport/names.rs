@@ -14,7 +14,6 @@ pub struct Names {
 
 impl Names {
     /// Returns the index into `materials` of a material number; `None` if the material has no name.
-    #[must_use]
     pub fn material(&self, number: u32) -> Option<u32> {
         self.material_of.get(number as usize).copied()
     }

@@ -44,7 +44,6 @@ impl DerefMut for Scene {
 
 impl Scene {
     /// Derives all quantities from the tables and chooses the integrator.
-    #[must_use]
     pub fn new(tables: SceneTables) -> Self {
         let mut scene = Self { tables, sheets: false, filled: false, far: 0.0, point_tree: None, why: None };
         scene.derive();
@@ -72,7 +71,6 @@ impl Scene {
     }
 
     /// Returns the reason for [`Settings::integrator`], if the scene file did not choose it.
-    #[must_use]
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }
@@ -116,13 +114,11 @@ impl Scene {
 
     /// Returns the lanes of all wavelengths.
     #[inline]
-    #[must_use]
     pub fn lanes(&self) -> Lanes {
         Lanes::first(self.wavelengths.count())
     }
 
     /// Returns the sizes that determine the layout of slices.
-    #[must_use]
     pub fn extents(&self) -> Extents {
         Extents {
             camera: self.camera.resolution,

@@ -36,7 +36,6 @@ impl Strategy {
     ];
 
     /// Returns the field's usual term.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::NextEvent => "next event",
@@ -54,28 +53,23 @@ impl Strategies {
     pub const ALL: Self = Self(u8::MAX);
     pub const NONE: Self = Self(0);
 
-    #[must_use]
     pub fn of(list: &[Strategy]) -> Self {
         list.iter().fold(Self::NONE, |all, s| all.with(*s, true))
     }
 
-    #[must_use]
     pub fn with(self, strategy: Strategy, there: bool) -> Self {
         Self(self.0 | u8::from(there) << strategy as u8)
     }
 
-    #[must_use]
     pub fn without(self, list: &[Strategy]) -> Self {
         Self(self.0 & !Self::of(list).0)
     }
 
-    #[must_use]
     pub fn both(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
     #[inline]
-    #[must_use]
     pub fn has(self, strategy: Strategy) -> bool {
         self.0 >> strategy as u8 & 1 == 1
     }
@@ -88,7 +82,6 @@ impl Strategies {
 }
 
 impl Strategies {
-    #[must_use]
     pub fn names(self) -> Vec<&'static str> {
         let list = Strategy::LIST.iter().filter(|s| self.has(**s));
         list.map(|s| s.name()).collect()

@@ -78,7 +78,6 @@ pub enum Integrator {
 
 impl Integrator {
     /// Returns the name that scene files use.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -122,7 +121,6 @@ impl Settings {
     /// Returns the number of samples of a pixel that are stratified together: the largest that leaves at
     /// least `replicates` independent groups. Standard errors are estimated from these groups (randomized
     /// quasi-Monte Carlo: Owen 1997).
-    #[must_use]
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

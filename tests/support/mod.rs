@@ -12,21 +12,18 @@ use tempfile::TempDir;
 pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/scene.toml");
 
 /// Replaces one passage of `text`, which must exist.
-#[must_use]
 pub fn edit(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "the scene has no `{from}` to edit");
     text.replacen(from, to, 1)
 }
 
 /// The mirror room as shipped.
-#[must_use]
 pub fn shipped() -> String {
     std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
 }
 
 /// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its
 /// meshes have absolute paths, so that the text works in any folder.
-#[must_use]
 pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
     let all = shipped();
     let mut text = all[..all.find("[[slices]]").expect("slices")].to_owned();
@@ -70,20 +67,17 @@ impl Rendered {
 }
 
 /// Renders a scene from text; panics with the text if it is refused.
-#[must_use]
 pub fn render_text(text: &str) -> Rendered {
     render_scene(&scene_of(text))
 }
 
 /// Parses a scene; panics with its text if it is refused.
-#[must_use]
 pub fn scene_of(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text)
         .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
 }
 
 /// Renders a scene.
-#[must_use]
 pub fn render_scene(scene: &Scene) -> Rendered {
     let folder = tempfile::tempdir().unwrap();
     let target = Target { path: folder.path().join("store"), ..Target::default() };

@@ -128,7 +128,6 @@ fn positive(v: f64) -> bool {
 }
 
 /// Returns the mean reading of a scheme's captures in unpolarized light, relative to T00.
-#[must_use]
 pub fn mean_reading(scheme: &Scheme) -> f64 {
     let design = DesignMatrix::new(scheme, &polarimetry::capture::element::Ray::axial(550.0));
     design.a.column(0).mean()
@@ -199,7 +198,6 @@ impl Detectors {
 
     /// Returns the standard deviation of a reading's noise relative to T00, where T00 is `t00`; 0 without a
     /// camera.
-    #[must_use]
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {
             return 0.0;

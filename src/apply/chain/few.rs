@@ -87,7 +87,6 @@ impl Choice {
     pub const EVERY: [Self; 3] = [Self::Task, Self::All, Self::Dual];
 
     /// Returns the name in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Task => "learnt for the task",
@@ -124,7 +123,6 @@ pub fn chosen(
 
 /// Returns the objective of a choice. A single ray is enough, because ideal elements are equal at all
 /// wavelengths.
-#[must_use]
 pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -> Objective {
     Objective {
         sigma: sigma.max(1e-6),

@@ -40,7 +40,6 @@ pub enum Belief {
 
 impl Belief {
     /// Returns the name in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Nominal => "nominal",
@@ -64,7 +63,6 @@ pub enum Sample {
 
 impl Sample {
     /// Returns the name in rig files.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Air => "air",

@@ -51,7 +51,6 @@ impl Light {
     }
 
     /// Converts matrices in the order of the image to a tensor with the axes of `like`.
-    #[must_use]
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
         let lanes = like.extent(AxisKind::Wavelength);

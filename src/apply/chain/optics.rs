@@ -32,7 +32,6 @@ pub enum Optics {
 impl Optics {
     /// Returns a scheme with these elements and the nominal settings. Rigs of one number have the same parts
     /// for all settings.
-    #[must_use]
     pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
         match self {
             Self::Known(optics) => with_elements(nominal, optics),
@@ -87,7 +86,6 @@ fn shifted(value: &SpectralValue, by: f64) -> SpectralValue {
 }
 
 /// Returns a scheme with its own settings and the elements of another, matched by name.
-#[must_use]
 pub fn with_elements(settings: &Scheme, elements: &Scheme) -> Scheme {
     let mut out = settings.clone();
     for (side, own, others) in [

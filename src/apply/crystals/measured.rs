@@ -30,7 +30,6 @@ pub struct Decomposed {
 
 impl Measured {
     /// Returns the errors without the part that is common to all elements.
-    #[must_use]
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
         self.error.zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
@@ -44,7 +43,6 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
 
 /// Decomposes the slab's matrix from M and the inverse of M₀, whose much smaller error is neglected; `None`
 /// if it has no decomposition.
-#[must_use]
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
     let (mut variance, sigma) = (0.0, seen.relative_errors());

@@ -24,7 +24,6 @@ const CALCITE: [Ghosh; 2] = [
 
 impl Mineral {
     /// Returns the mineral of a name in scene files.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "quartz" => Some(Self::Quartz),
@@ -34,7 +33,6 @@ impl Mineral {
     }
 
     /// Returns the ordinary and extraordinary index at a vacuum wavelength in nanometres.
-    #[must_use]
     pub fn indices(self, nm: f64) -> [f64; 2] {
         let s = (nm * 1e-3).powi(2);
         let all = match self {
@@ -46,7 +44,6 @@ impl Mineral {
 
     /// Returns the birefringence n_e(ψ) - n_o for light at an angle of cosine `cos` to the optic axis:
     /// 1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e² (Born & Wolf 1999, 15.3.3).
-    #[must_use]
     pub fn birefringence(self, nm: f64, cos: f64) -> f64 {
         let [o, e] = self.indices(nm);
         let c = (cos * cos).min(1.0);

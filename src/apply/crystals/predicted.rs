@@ -40,7 +40,6 @@ pub struct Pixel {
 }
 
 /// Returns |δ| modulo 2π, folded to 0..π as in a decomposition.
-#[must_use]
 pub fn folded(delta: f64) -> f64 {
     let turn = delta.abs() % TAU;
     turn.min(TAU - turn)
@@ -111,7 +110,6 @@ impl Slab {
 /// closest to those of the wavelengths, in units of `sigma`. One wavelength does not determine the order;
 /// three do. The retardances at several wavelengths for a direction near the axis are proportional to the
 /// birefringences perpendicular to it.
-#[must_use]
 pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most: f64) -> f64 {
     const STEPS_A_WAVE: f64 = 100.0;
     let ratio = |nm: f64| mineral.birefringence(nm, 0.0) / mineral.birefringence(MIDDLE, 0.0);

@@ -44,19 +44,16 @@ pub struct Element {
 
 impl Element {
     /// Returns an element at all times.
-    #[must_use]
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
         Self { part: (space, Time::All), index, negative: false, magnitude: false }
     }
 
     /// Returns the magnitude of the element, independent of azimuth.
-    #[must_use]
     pub const fn magnitude(self) -> Self {
         Self { magnitude: true, ..self }
     }
 
     /// Returns the element with the opposite sign.
-    #[must_use]
     pub const fn negative(self) -> Self {
         Self { negative: !self.negative, ..self }
     }

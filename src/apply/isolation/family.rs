@@ -38,7 +38,6 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    #[must_use]
     pub const fn new(name: &'static str, source: &'static str, family: Family) -> Self {
         Self { method: Method { name, source }, family }
     }

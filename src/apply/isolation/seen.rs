@@ -189,7 +189,6 @@ impl Seen {
     }
 
     /// Returns an element as a signed image; `None` if it is not available.
-    #[must_use]
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };
@@ -208,7 +207,6 @@ impl Seen {
     }
 
     /// Returns an image divided by the photograph; 0 where that is dark.
-    #[must_use]
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

@@ -2,7 +2,6 @@
 
 /// Returns the angle between two directions in degrees, as atan2(|a × b|, a · b), which is also accurate near
 /// 0 and 180°. NaN for zero vectors.
-#[must_use]
 pub fn angle_deg(a: &[f64], b: &[f64]) -> f64 {
     let cross = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
     let sine = (cross(1, 2).powi(2) + cross(2, 0).powi(2) + cross(0, 1).powi(2)).sqrt();

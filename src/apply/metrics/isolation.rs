@@ -20,7 +20,6 @@ pub enum Class {
 pub const DARK: f64 = 1e-3;
 
 /// Returns the class of each pixel: positive if `light` is at least `share` of `all`.
-#[must_use]
 pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     light
@@ -38,7 +37,6 @@ pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
 }
 
 /// Returns the scores of positives and of negatives.
-#[must_use]
 pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     let of = |class: Class| {
         let chosen = values.iter().zip(classes).filter(|(_, c)| **c == class);
@@ -49,7 +47,6 @@ pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
 
 /// Returns the threshold, a score of a positive, for which the decision "at least the threshold" has the
 /// largest F1 on these scores; the larger of equal ones. `None` without positives.
-#[must_use]
 pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     let mut all: Vec<(f64, bool)> = positive.iter().map(|v| (*v, true)).collect();
     all.extend(negative.iter().map(|v| (*v, false)));
@@ -72,14 +69,12 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
 }
 
 /// Counts the decisions "at least the threshold".
-#[must_use]
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
 /// Returns Pearson's correlation; 0 for a constant image, NaN for constant light.
-#[must_use]
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
@@ -93,14 +88,12 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
 /// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is √(1 -
 /// cosine²) of the light. Unlike [`correlation`], it requires an image that is dark where the light is dark.
 /// NaN if either is zero.
-#[must_use]
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
 }
 
 /// Returns the least-squares gain of images to the light over all pixels, at least 0.
-#[must_use]
 pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 {
     let (mut both, mut own) = (0.0, 0.0);
     for (image, light) in pairs {
@@ -111,7 +104,6 @@ pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 
 }
 
 /// Returns ‖gain · image - light‖ / ‖light‖: 0 for the light itself, 1 for a black image, NaN without light.
-#[must_use]
 pub fn error(image: &[f64], light: &[f64], gain: f64) -> f64 {
     let left: f64 = image.iter().zip(light).map(|(i, l)| (gain * i - l).powi(2)).sum();
     let whole: f64 = light.iter().map(|l| l * l).sum();

@@ -18,7 +18,6 @@ pub struct Estimate {
 
 /// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite value are
 /// ignored; NaN without rows.
-#[must_use]
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
     let rows: Vec<&[f64]> =
@@ -48,7 +47,6 @@ pub fn estimate(table: &[Vec<f64>]) -> Estimate {
 }
 
 /// Returns the mean difference of two tables of equal shape.
-#[must_use]
 pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Estimate {
     let rows = a.iter().zip(b);
     let table: Vec<Vec<f64>> = rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect();

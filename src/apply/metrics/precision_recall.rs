@@ -10,7 +10,6 @@ pub struct Counts {
 
 impl Counts {
     /// Counts (decision, truth) pairs.
-    #[must_use]
     pub fn of(pairs: impl IntoIterator<Item = (bool, bool)>) -> Self {
         let mut c = Self::default();
         for (said, is) in pairs {
@@ -25,19 +24,16 @@ impl Counts {
     }
 
     /// Returns the share of correct positive decisions; NaN without positive decisions.
-    #[must_use]
     pub fn precision(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
     }
 
     /// Returns the share of positives that were found; NaN without positives.
-    #[must_use]
     pub fn recall(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
     }
 
     /// Returns the harmonic mean of precision and recall (van Rijsbergen 1979): 2 TP / (2 TP + FP + FN).
-    #[must_use]
     pub fn f1(&self) -> f64 {
         let right = 2 * self.true_positive;
         right as f64 / (right + self.false_positive + self.false_negative) as f64

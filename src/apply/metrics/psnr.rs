@@ -4,7 +4,6 @@ use crate::map::Map;
 
 /// Returns the PSNR of `image` against `truth` over the pixels of `mask` and all channels, with the largest
 /// possible value `peak`. Infinite if they are equal; NaN if no pixel is in the mask or sizes differ.
-#[must_use]
 pub fn psnr(image: &Map, truth: &Map, mask: &[bool], peak: f64) -> f64 {
     let mean = mean_squared_difference(image, truth, mask);
     10.0 * (peak * peak / mean).log10()
@@ -12,7 +11,6 @@ pub fn psnr(image: &Map, truth: &Map, mask: &[bool], peak: f64) -> f64 {
 
 /// Returns the mean squared difference over the pixels of `mask` and all channels; NaN without pixels or if
 /// sizes differ.
-#[must_use]
 pub fn mean_squared_difference(image: &Map, truth: &Map, mask: &[bool]) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
         return f64::NAN;

@@ -21,14 +21,12 @@ pub struct Area {
 const NORMAL_95: f64 = 1.959963984540054;
 
 /// Returns the area for scores of positives and negatives: the Mann–Whitney statistic.
-#[must_use]
 pub fn area(positive: &[f64], negative: &[f64]) -> f64 {
     let places = placements(positive, negative);
     places.0.iter().sum::<f64>() / places.0.len() as f64
 }
 
 /// Returns the area with DeLong's error; the scores must be independent.
-#[must_use]
 pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     let (of_positive, of_negative) = placements(positive, negative);
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
@@ -71,7 +69,6 @@ pub struct Group {
 /// Returns the area for the scores of all groups together, with error and percentile interval from `draws`
 /// bootstrap samples of whole groups (Efron & Tibshirani 1993, chapter 13). Samples without positives or
 /// negatives are drawn again.
-#[must_use]
 pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let pooled = |chosen: &[usize]| {
         let take = |f: fn(&Group) -> &Vec<f64>| -> Vec<f64> {

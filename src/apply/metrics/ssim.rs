@@ -16,7 +16,6 @@ const K2: f64 = 0.03;
 /// Returns the mean of SSIM over channels and over the pixels of `mask` whose window lies within the image.
 /// `range` is L, the difference of the largest and the smallest possible value. NaN without such pixels or if
 /// sizes differ.
-#[must_use]
 pub fn ssim(image: &Map, truth: &Map, mask: &[bool], range: f64) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
         return f64::NAN;

@@ -21,7 +21,6 @@ pub struct Discriminant {
 impl Discriminant {
     /// Computes the discriminant from examples of both kinds, each a vector of features. `None` if there are
     /// fewer than two of a kind, or if they cannot be separated.
-    #[must_use]
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {
@@ -57,7 +56,6 @@ impl Discriminant {
     }
 
     /// Returns the score of features; higher values mean the positive kind.
-    #[must_use]
     pub fn score(&self, features: &[f64]) -> f64 {
         features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum()
     }

@@ -26,14 +26,12 @@ const TAKEN: f64 = 0.95;
 const HALVINGS: usize = 30;
 
 /// Fits by least squares; for dependent features, standardized weights of least norm.
-#[must_use]
 pub fn least_squares(moments: &Moments) -> Linear {
     let c = moments.centred();
     solve(&c, c.xx.clone())
 }
 
 /// Fits by ridge regression.
-#[must_use]
 pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
     let c = moments.centred();
     let mut xx = c.xx.clone();
@@ -45,7 +43,6 @@ pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
 
 /// Fits by ridge regression with the λ, among powers of √10 from 1e-8 to 10, of least mean loss on left-out
 /// groups of examples. Also returns that λ.
-#[must_use]
 pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     let all = Moments::sum(groups);
     if groups.len() < 2 {
@@ -64,7 +61,6 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
 
 /// Fits by least squares with the features' noise subtracted, limited so that covariances stay positive
 /// definite. Also returns the subtracted share. Errors of different features are treated as independent.
-#[must_use]
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
     let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();

@@ -32,7 +32,6 @@ pub struct Linear {
 
 impl Linear {
     /// Returns the estimate from features.
-    #[must_use]
     pub fn of(&self, features: &[f64]) -> f64 {
         self.offset + features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum::<f64>()
     }
@@ -40,7 +39,6 @@ impl Linear {
 
 impl Moments {
     /// Returns the moments of no examples.
-    #[must_use]
     pub fn none(features: usize) -> Self {
         Self {
             count: 0.0,
@@ -54,7 +52,6 @@ impl Moments {
     }
 
     /// Returns the moments of examples: features and their standard errors, example by example, and targets.
-    #[must_use]
     pub fn of(features: usize, x: &[f64], errors: &[f64], y: &[f64]) -> Self {
         let all = DMatrix::from_column_slice(features, y.len(), x);
         let target = DVector::from_column_slice(y);
@@ -85,7 +82,6 @@ impl Moments {
     }
 
     /// Returns the moments of all parts except one.
-    #[must_use]
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
         parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
@@ -93,13 +89,11 @@ impl Moments {
     }
 
     /// Returns the moments of all parts.
-    #[must_use]
     pub fn sum(parts: &[Self]) -> Self {
         Self::without(parts, usize::MAX)
     }
 
     /// Returns the moments of the single feature Σ wᵢ xᵢ.
-    #[must_use]
     pub fn projected(&self, w: &DVector<f64>) -> Self {
         Self {
             count: self.count,
@@ -113,7 +107,6 @@ impl Moments {
     }
 
     /// Returns the mean squared difference between y and its estimate.
-    #[must_use]
     pub fn loss(&self, fit: &Linear) -> f64 {
         let (w, b) = (&fit.weights, fit.offset);
         let sum = w.dot(&(&self.xx * w)) + self.count * b * b + self.yy + 2.0 * b * w.dot(&self.x)
@@ -126,7 +119,6 @@ impl Moments {
 
     /// Returns the covariances of the features and of the features with y, and the means, for a fit with a
     /// free offset.
-    #[must_use]
     pub fn centred(&self) -> Centred {
         let n = self.count;
         let mean = &self.x / n;

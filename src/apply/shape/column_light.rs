@@ -25,7 +25,6 @@ pub struct Patterns {
 
 impl Patterns {
     /// Returns patterns from a function of capture and column.
-    #[must_use]
     pub fn from_fn(captures: usize, columns: usize, drive: impl Fn(usize, usize) -> f64) -> Self {
         let drives = (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect());
         Self { columns, drives: drives.collect() }
@@ -62,7 +61,6 @@ impl ColumnLight {
     /// Returns the light of a coarser projector, each of whose columns combines `n` of these (a last, smaller
     /// one is kept). Stripes narrower than a camera pixel's footprint lose contrast in any scene, so codes
     /// need columns about as wide as camera pixels.
-    #[must_use]
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);

@@ -34,7 +34,6 @@ fn inside(mask: Option<&Map>, pixel: usize) -> bool {
 
 /// Returns the angles between normals, degrees, over the pixels of `mask` (all without a mask) that have a
 /// true normal.
-#[must_use]
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
@@ -45,7 +44,6 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
 
 /// Returns the absolute differences of depths, metres, over the pixels of `mask` (all without a mask) that
 /// have a true depth.
-#[must_use]
 pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = depth.data.iter().zip(&truth.data).enumerate();
     let of = |(i, (z, t)): (usize, (&f64, &f64))| (t.is_finite() && inside(mask, i)).then(|| (z - t).abs());

@@ -111,7 +111,6 @@ fn reached(p: &LogDepth) -> Vec<bool> {
 
 /// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth or a
 /// connection to one by normals.
-#[must_use]
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
     let reached = reached(&plain);

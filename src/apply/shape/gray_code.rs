@@ -11,13 +11,11 @@ use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 
 /// Returns the number of bits for `columns` columns.
-#[must_use]
 pub fn bits(columns: usize) -> usize {
     columns.max(2).next_power_of_two().trailing_zeros() as usize
 }
 
 /// Returns bit `k` (0 is the finest) of the Gray code of column `u`.
-#[must_use]
 pub fn gray_bit(u: usize, k: usize) -> bool {
     (u ^ (u >> 1)) >> k & 1 == 1
 }
@@ -55,7 +53,6 @@ pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) 
 }
 
 /// Returns the patterns: bits from the coarsest, each followed by its inverse.
-#[must_use]
 pub fn patterns(columns: usize) -> Patterns {
     let n = bits(columns);
     with_inverses(columns, |k, u| gray_bit(u, n - 1 - k))

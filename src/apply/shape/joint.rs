@@ -59,7 +59,6 @@ pub struct Options {
 }
 
 /// Returns the index for which polarization's zenith angles are closest to those of a coarse surface.
-#[must_use]
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
     let count = ((last - first) / step).round() as usize;
@@ -99,7 +98,6 @@ fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
 
 /// Reconstructs the surface from a scan (`depth` and its standard deviation `sigma_depth`, both in metres)
 /// and Stokes vectors of diffuse light.
-#[must_use]
 pub fn reconstruct(
     camera: &Pinhole,
     depth: &Map,

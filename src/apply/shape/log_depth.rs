@@ -57,7 +57,6 @@ impl LogDepth {
     /// Returns the least-squares values, iterating from `start` until the residual is below `tolerance` times
     /// the norm of the right side, with at most four iterations per pixel. Pixels without any weight keep
     /// their start.
-    #[must_use]
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
         let mut diagonal: Vec<f64> = self.values.iter().map(|v| v.weight).collect();

@@ -33,7 +33,6 @@ impl Base {
 }
 
 /// Returns the patterns, each followed by its inverse, from the coarsest bit to the finest.
-#[must_use]
 pub fn patterns(columns: usize, base: Base) -> Patterns {
     let n = bits(columns);
     let base = base.bit(n);
@@ -60,7 +59,6 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
 
 /// Returns the mean of columns on which at least two codes agree to within one column; otherwise NaN. The
 /// confidence is the larger of the two.
-#[must_use]
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {

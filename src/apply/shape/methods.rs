@@ -48,7 +48,6 @@ pub enum Method {
 
 impl Method {
     /// Returns the name in tables.
-    #[must_use]
     pub fn name(self) -> String {
         let code = |code| match code {
             Code::Gray => "Gray code",

@@ -32,7 +32,6 @@ fn distance2(a: &[f64], b: &[f64]) -> f64 {
 
 /// Returns the minimum distance between the code vectors of columns that are at least half a period apart,
 /// which bounds the allowed noise.
-#[must_use]
 pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
     let apart = periods.first().map_or(1, |p| (p / 2.0) as usize).max(1);
@@ -47,7 +46,6 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
 
 /// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
 /// random sets (equal on every call). Gupta & Nayar also choose theirs by search.
-#[must_use]
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -63,7 +61,6 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
 }
 
 /// Returns the patterns: three of the first period, one of each other.
-#[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
     Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {

@@ -18,7 +18,6 @@ const STEPS: usize = 4;
 
 /// Returns periods from the image's width, each a quarter of the previous one, down to 16 columns or slightly
 /// less.
-#[must_use]
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {
@@ -52,7 +51,6 @@ pub(super) fn unwrap(phase: f64, period: f64, near: f64) -> f64 {
 }
 
 /// Returns the patterns: period by period, four each.
-#[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     Patterns::from_fn(STEPS * periods.len(), columns, |k, u| {
         sinusoid(u, periods[k / STEPS], (k % STEPS) as f64 * FRAC_PI_2)

@@ -41,7 +41,6 @@ pub struct Cues {
 /// by row).
 ///
 /// `mirrored_off` excludes specular light from s0: s0 = T00 - max(0, -T33).
-#[must_use]
 pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     Map::from_fn(mueller.width, mueller.height, 3, |x, y, out| {
         let m = mueller.at(x, y);
@@ -52,7 +51,6 @@ pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
 }
 
 /// Returns the angles from Stokes vectors for a surface of refractive index `n`.
-#[must_use]
 pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     let angles = Map::from_fn(stokes.width, stokes.height, 3, |x, y, out| {
         let s = stokes.at(x, y);
@@ -72,7 +70,6 @@ pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
 
 /// Returns the axes of the frame of the light that reaches a pixel: x, d × x, and its direction d toward the
 /// camera.
-#[must_use]
 pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
     let d = -camera.centre(x, y).normalize();
     let horizontal = (Vector3::x() - d * d.x).normalize();
@@ -80,21 +77,18 @@ pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
 }
 
 /// Returns the normal of a pixel, camera frame, from the zenith angle to the view direction and the azimuth.
-#[must_use]
 pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -> Vector3<f64> {
     let [right, up, d] = frame(camera, x, y);
     d * zenith.cos() + (right * azimuth.cos() + up * azimuth.sin()) * zenith.sin()
 }
 
 /// Returns both candidate normals of a pixel; NaN without cues.
-#[must_use]
 pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
     let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
 /// Returns the candidates closest to a guess of the normals (a coarse scan); NaN without a guess.
-#[must_use]
 pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
         let guess = Vector3::from_column_slice(guess.at(x, y));

@@ -50,7 +50,6 @@ fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> 
 }
 
 /// Returns the normals of the object's pixels (`inside`, one channel, nonzero); NaN outside and without cues.
-#[must_use]
 pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let (w, h) = (inside.width, inside.height);
     let within = |[x, y]: [isize; 2]| x >= 0 && y >= 0 && x < w as isize && y < h as isize;

@@ -72,7 +72,6 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
 
 /// Returns the normals of a depth map (z along the axis, metres) in the camera's frame; NaN with too few
 /// depths. Windows are centred on a pixel, whose depth must be known.
-#[must_use]
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);
     let mut points = Vec::new();

@@ -10,7 +10,6 @@ use nalgebra::Vector3;
 
 /// Returns the depth along the camera's axis of the point that column coordinate `column` lights in camera
 /// pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
-#[must_use]
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
     let across = (column - projector.principal[0]) / projector.focal[0];
@@ -21,7 +20,6 @@ pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
 }
 
 /// Returns [`depth_at`] for every pixel; NaN if there is none.
-#[must_use]
 pub fn depth(rig: &Rig, columns: &Map) -> Map {
     Map::from_fn(columns.width, columns.height, 1, |x, y, out| {
         out[0] = depth_at(rig, x, y, columns.at(x, y)[0]).unwrap_or(f64::NAN);
@@ -29,7 +27,6 @@ pub fn depth(rig: &Rig, columns: &Map) -> Map {
 }
 
 /// Returns the depth error per column error of a code: |dz/du|, metres, by differences of half a column.
-#[must_use]
 pub fn depth_per_column(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let near = depth_at(rig, x, y, column - 0.5)?;
     Some((depth_at(rig, x, y, column + 0.5)? - near).abs())

@@ -17,7 +17,6 @@ use std::f64::consts::FRAC_PI_2;
 const HALVINGS: usize = 52;
 
 /// Returns ρ_d for light that leaves at `zenith` radians from the normal, from index `n`.
-#[must_use]
 pub fn diffuse(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
     let s = sin * sin;
@@ -27,7 +26,6 @@ pub fn diffuse(zenith: f64, n: f64) -> f64 {
 }
 
 /// Returns ρ_s for unpolarized light reflected at `zenith` radians from the normal by index `n`.
-#[must_use]
 pub fn specular(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
     let s = sin * sin;
@@ -51,7 +49,6 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
 
 /// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree exceeds the
 /// maximum, NaN if it is invalid.
-#[must_use]
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;
@@ -60,7 +57,6 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
 }
 
 /// Returns the two zenith angles of specular light with this degree: below and above Brewster's angle.
-#[must_use]
 pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return [f64::NAN; 2];

@@ -32,13 +32,11 @@ impl Board {
     }
 
     /// Returns the number of corners.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.columns * self.rows
     }
 
     /// Always false: a board has corners.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -46,7 +44,6 @@ impl Board {
     /// Returns the positions of the corners row by row, in meters.
     ///
     /// The first corner is the origin, x is along the columns, y along the rows, z away from the viewer.
-    #[must_use]
     pub fn points(&self) -> Vec<Vector3<f64>> {
         let at = |i: usize| Vector3::new((i % self.columns) as f64, (i / self.columns) as f64, 0.0);
         (0..self.len()).map(|i| at(i) * self.square).collect()

@@ -64,13 +64,11 @@ type Residual = (Vector2<f64>, Option<Vector2<f64>>);
 
 impl State {
     /// Returns the number of shared free parameters.
-    #[must_use]
     pub fn shared(&self) -> usize {
         self.free + if self.devices.len() > 1 { 6 } else { 0 }
     }
 
     /// Returns measured minus predicted pixels of a corner for both devices; `None` behind a device.
-    #[must_use]
     pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
         let x = self.poses[view].apply(corner.board);
         let seen = self.devices[0].project(&x)?;
@@ -85,7 +83,6 @@ impl State {
     }
 
     /// Returns the state updated by a solution of the normal equations.
-    #[must_use]
     pub fn changed(&self, shared: &DVector<f64>, own: &[Vector6<f64>]) -> Self {
         let mut next = self.clone();
         for (device, ties) in next.devices.iter_mut().zip(&self.ties) {
@@ -107,7 +104,6 @@ impl State {
     }
 
     /// Returns Huber's cost, or half the sum of squares. It is infinite if a corner is behind a device.
-    #[must_use]
     pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
         let mut sum = 0.0;
         for (v, corners) in views.iter().enumerate() {
@@ -128,7 +124,6 @@ impl State {
     ///
     /// The columns are the shared parameters, then the six pose parameters of the view. Returns `None` if a
     /// corner is behind a device.
-    #[must_use]
     pub fn rows(
         &self,
         v: usize,
@@ -179,7 +174,6 @@ impl State {
     }
 
     /// Returns the normal equations, or `None` if a corner is behind a device.
-    #[must_use]
     pub fn linearized(&self, views: &[Vec<Corner>], w: &Weights) -> Option<Normal> {
         let n = self.shared();
         let mut normal = Normal {
@@ -274,7 +268,6 @@ impl Normal {
 /// Minimizes the cost with at most `most` steps, until a step reduces it by less than the fraction `least`.
 ///
 /// Returns `None` if a corner is behind a device at the start.
-#[must_use]
 pub fn minimize(
     start: &State,
     views: &[Vec<Corner>],

@@ -95,7 +95,6 @@ pub struct CovarianceTable {
 }
 
 impl DeviceTable {
-    #[must_use]
     pub fn new(device: &Device, pose: &Pose) -> Self {
         let (f, c) = (device.focal, device.centre);
         let list = Some(device.coefficients.clone());
@@ -111,7 +110,6 @@ impl DeviceTable {
     }
 
     /// Returns the device, or `None` if the matrix or the coefficients are invalid or not finite.
-    #[must_use]
     pub fn device(&self) -> Option<Device> {
         let [[fx, skew, cx], [below, fy, cy], last] = self.opencv_matrix;
         let (model, coefficients) = match (&self.opencv, &self.fisheye) {
@@ -143,7 +141,6 @@ impl DeviceTable {
     }
 
     /// Returns the pose from world to device, or `None` if R is no rotation or t is not finite.
-    #[must_use]
     pub fn pose(&self) -> Option<Pose> {
         let e = &self.pose.extrinsics;
         let rotation = Matrix3::from_fn(|i, j| e.rotation[i][j]);
@@ -160,7 +157,6 @@ fn six(c: &nalgebra::Matrix6<f64>) -> [f64; 6] {
 
 impl Calibration {
     /// Creates the calibration of a fit. `files` are the names of the images.
-    #[must_use]
     pub fn new(fit: &Fit, files: Vec<String>) -> Self {
         let named = |d: usize| {
             let names = fit.devices[d].names().into_iter().map(str::to_owned);
@@ -216,7 +212,6 @@ impl Calibration {
     ///
     /// It contains the camera's `camera_matrix` and `distortion_coefficients`, the projector's under names
     /// that start with `projector_`, and R and T from camera to projector.
-    #[must_use]
     pub fn to_opencv_json(&self) -> String {
         let matrix = |rows: usize, cols: usize, data: &[f64]| {
             let data: Vec<String> = data.iter().map(|x| format!("{x:?}")).collect();

@@ -25,7 +25,6 @@ pub struct Covariance {
 
 impl Root {
     /// Factorizes a state. Returns `None` if a corner is behind a device or a number is not finite.
-    #[must_use]
     pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
         let n = state.shared();
         // The last column contains the residuals.
@@ -82,7 +81,6 @@ impl Root {
     ///
     /// These are the smallest singular value and its vector of the root. The root's columns are scaled by the
     /// information for known poses.
-    #[must_use]
     pub fn least_known(&self) -> Option<(f64, DVector<f64>)> {
         let scale = self.lengths.map(|d| if d > 0.0 { d.recip() } else { 0.0 });
         let svd = (&self.shared * DMatrix::from_diagonal(&scale)).try_svd(false, true, 1e-16, 10_000)?;
@@ -91,7 +89,6 @@ impl Root {
     }
 
     /// Returns the covariances, or `None` if they do not exist.
-    #[must_use]
     pub fn invert(&self) -> Option<Covariance> {
         let n = self.shared.ncols();
         let back = self.shared.solve_upper_triangular(&DMatrix::identity(n, n))?;
@@ -111,7 +108,6 @@ impl Root {
 
 impl Covariance {
     /// Returns how many parameters a part of the measurements with normal equations N determines: tr(C N).
-    #[must_use]
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
         for v in 0..part.own.len() {
@@ -124,7 +120,6 @@ impl Covariance {
 
 /// Polishes the Levenberg–Marquardt result by a few Gauss–Newton steps, to recover digits that the normal
 /// equations lose. It stops when the cost no longer falls.
-#[must_use]
 pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
     let mut cost = state.cost(views, w);
     for _ in 0..10 {

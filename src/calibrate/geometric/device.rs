@@ -27,7 +27,6 @@ const OPENCV: [&str; 12] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1"
 
 impl Model {
     /// Returns the names of the coefficients in OpenCV's order.
-    #[must_use]
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::Pinhole => &[],
@@ -39,7 +38,6 @@ impl Model {
     }
 
     /// Returns the lens with these coefficients.
-    #[must_use]
     pub fn lens(self, k: &[f64]) -> Distortion {
         let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
         match self {
@@ -77,7 +75,6 @@ pub struct Seen {
 
 impl Device {
     /// Creates a device without distortion.
-    #[must_use]
     pub fn pinhole(size: [u32; 2], focal: [f64; 2], centre: [f64; 2], model: Model) -> Self {
         Self {
             size,
@@ -88,26 +85,22 @@ impl Device {
         }
     }
 
-    #[must_use]
     pub fn lens(&self) -> Distortion {
         self.model.lens(&self.coefficients)
     }
 
     /// Returns fx, fy, cx, cy and the coefficients.
-    #[must_use]
     pub fn parameters(&self) -> Vec<f64> {
         let first = [self.focal.x, self.focal.y, self.centre.x, self.centre.y];
         first.iter().chain(&self.coefficients).copied().collect()
     }
 
     /// Returns the names of [`Self::parameters`].
-    #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
         ["fx", "fy", "cx", "cy"].iter().chain(self.model.names()).copied().collect()
     }
 
     /// Returns the device with other [`Self::parameters`].
-    #[must_use]
     pub fn with(&self, parameters: &[f64]) -> Self {
         Self {
             focal: Vector2::new(parameters[0], parameters[1]),
@@ -118,7 +111,6 @@ impl Device {
     }
 
     /// Returns the pixel of a point in device coordinates, or `None` if the point is behind the device.
-    #[must_use]
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         let far = x.z > 0.0;
         far.then(|| self.pixel(self.lens().distort(DVec2::new(x.x / x.z, x.y / x.z))))
@@ -129,7 +121,6 @@ impl Device {
     }
 
     /// Like [`Self::project`], with all derivatives. `lens` is [`Self::lens`].
-    #[must_use]
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {
             return None;
@@ -153,7 +144,6 @@ impl Device {
     }
 
     /// Returns the undistorted normalized coordinates of a pixel, or `None` without an inverse of the lens.
-    #[must_use]
     pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre).component_div(&self.focal);
         let p = self.lens().undistort(DVec2::new(q.x, q.y))?;
@@ -186,7 +176,6 @@ impl Default for Free {
 
 impl Free {
     /// Returns the free parameter and factor that move each of [`Device::parameters`].
-    #[must_use]
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)
     }
@@ -225,13 +214,11 @@ impl Free {
 }
 
 /// Returns the number of free parameters.
-#[must_use]
 pub fn count(ties: &[Option<(usize, f64)>]) -> usize {
     ties.iter().flatten().map(|(i, _)| i + 1).max().unwrap_or(0)
 }
 
 /// Returns the pixels of a board's points from a pose, or `None` if a point is behind the device.
-#[must_use]
 pub fn project_all(device: &Device, pose: &Pose, points: &[Vector3<f64>]) -> Option<Vec<Vector2<f64>>> {
     points.iter().map(|x| device.project(&pose.apply(*x))).collect()
 }

@@ -21,7 +21,6 @@ pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
     /// Creates the planes of a calibration; `None` if the baseline is zero or along the camera's axis.
-    #[must_use]
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
         let base = to.try_normalize(1e-9)?;
@@ -39,14 +38,12 @@ impl Planes {
     }
 
     /// Returns the plane of a camera pixel in radians, after undistortion.
-    #[must_use]
     pub fn of_camera(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.camera.normalized(pixel)?;
         Some(self.angle(Vector3::new(n.x, n.y, 1.0)))
     }
 
     /// Returns the plane of a projector pixel in radians, after undistortion.
-    #[must_use]
     pub fn of_projector(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.projector.normalized(pixel)?;
         Some(self.angle(self.relative.rotation.transpose() * Vector3::new(n.x, n.y, 1.0)))
@@ -64,7 +61,6 @@ impl Planes {
     /// that the projector illuminates.
     ///
     /// A camera pixel receives direct light only from projector pixels of its own band.
-    #[must_use]
     pub fn bands(&self, count: u32) -> [Bands; 2] {
         let camera = self.all(&self.camera, |p| self.of_camera(p));
         let projector = self.all(&self.projector, |p| self.of_projector(p));
@@ -81,7 +77,6 @@ impl Planes {
 
     /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
     /// lit one. All others see only indirect light.
-    #[must_use]
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;

@@ -21,7 +21,6 @@ pub struct Setup {
 
 impl Setup {
     /// Creates a setup with all parameters free.
-    #[must_use]
     pub fn new(size: [u32; 2], model: Model) -> Self {
         Self { size, model, free: Free::default(), start: None }
     }
@@ -359,7 +358,6 @@ fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance)
 
 impl Fit {
     /// Returns the standard errors of a device's parameters, in the order of [`Device::parameters`].
-    #[must_use]
     pub fn errors(&self, device: usize) -> Vec<f64> {
         let first: usize = self.devices[..device].iter().map(|d| d.parameters().len()).sum();
         let n = self.devices[device].parameters().len();
@@ -368,7 +366,6 @@ impl Fit {
 
     /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in
     /// meters. Returns `None` without a projector.
-    #[must_use]
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();
         (self.devices.len() > 1)

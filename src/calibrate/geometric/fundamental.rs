@@ -12,13 +12,11 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 pub type Fundamental = Matrix3<f64>;
 
 /// Returns the pixel of a distortion-free device, or `None` if the lens cannot be inverted there.
-#[must_use]
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
 /// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×. `None` if the devices coincide.
-#[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
     let essential = relative.translation.cross_matrix() * relative.rotation;
@@ -28,7 +26,6 @@ pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> O
 }
 
 /// Returns the signed Sampson distance in pixels.
-#[must_use]
 pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     let (p, q) = (Vector3::new(p.x, p.y, 1.0), Vector3::new(q.x, q.y, 1.0));
     let (line, back) = (f * p, f.transpose() * q);
@@ -36,7 +33,6 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
 }
 
 /// Returns the refined matrix of at least eight points, or `None` if undetermined (coplanar points).
-#[must_use]
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
         return None;

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 /// Returns the similarity that maps points to mean 0 and mean distance √2. Returns `None` if they all
 /// coincide or are not finite.
-#[must_use]
 pub fn normalization(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     let n = points.len() as f64;
     let mean = points.iter().sum::<Vector2<f64>>() / n;
@@ -16,14 +15,12 @@ pub fn normalization(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
 
 /// Returns the image of a point under a homography.
 #[inline]
-#[must_use]
 pub fn apply(h: &Matrix3<f64>, p: Vector2<f64>) -> Vector2<f64> {
     let v = h * Vector3::new(p.x, p.y, 1.0);
     Vector2::new(v.x / v.z, v.y / v.z)
 }
 
 /// Returns the derivative of [`apply`] by the point.
-#[must_use]
 pub fn slope(h: &Matrix3<f64>, p: Vector2<f64>) -> Matrix2<f64> {
     let v = h * Vector3::new(p.x, p.y, 1.0);
     let q = v.xy() / v.z;
@@ -41,13 +38,11 @@ const FLAT: f64 = 1e-6;
 /// Returns the homography from `from` to `to` with the least sum of squared distances in `to`.
 ///
 /// Its last element is 1, or its norm if that element is 0. `None` if the points do not determine it.
-#[must_use]
 pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
 }
 
 /// Like [`fit`], with weights of the points.
-#[must_use]
 pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Option<Matrix3<f64>> {
     if from.len() < 4 || from.len() != to.len() {
         return None;
@@ -132,7 +127,6 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
 }
 
 /// Returns the right singular vector of the smallest singular value. There must be rows ≥ columns.
-#[must_use]
 pub fn null_vector(m: &DMatrix<f64>) -> Option<Vec<f64>> {
     if !m.iter().all(|x| x.is_finite()) {
         return None;

@@ -26,19 +26,16 @@ const MOST: usize = 1 << 30;
 
 impl Image {
     /// Creates an image from values row by row, or returns `None` if their number is not width × height.
-    #[must_use]
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
         (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
     }
 
-    #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width as u32, self.height as u32]
     }
 
     /// Returns the value of a pixel. Coordinates are clamped to the image.
     #[inline]
-    #[must_use]
     pub fn at(&self, x: isize, y: isize) -> f32 {
         let x = x.clamp(0, self.width as isize - 1) as usize;
         let y = y.clamp(0, self.height as isize - 1) as usize;
@@ -47,7 +44,6 @@ impl Image {
 
     /// Interpolates bilinearly; (0.5, 0.5) is the center of the first pixel.
     #[inline]
-    #[must_use]
     pub fn between(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
         let (i, j) = (x.floor(), y.floor());
@@ -58,7 +54,6 @@ impl Image {
     }
 
     /// Blurs with a Gaussian of standard deviation `sigma` in pixels.
-    #[must_use]
     pub fn blurred(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let mut kernel: Vec<f32> =
@@ -111,7 +106,6 @@ pub struct Loaded {
 }
 
 /// Returns whether [`Image::load`] reads files with this extension.
-#[must_use]
 pub fn is_image(path: &Path) -> bool {
     ["png", "jpg", "jpeg", "npy"].contains(&extension(path).as_str())
 }
@@ -191,7 +185,6 @@ fn npy(path: &Path) -> Result<Image, String> {
 }
 
 /// Encodes an image as a gray PNG of 8 bits.
-#[must_use]
 pub fn png_bytes(width: u32, height: u32, values: &[u8]) -> Option<Vec<u8>> {
     let mut out = vec![];
     let mut encoder = png::Encoder::new(&mut out, width, height);

@@ -19,7 +19,6 @@ impl Default for Pose {
 
 impl Pose {
     /// Creates a pose from OpenCV's rvec (axis times angle, in radians) and tvec.
-    #[must_use]
     pub fn new(rotation_vector: [f64; 3], translation: [f64; 3]) -> Self {
         Self {
             rotation: *Rotation3::new(Vector3::from(rotation_vector)).matrix(),
@@ -29,13 +28,11 @@ impl Pose {
 
     /// Returns the point in device coordinates.
     #[inline]
-    #[must_use]
     pub fn apply(&self, x: Vector3<f64>) -> Vector3<f64> {
         self.rotation * x + self.translation
     }
 
     /// Returns the composition: first `inner`, then this.
-    #[must_use]
     pub fn after(&self, inner: &Self) -> Self {
         Self {
             rotation: self.rotation * inner.rotation,
@@ -44,7 +41,6 @@ impl Pose {
     }
 
     /// Returns the inverse.
-    #[must_use]
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
         Self { rotation: back, translation: -(back * self.translation) }
@@ -52,7 +48,6 @@ impl Pose {
 
     /// Returns the pose rotated by exp(ω) in the device's frame and translated. Covariances refer to these
     /// six parameters (ω, δt).
-    #[must_use]
     pub fn changed(&self, change: [f64; 6]) -> Self {
         let [a, b, c, x, y, z] = change;
         let turn = Rotation3::new(Vector3::new(a, b, c));
@@ -63,7 +58,6 @@ impl Pose {
     }
 
     /// Returns the change from `from` to this pose.
-    #[must_use]
     pub fn change_from(&self, from: &Self) -> [f64; 6] {
         let w = logarithm(&(self.rotation * from.rotation.transpose()));
         let d = self.translation - from.translation;
@@ -71,7 +65,6 @@ impl Pose {
     }
 
     /// Returns axis times angle in radians, as OpenCV's rvec.
-    #[must_use]
     pub fn rotation_vector(&self) -> Vector3<f64> {
         logarithm(&self.rotation)
     }

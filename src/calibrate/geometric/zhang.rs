@@ -7,7 +7,6 @@ use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
 /// Returns initial devices, the most likely first: principal point in the center, all intrinsics free, and
 /// three guessed focal lengths.
-#[must_use]
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;
@@ -94,7 +93,6 @@ fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>
 }
 
 /// Returns the pose of the board's plane z = 0 from its homography to the pixels.
-#[must_use]
 pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     let (f, c) = (device.focal, device.centre);
     let back = Matrix3::new(1.0 / f.x, 0.0, -c.x / f.x, 0.0, 1.0 / f.y, -c.y / f.y, 0.0, 0.0, 1.0);

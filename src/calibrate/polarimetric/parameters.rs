@@ -30,7 +30,6 @@ pub enum Parameter {
 
 impl Parameter {
     /// Returns all parameters of a scheme.
-    #[must_use]
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
         for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
@@ -58,7 +57,6 @@ impl Parameter {
     }
 
     /// Returns the parameter's name, which includes that of its element.
-    #[must_use]
     pub fn name(&self, scheme: &Scheme) -> String {
         let of = |side: Side, i: usize| match side {
             Side::Generator => scheme.generator()[i].name.clone(),
@@ -80,7 +78,6 @@ impl Parameter {
         }
     }
 
-    #[must_use]
     pub fn unit(&self) -> &'static str {
         match self {
             Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => {
@@ -91,7 +88,6 @@ impl Parameter {
     }
 
     /// Returns the step of derivatives by the fitted number ([`Self::to_fit`]).
-    #[must_use]
     pub fn step(&self) -> f64 {
         match self {
             Self::Extinction(..) | Self::SensorExtinction | Self::Diattenuation(_) => 1e-5,
@@ -100,7 +96,6 @@ impl Parameter {
     }
 
     /// Returns the value at a wavelength.
-    #[must_use]
     pub fn get(&self, scheme: &Scheme, nm: f64) -> f64 {
         let of = |side: Side, i: usize| match side {
             Side::Generator => &scheme.generator()[i],
@@ -134,7 +129,6 @@ impl Parameter {
     }
 
     /// Returns whether the parameter may depend on the wavelength: axes do not, optical properties do.
-    #[must_use]
     pub fn is_spectral(&self) -> bool {
         !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
     }
@@ -207,7 +201,6 @@ impl Parameter {
     ///
     /// n and k of metals are fitted as logarithms, to keep them positive. Negative values, where light would
     /// be amplified, have other minima.
-    #[must_use]
     pub fn to_fit(&self, value: f64) -> f64 {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => value.max(1e-6).ln(),
@@ -216,7 +209,6 @@ impl Parameter {
     }
 
     /// Returns the value of a fitted number, and its derivative.
-    #[must_use]
     pub fn from_fit(&self, number: f64) -> [f64; 2] {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => [number.exp(); 2],
@@ -225,7 +217,6 @@ impl Parameter {
     }
 
     /// Returns the nearest physically possible value, for example a nonnegative extinction.
-    #[must_use]
     pub fn possible(&self, value: f64) -> f64 {
         match self {
             Self::Extinction(..) | Self::SensorExtinction => value.clamp(0.0, 1.0),

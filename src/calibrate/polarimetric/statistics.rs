@@ -44,7 +44,6 @@ impl Statistics {
 
 impl Calibrated {
     /// Returns the statistics that the calibration file contains in addition to the scheme.
-    #[must_use]
     pub fn statistics(&self) -> Statistics {
         let n = self.found.len();
         let of = |i: usize, k: usize| self.fit.covariance[(i, k)];

@@ -125,7 +125,6 @@ impl Dark {
     }
 
     /// Returns a pixel's reading without light in DN.
-    #[must_use]
     pub fn at(&self, pixel: usize, exposure_s: f64) -> f64 {
         self.offset.at(pixel) + self.rate.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s)
     }
@@ -133,14 +132,12 @@ impl Dark {
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
     /// It ignores the covariance of offset and rate, an overestimate within the range of exposures.
-    #[must_use]
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)
     }
 
     /// Returns the mean dark current of the usable pixels in DN/s, or 0 if it is unknown.
-    #[must_use]
     pub fn mean_rate(&self) -> f64 {
         let Some(rate) = &self.rate else { return 0.0 };
         let usable = self.usable();
@@ -150,7 +147,6 @@ impl Dark {
     }
 
     /// Returns whether each pixel is usable.
-    #[must_use]
     pub fn usable(&self) -> Vec<bool> {
         let mut out = vec![true; self.offset.len()];
         for p in self.hot.iter().chain(&self.noisy).chain(&self.stuck) {

@@ -21,7 +21,6 @@ pub struct Level {
 }
 
 /// Returns the levels in ascending order of light. Dark frames are levels without light.
-#[must_use]
 pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
     let (usable, rate) = (dark.usable(), dark.mean_rate());
     let level = |s: &Stack| {
@@ -50,7 +49,6 @@ pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
 ///
 /// Saturation is at the level of maximum variance (EMVA 1288, 6.6), if a brighter level has a smaller
 /// variance.
-#[must_use]
 pub fn saturation(levels: &[Level]) -> Option<f64> {
     let top = levels.iter().enumerate().max_by(|a, b| a.1.variance.total_cmp(&b.1.variance))?;
     (top.0 + 1 < levels.len()).then_some(top.1.signal)

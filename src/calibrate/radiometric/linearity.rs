@@ -32,7 +32,6 @@ pub struct Linearity {
 
 impl Linearity {
     /// Returns the identity (no nonlinearity).
-    #[must_use]
     pub fn none(scale_dn: f64) -> Self {
         Self {
             scale_dn,
@@ -50,14 +49,12 @@ impl Linearity {
     }
 
     /// Returns the linearized signal in DN.
-    #[must_use]
     pub fn linear(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
         signal * (1.0 + self.coefficients.iter().rev().fold(0.0, |sum, c| (sum + c) * u))
     }
 
     /// Returns the derivative of [`Self::linear`].
-    #[must_use]
     pub fn slope(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
         let terms = self.coefficients.iter().enumerate();

@@ -72,42 +72,35 @@ impl Stack {
     }
 
     /// Returns the exposure in s.
-    #[must_use]
     pub fn exposure_s(&self) -> f64 {
         self.exposure_s
     }
 
     /// Returns the irradiance in the unit of the stacks.
-    #[must_use]
     pub fn light(&self) -> f64 {
         self.light
     }
 
-    #[must_use]
     pub fn frames(&self) -> u32 {
         self.frames
     }
 
     /// Returns the number of pixels.
-    #[must_use]
     pub fn pixels(&self) -> usize {
         self.mean.len()
     }
 
     /// Returns the maximum digital number of the format.
-    #[must_use]
     pub fn top_dn(&self) -> u32 {
         self.top_dn
     }
 
     /// Returns the mean of a pixel in DN.
-    #[must_use]
     pub fn mean(&self, pixel: usize) -> f64 {
         self.mean[pixel]
     }
 
     /// Returns the unbiased variance of a pixel between frames in DN², or NaN for fewer than two frames.
-    #[must_use]
     pub fn variance(&self, pixel: usize) -> f64 {
         if self.frames < 2 {
             return f64::NAN;
@@ -116,7 +109,6 @@ impl Stack {
     }
 
     /// Returns the fraction of pixels that reached the maximum digital number in any frame.
-    #[must_use]
     pub fn clipped(&self) -> f64 {
         self.clipped.iter().filter(|c| **c).count() as f64 / self.clipped.len() as f64
     }

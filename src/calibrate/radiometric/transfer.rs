@@ -41,7 +41,6 @@ pub struct Transfer {
 impl Transfer {
     /// Returns the variance in DN² of a reading with a linear signal that includes the dark current. It
     /// includes rounding noise.
-    #[must_use]
     pub fn variance(&self, signal: f64) -> f64 {
         self.dark_variance + signal.max(0.0) / self.gain_e_per_dn
     }

@@ -15,7 +15,6 @@ use super::zero::Temporal;
 ///
 /// The grid extends from `before_ps` before to `after_ps` after the light, with `per_bin` points per bin (1
 /// if all time zeros have the same phase). Returns `None` without time zeros or with a tiny grid.
-#[must_use]
 pub fn aligned(
     found: &Temporal,
     captures: &[Capture],

@@ -36,7 +36,6 @@ pub struct Capture<'a> {
 
 impl<'a> Capture<'a> {
     /// Creates a capture of a pixel from a counter's histogram.
-    #[must_use]
     pub fn of(histogram: &'a Histogram, pixel: usize, travel_ps: f64) -> Self {
         Self { pixel, travel_ps, counts: &histogram.counts, pulses: histogram.pulses }
     }

@@ -37,7 +37,6 @@ impl Shape {
     /// All parameters, in the order of every list of four numbers.
     pub const ALL: [Self; 4] = [Self::Width, Self::TailShare, Self::TailTime, Self::AfterPulsing];
 
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Width => "width of the response",
@@ -50,13 +49,11 @@ impl Shape {
 
 impl Impulse {
     /// Returns the parameters in the order of [`Shape::ALL`].
-    #[must_use]
     pub fn vector(&self) -> [f64; 4] {
         [self.sigma_ps, self.tail_share, self.tail_ps, self.after_pulsing]
     }
 
     /// Creates a response from parameters in the order of [`Shape::ALL`].
-    #[must_use]
     pub fn of([sigma_ps, tail_share, tail_ps, after_pulsing]: [f64; 4]) -> Self {
         Self { sigma_ps, tail_share, tail_ps, after_pulsing }
     }
@@ -72,7 +69,6 @@ impl Impulse {
     }
 
     /// Returns the full width at half maximum of the Gaussian part in ps.
-    #[must_use]
     pub fn fwhm_ps(&self) -> f64 {
         self.sigma_ps * FWHM_PER_SIGMA
     }

@@ -19,13 +19,11 @@ pub struct Template {
 
 impl Template {
     /// Returns the last grid point in ps.
-    #[must_use]
     pub fn end_ps(&self) -> f64 {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
     /// Returns the fraction of light in a bin whose center is delayed by `t` ps (Catmull–Rom, 0 outside).
-    #[must_use]
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
         let at = |k: f64| {
@@ -40,7 +38,6 @@ impl Template {
     }
 
     /// Returns the full width at half maximum in ps, including the bin width; at least the step.
-    #[must_use]
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {
             return self.step_ps;

@@ -79,7 +79,6 @@ pub struct Temporal {
 impl Temporal {
     /// Returns the true time of a bin's center for a pixel, in ps after the pulse was emitted. NaN if the
     /// pixel has no time zero.
-    #[must_use]
     pub fn time_ps(&self, pixel: usize, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.bin_ps - self.zero_ps.at(pixel)
     }
@@ -88,7 +87,6 @@ impl Temporal {
     ///
     /// Each bin's light is divided between the two bins that it overlaps, periodically, so sums are
     /// preserved. All values are NaN if the pixel has no time zero.
-    #[must_use]
     pub fn aligned(&self, pixel: usize, histogram: &[f64]) -> Vec<f64> {
         let bins = histogram.len();
         let shift = -self.zero_ps.at(pixel) / self.bin_ps;

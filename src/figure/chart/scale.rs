@@ -96,7 +96,6 @@ impl Scale {
 
     /// Returns the position of a value from the low end; `None` if it is not finite or, on a logarithmic
     /// axis, not positive.
-    #[must_use]
     pub fn place(&self, value: f64) -> Option<f64> {
         let v = if self.log { value.log10() } else { value };
         // Clamps distant values, so that later differences stay finite.
@@ -105,7 +104,6 @@ impl Scale {
     }
 
     /// Returns ticks with about `most` labels at most.
-    #[must_use]
     pub fn marks(&self, most: usize) -> Marks {
         let mut marks = if !self.log {
             Marks { major: Ticks::linear(self.low, self.high, most), minor: vec![] }
@@ -121,7 +119,6 @@ impl Scale {
     }
 
     /// As [`Scale::marks`], with as many labels as fit side by side into `length` pixels.
-    #[must_use]
     pub fn marks_across(&self, length: f64) -> Marks {
         let mut most = 10;
         while most > 2 && !self.marks(most).major.fit_side_by_side(length) {
@@ -191,7 +188,6 @@ pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Ma
 }
 
 /// Returns a label with the power of ten of its ticks, inserted before a bracketed unit at the end.
-#[must_use]
 pub fn label(text: &str, ticks: &Ticks) -> String {
     let text = text.trim();
     let unit = text.strip_suffix(']').and_then(|t| t.rsplit_once('['));

@@ -82,7 +82,6 @@ pub struct Layout {
 }
 
 /// Returns a style whose em is in millimetres.
-#[must_use]
 pub(super) fn style(em: f64) -> Style {
     Style { em, colour: INK }
 }

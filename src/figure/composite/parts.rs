@@ -91,12 +91,10 @@ const INKS: [(&str, [u8; 3]); 9] = [
 ];
 
 impl Ink {
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         INKS.iter().find(|(n, _)| *n == name).map(|(_, c)| Self(*c))
     }
 
-    #[must_use]
     pub fn names() -> [&'static str; 9] {
         INKS.map(|(name, _)| name)
     }
@@ -104,7 +102,6 @@ impl Ink {
 
 impl Corner {
     /// Parses `upper left`, `upper right`, `lower left` or `lower right`.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let (vertical, side) = name.split_once(' ')?;
         let lower = match vertical {
@@ -122,7 +119,6 @@ impl Corner {
 }
 
 /// Returns the letter of a panel: (a) to (z), (aa) to (az), …
-#[must_use]
 pub fn letter(i: usize) -> String {
     let one = |i: usize| char::from(b'a' + (i % 26) as u8);
     if i < 26 { format!("({})", one(i)) } else { format!("({}{})", one(i / 26 - 1), one(i)) }
@@ -150,7 +146,6 @@ impl Inset {
     }
 
     /// Returns the crop in whole pixels of an image: left and upper edge, width and height.
-    #[must_use]
     pub fn pixels(&self, [w, h]: [u32; 2]) -> [u32; 4] {
         let along = |from: f64, size: f64, n: u32| {
             let first = ((from * f64::from(n)).round() as u32).min(n.saturating_sub(1));

@@ -20,7 +20,6 @@ const TINY: f64 = 1e-8;
 impl Fisheye {
     /// Returns θ_d, and its derivative with respect to θ.
     #[inline]
-    #[must_use]
     pub fn radius(&self, theta: f64) -> [f64; 2] {
         let [k1, k2, k3, k4] = self.k;
         let t2 = theta * theta;
@@ -31,7 +30,6 @@ impl Fisheye {
 
     /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
-    #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let r = p.length();
         if r < TINY {
@@ -43,7 +41,6 @@ impl Fisheye {
 
     /// Returns the Jacobian of [`Self::distort`] by rows.
     #[inline]
-    #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
         let r = p.length();
         if r < TINY {
@@ -58,7 +55,6 @@ impl Fisheye {
     }
 
     /// Returns the derivatives of [`Self::distort`] with respect to k1 to k4.
-    #[must_use]
     pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 4] {
         let r = p.length();
         if r < TINY {
@@ -71,7 +67,6 @@ impl Fisheye {
 
     /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] or where not monotonic.
     #[inline]
-    #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let want = q.length();
         if want < TINY {

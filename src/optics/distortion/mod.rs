@@ -29,14 +29,12 @@ impl From<Opencv> for Distortion {
 
 impl Distortion {
     #[inline]
-    #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::None
     }
 
     /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
-    #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         match self {
             Self::None => p,
@@ -47,7 +45,6 @@ impl Distortion {
 
     /// Returns the Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
     #[inline]
-    #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
         match self {
             Self::None => [[1.0, 0.0], [0.0, 1.0]],
@@ -58,7 +55,6 @@ impl Distortion {
 
     /// Maps distorted normalized coordinates to ideal ones; `None` where the distortion is not one-to-one.
     #[inline]
-    #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         match self {
             Self::None => Some(q),
@@ -68,7 +64,6 @@ impl Distortion {
     }
 
     /// Explains why [`Self::undistort`] of a point of the image fails.
-    #[must_use]
     pub fn complaint(&self, q: DVec2) -> &'static str {
         match self {
             Self::Fisheye(lens)

@@ -30,7 +30,6 @@ pub struct Opencv {
 impl Opencv {
     /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing ones are
     /// 0.
-    #[must_use]
     pub fn from_list(list: &[f64]) -> Self {
         let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
         Self {
@@ -52,7 +51,6 @@ impl Opencv {
 
     /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
-    #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let bent = self.bend(p);
         if self.tilt.is_none() { bent } else { self.tilt.apply(bent) }
@@ -85,7 +83,6 @@ impl Opencv {
 
     /// Returns the Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
     #[inline]
-    #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
         let inner = self.bend_jacobian(p);
         if self.tilt.is_none() {
@@ -98,7 +95,6 @@ impl Opencv {
 
     /// Returns the derivatives of [`Self::distort`] with respect to the coefficients in OpenCV's order: k1,
     /// k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
-    #[must_use]
     pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 12] {
         let r2 = p.length_squared();
         let [r4, r6] = [r2 * r2, r2 * r2 * r2];
@@ -144,7 +140,6 @@ impl Opencv {
     /// Maps distorted normalized coordinates to ideal ones by Newton's method; `None` if it does not converge
     /// to a point where the distortion is one-to-one.
     #[inline]
-    #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let bent = if self.tilt.is_none() { q } else { self.tilt.undo(q) };
         self.newton(bent, bent).or_else(|| self.follow(bent))

@@ -20,7 +20,6 @@ impl Default for Tilt {
 impl Tilt {
     /// Creates a tilt from angles in radians about x, then about y, as in OpenCV's
     /// `computeTiltProjectionMatrix`.
-    #[must_use]
     pub fn new(tau_x: f64, tau_y: f64) -> Self {
         if tau_x == 0.0 && tau_y == 0.0 {
             return Self::default();
@@ -36,28 +35,24 @@ impl Tilt {
 
     /// Returns true if the sensor is perpendicular to the axis.
     #[inline]
-    #[must_use]
     pub fn is_none(&self) -> bool {
         self.tau == [0.0; 2]
     }
 
     /// Maps coordinates without tilt to those on the tilted sensor.
     #[inline]
-    #[must_use]
     pub fn apply(&self, p: DVec2) -> DVec2 {
         homography(&self.forward, p)
     }
 
     /// Maps coordinates on the tilted sensor to those without tilt; not finite where there are none.
     #[inline]
-    #[must_use]
     pub fn undo(&self, q: DVec2) -> DVec2 {
         homography(&self.forward.inverse(), q)
     }
 
     /// Returns the Jacobian of [`Self::apply`] by rows.
     #[inline]
-    #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
         let m = &self.forward;
         let v = *m * DVec3::new(p.x, p.y, 1.0);

@@ -50,7 +50,6 @@ pub(super) fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectra
 impl Chain {
     /// Returns the start of a path: the identity scaled per lane, in the camera frame.
     #[inline]
-    #[must_use]
     pub fn start(f: Spectral) -> Self {
         Self::Rotation { f, cos2: 1.0, sin2: 0.0 }
     }
@@ -211,7 +210,6 @@ impl Chain {
     /// Returns D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light in the
     /// opposite direction, see [`Scatter::reversed`].
     #[inline]
-    #[must_use]
     pub fn mirrored(&self) -> Self {
         let mut out = *self;
         match &mut out {
@@ -236,14 +234,12 @@ impl Chain {
 
     /// Returns the maximum M00 over the lanes, for Russian roulette.
     #[inline]
-    #[must_use]
     pub fn max_m00(&self) -> f32 {
         max_lane(self.m00())
     }
 
     /// Returns true if no light passes at any wavelength.
     #[inline(always)]
-    #[must_use]
     pub fn is_dark(&self) -> bool {
         self.m00().simd_eq(Spectral::ZERO).all()
     }
@@ -258,7 +254,6 @@ impl Chain {
     }
 
     #[inline]
-    #[must_use]
     pub fn to_mueller(&self) -> Mueller {
         match self {
             Self::Rotation { f, cos2, sin2 } => {

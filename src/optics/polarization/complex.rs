@@ -12,25 +12,21 @@ pub struct Complex {
 
 impl Complex {
     #[inline]
-    #[must_use]
     pub fn real(re: Spectral) -> Self {
         Self { re, im: Spectral::ZERO }
     }
 
     #[inline]
-    #[must_use]
     pub fn norm2(self) -> Spectral {
         self.re * self.re + self.im * self.im
     }
 
     #[inline]
-    #[must_use]
     pub fn conj(self) -> Self {
         Self { re: self.re, im: -self.im }
     }
 
     #[inline]
-    #[must_use]
     pub fn scale(self, f: Spectral) -> Self {
         Self { re: self.re * f, im: self.im * f }
     }
@@ -38,7 +34,6 @@ impl Complex {
     /// Returns the square root with non-negative real part. On the negative real axis the imaginary part is
     /// positive, which is the evanescent wave.
     #[inline]
-    #[must_use]
     pub fn sqrt(self) -> Self {
         // The larger part by a root, the other by division: a difference would cancel for weak absorbers.
         let large = ((self.norm2().sqrt() + self.re.abs()) * Spectral::HALF).sqrt();

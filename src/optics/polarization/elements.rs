@@ -4,27 +4,23 @@
 use super::mueller::Mueller;
 
 /// R(θ): expresses Stokes vectors in a basis rotated by θ.
-#[must_use]
 pub fn rotator(theta: f32) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
     Mueller::splat([[1., 0., 0., 0.], [0., c, s, 0.], [0., -s, c, 0.], [0., 0., 0., 1.]])
 }
 
 /// Rotates an element given at 0° by θ: R(-θ) M R(θ).
-#[must_use]
 pub fn turned(element: Mueller, theta: f32) -> Mueller {
     rotator(-theta) * element * rotator(theta)
 }
 
 /// L(θ): ideal linear polarizer with transmitting axis θ.
-#[must_use]
 pub fn polarizer(theta: f32) -> Mueller {
     let p = Mueller::splat([[0.5, 0.5, 0., 0.], [0.5, 0.5, 0., 0.], [0., 0., 0., 0.], [0., 0., 0., 0.]]);
     turned(p, theta)
 }
 
 /// Linear retarder with fast axis θ and retardance δ (slow axis lags). δ = π/2 is the paper's Q(θ).
-#[must_use]
 pub fn retarder(theta: f32, delta: f32) -> Mueller {
     let (s, c) = delta.sin_cos();
     let r = Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., c, s], [0., 0., -s, c]]);
@@ -32,13 +28,11 @@ pub fn retarder(theta: f32, delta: f32) -> Mueller {
 }
 
 /// Mirror at normal incidence, s-frame on both sides: swaps handedness and ±45°.
-#[must_use]
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }
 
 /// Ideal depolarizer: keeps only the intensity.
-#[must_use]
 pub fn depolarizer() -> Mueller {
     let mut m = Mueller::ZERO;
     m.m[0][0] = crate::spectrum::Spectral::ONE;

@@ -12,14 +12,12 @@ pub struct Extent {
 
 impl Extent {
     #[inline]
-    #[must_use]
     pub fn count(self) -> usize {
         (self.rows * self.cols) as usize
     }
 
     /// Returns the smallest extent that contains both.
     #[inline]
-    #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self { rows: self.rows.max(other.rows), cols: self.cols.max(other.cols) }
     }

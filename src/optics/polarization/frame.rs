@@ -5,7 +5,6 @@ use glam::{Mat3A, Vec3A};
 /// Returns cos 2θ and sin 2θ of the rotation from basis `from` to basis `to` of light travelling along `d`,
 /// counter-clockwise looking toward the source. Both bases are unit vectors perpendicular to `d`.
 #[inline]
-#[must_use]
 pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
     let c = to.dot(from);
     let s = to.dot(d.cross(from));
@@ -21,7 +20,6 @@ pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
 /// If the two are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if `d` is
 /// within 25.8° of z. An arbitrary perpendicular might rotate with the rounding of `d`.
 #[inline]
-#[must_use]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     let x = axis - d * axis.dot(d);
     let n2 = x.length_squared();
@@ -36,14 +34,12 @@ pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
 /// Returns a unit vector perpendicular to the unit vector `d` (Duff et al. 2017, "Building an orthonormal
 /// basis, revisited").
 #[inline]
-#[must_use]
 pub fn perpendicular(d: Vec3A) -> Vec3A {
     Vec3A::from_array(perpendiculars(&d.to_array().map(|v| [v])).map(|[v]| v))
 }
 
 /// [`perpendicular`] for several vectors.
 #[inline(always)]
-#[must_use]
 pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     let mut out = [[0.0; N]; 3];
     for i in 0..N {
@@ -59,7 +55,6 @@ pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
 /// Returns a right-handed orthonormal basis whose third column is the unit vector `z`. It maps local
 /// directions to the world.
 #[inline]
-#[must_use]
 pub fn basis(z: Vec3A) -> Mat3A {
     let x = perpendicular(z);
     Mat3A::from_cols(x, z.cross(x), z)

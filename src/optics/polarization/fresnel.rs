@@ -37,13 +37,11 @@ impl FresnelBlock {
     }
 
     #[inline]
-    #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
         Self { a: self.a * f, b: self.b * f, c: self.c * f, d: self.d * f }
     }
 
     #[inline]
-    #[must_use]
     pub fn to_mueller(self) -> Mueller {
         let z = Spectral::ZERO;
         Mueller {
@@ -60,7 +58,6 @@ impl FresnelBlock {
 /// Returns reflection by a conductor of complex relative index `n + i·k` (k ≥ 0 absorbs). `cos_i` is the
 /// cosine of incidence in 0..1. Maps the incoming s-frame to the outgoing s-frame.
 #[inline]
-#[must_use]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
     let eta = Complex { re: n, im: k };
@@ -86,7 +83,6 @@ pub struct DielectricFresnel {
 
 /// Returns the blocks of a smooth dielectric interface. `eta` is the index on the far side over that on the
 /// side of incidence; `cos_i` is the cosine of incidence in 0..1.
-#[must_use]
 #[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
     dielectric_per_lane(Spectral::splat(cos_i), eta)
@@ -94,7 +90,6 @@ pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
 
 /// [`dielectric`] with an angle of incidence for each wavelength.
 #[inline]
-#[must_use]
 pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel {
     let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);
     let eta2 = eta * eta;

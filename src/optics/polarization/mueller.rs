@@ -27,7 +27,6 @@ impl Mueller {
     }
 
     #[inline]
-    #[must_use]
     pub fn transposed(&self) -> Self {
         Self { m: std::array::from_fn(|i| std::array::from_fn(|j| self.m[j][i])) }
     }
@@ -36,13 +35,11 @@ impl Mueller {
 
     /// Returns the same real matrix in every lane.
     #[inline]
-    #[must_use]
     pub fn splat(rows: [[f32; 4]; 4]) -> Self {
         Self { m: rows.map(|row| row.map(Spectral::splat)) }
     }
 
     #[inline]
-    #[must_use]
     pub fn identity() -> Self {
         let mut m = Self::ZERO;
         for i in 0..4 {
@@ -52,13 +49,11 @@ impl Mueller {
     }
 
     #[inline]
-    #[must_use]
     pub fn lane(&self, lane: usize) -> [[f32; 4]; 4] {
         self.m.map(|row| row.map(|e| e.to_array()[lane]))
     }
 
     #[inline]
-    #[must_use]
     pub fn scaled(&self, f: Spectral) -> Self {
         let mut out = *self;
         // A loop, because the compiler does not inline closures of nested array maps.
@@ -70,14 +65,12 @@ impl Mueller {
 
     /// Applies the matrix to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.
     #[inline]
-    #[must_use]
     pub fn apply(&self, s: [Spectral; 4]) -> [Spectral; 4] {
         self.m.map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
     }
 
     /// Returns a row vector times the matrix, `out[j] = Σ_i row[i] m[i][j]`.
     #[inline]
-    #[must_use]
     pub fn row_times(&self, row: &[Spectral; 4]) -> [Spectral; 4] {
         let m = &self.m;
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])

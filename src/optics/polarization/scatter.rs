@@ -34,7 +34,6 @@ pub enum Scatter {
 impl Scatter {
     /// Returns the intensity transfer M00 per lane.
     #[inline]
-    #[must_use]
     pub fn m00(&self) -> Spectral {
         match self {
             Self::Depolarize(f) => *f,
@@ -44,7 +43,6 @@ impl Scatter {
     }
 
     #[inline]
-    #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
         match self {
             Self::Depolarize(x) => Self::Depolarize(x * f),
@@ -57,7 +55,6 @@ impl Scatter {
 
     /// Returns the full matrix between the given frames of light leaving along `wo` and arriving along `-wi`.
     #[inline]
-    #[must_use]
     pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
         let (mut m, out, inn) = match self {
             Self::Depolarize(f) => {
@@ -78,7 +75,6 @@ impl Scatter {
     /// Returns the transposed matrix with frames exchanged, for products that are built from the light's
     /// side, see [`times_transposed`](super::chain::Chain::times_transposed).
     #[inline]
-    #[must_use]
     pub fn transposed(&self) -> Self {
         match self {
             Self::Depolarize(f) => Self::Depolarize(*f),
@@ -96,7 +92,6 @@ impl Scatter {
     /// (Sekera 1966, "Scattering matrices and reciprocity relationships for various representations of the
     /// state of polarization").
     #[inline]
-    #[must_use]
     pub fn reversed(&self) -> Self {
         match self {
             // Transposition and D change the signs of the same two elements.
@@ -113,7 +108,6 @@ impl Scatter {
 
     /// Returns the frame of incident light; an arbitrary one if the interaction depolarizes.
     #[inline]
-    #[must_use]
     pub fn frame_in(&self) -> Vec3A {
         match self {
             Self::Depolarize(_) => Vec3A::X,
@@ -124,7 +118,6 @@ impl Scatter {
 
     /// Returns the sum of two interactions between the same two directions.
     #[inline]
-    #[must_use]
     pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {
         let (frame_out, frame_in) = match (self, other) {
             (Self::Depolarize(f), Self::Depolarize(g)) => return Self::Depolarize(*f + *g),

@@ -75,7 +75,6 @@ impl Layer {
 /// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of incidence
 /// in 0..1. Maps the incoming s-frame to the outgoing s-frame. Phases are accurate to 10⁻⁶ of a turn per 10
 /// waves of optical thickness.
-#[must_use]
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
     let sin2 = Spectral::ONE - ci * ci;

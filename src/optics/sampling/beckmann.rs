@@ -24,7 +24,6 @@ fn erfcx(x: f32) -> f32 {
 
 /// Returns the error function, absolute error 2e-7.
 #[inline]
-#[must_use]
 pub fn erf(x: f32) -> f32 {
     (1.0 - erfcx(x.abs()) * (-x * x).exp()).copysign(x)
 }
@@ -32,7 +31,6 @@ pub fn erf(x: f32) -> f32 {
 /// Returns the inverse of [`erf`] on -1 < x < 1, relative error 1e-6 (Giles 2012, "Approximating the erfinv
 /// function").
 #[inline]
-#[must_use]
 pub fn erf_inv(x: f32) -> f32 {
     const CENTRE: [f32; 9] = [
         2.810_226_4e-8,
@@ -63,7 +61,6 @@ pub fn erf_inv(x: f32) -> f32 {
 
 /// Returns D(h) per solid angle of h.
 #[inline]
-#[must_use]
 pub fn d(h: Vec3A, alpha: f32) -> f32 {
     if h.z <= 0.0 {
         return 0.0;
@@ -75,7 +72,6 @@ pub fn d(h: Vec3A, alpha: f32) -> f32 {
 
 /// Returns Smith's Λ for a direction on either side of the surface.
 #[inline]
-#[must_use]
 pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     let tan = (w.x * w.x + w.y * w.y).sqrt() / w.z.abs().max(f32::MIN_POSITIVE);
     let a = 1.0 / (alpha * tan).max(f32::MIN_POSITIVE);
@@ -117,7 +113,6 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
 /// Samples a normal visible from the unit direction `wo` (wo.z > 0) with density G1(wo) max(0, wo·h) D(h) /
 /// wo.z.
 #[inline]
-#[must_use]
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     // Uniforms have 24 bits; at 0 and 1 slopes are infinite.
     let [u, v] = u.map(|u| u.clamp(3e-8, 1.0 - f32::EPSILON));

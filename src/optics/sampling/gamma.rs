@@ -7,7 +7,6 @@
 //! increased to that by Γ(x + 1) = x Γ(x).
 
 /// Returns ln Γ(x) for x > 0, with an error of 2·10⁻¹⁴ plus rounding.
-#[must_use]
 pub fn ln_gamma(x: f64) -> f64 {
     const TERMS: [f64; 6] =
         [1.0 / 12.0, -1.0 / 360.0, 1.0 / 1260.0, -1.0 / 1680.0, 1.0 / 1188.0, -691.0 / 360_360.0];

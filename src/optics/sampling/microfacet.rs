@@ -49,7 +49,6 @@ pub struct Microfacet {
 impl Microfacet {
     /// Returns D(h), per solid angle of h.
     #[inline]
-    #[must_use]
     pub fn d(&self, h: Vec3A) -> f32 {
         match self.distribution {
             Distribution::Ggx => ggx_d(h, self.alpha),
@@ -68,14 +67,12 @@ impl Microfacet {
 
     /// Returns the masking G1(w).
     #[inline]
-    #[must_use]
     pub fn g1(&self, w: Vec3A) -> f32 {
         1.0 / (1.0 + self.lambda(w))
     }
 
     /// Returns masking and shadowing G2(wo, wi) of reflection (both on one side) or transmission.
     #[inline]
-    #[must_use]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
         let (o, i) = (self.lambda(wo), self.lambda(wi));
         match self.masking {
@@ -87,7 +84,6 @@ impl Microfacet {
 
     /// Samples a normal visible from `wo` (wo.z > 0) with density [`Self::visible_pdf`].
     #[inline]
-    #[must_use]
     pub fn visible_normal(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
         match self.distribution {
             Distribution::Ggx => warp::ggx_visible_normal(wo, self.alpha, u),
@@ -97,7 +93,6 @@ impl Microfacet {
 
     /// Returns the density of [`Self::visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
     #[inline]
-    #[must_use]
     pub fn visible_pdf(&self, wo: Vec3A, h: Vec3A) -> f32 {
         self.g1(wo) * wo.dot(h).max(0.0) * self.d(h) / wo.z
     }

@@ -26,7 +26,6 @@ pub type Nets = [u16; POINTS];
 ///
 /// # Panics
 /// If `bits` is out of range.
-#[must_use]
 pub fn nets(bits: u32) -> &'static Nets {
     static ALL: LazyLock<[Nets; MOST_BITS as usize]> = LazyLock::new(|| from_fn(|k| make(k as u32 + 1)));
     &ALL[bits as usize - 1]

@@ -52,21 +52,18 @@ impl Group {
     pub const ALONE: Self = Self { bits: 0 };
 
     /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates` groups.
-    #[must_use]
     pub fn of(samples: u32, replicates: u32) -> Self {
         let fits = |bits: u32| samples.is_multiple_of(1 << bits) && samples >> bits >= replicates;
         Self { bits: (0..=MOST_BITS).rev().find(|bits| fits(*bits)).unwrap_or(0) }
     }
 
     #[inline]
-    #[must_use]
     pub fn size(self) -> u32 {
         1 << self.bits
     }
 
     /// Returns the index of a sample's group.
     #[inline]
-    #[must_use]
     pub fn number(self, sample: u32) -> u32 {
         sample >> self.bits
     }
@@ -117,7 +114,6 @@ fn unit(raw: u32) -> f32 {
 impl Stream {
     /// Returns the stream of sample `sample` of pixel `pixel` under `seed`.
     #[inline]
-    #[must_use]
     pub fn new(seed: u64, pixel: u32, sample: u32) -> Self {
         let key = mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15));
         let counter = (u64::from(pixel) << 32) | u64::from(sample);
@@ -131,7 +127,6 @@ impl Stream {
     /// Returns the stream of a sample whose first numbers are stratified over its group: the first two
     /// numbers, and several after each call of [`Self::vertex`].
     #[inline]
-    #[must_use]
     pub fn stratified(seed: u64, pixel: u32, sample: u32, group: Group) -> Self {
         let mut stream = Self::new(seed, pixel, sample);
         if group.bits > 0 {
@@ -151,7 +146,6 @@ impl Stream {
 
     /// Returns an independent stream, keyed by the next numbers of this one.
     #[inline]
-    #[must_use]
     pub fn fork(&mut self) -> Self {
         let [a, b, c, d] = [(); 4].map(|()| self.random.next_u32());
         Self::new(u64::from(a) << 32 | u64::from(b), c, d)

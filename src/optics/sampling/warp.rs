@@ -16,7 +16,6 @@ fn sin_cos_octant(x: f32) -> (f32, f32) {
 
 /// Returns sin and cos of `turns` full turns, 0 ≤ turns ≤ 1.
 #[inline]
-#[must_use]
 pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     let quarters = (4.0 * turns + 0.5) as u32;
     let (s, c) = sin_cos_octant((4.0 * turns - quarters as f32) * FRAC_PI_2);
@@ -26,7 +25,6 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
 
 /// Warps to the unit disk, uniform (density 1/π), by the concentric map of Shirley & Chiu (1997).
 #[inline(always)]
-#[must_use]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
     // Selections instead of branches: a branch would be mispredicted half of the time.
@@ -39,7 +37,6 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
 
 /// Warps to the cosine-weighted hemisphere; density [`cosine_pdf`].
 #[inline]
-#[must_use]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     let p = concentric_disk(u);
     Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
@@ -48,7 +45,6 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
 /// [`cosine_hemisphere`] about several unit vectors `n` (x, y, z arrays), from an equal number of pairs of
 /// uniforms. Bit-identical to `basis(n) * cosine_hemisphere(u)`, but vectorized by the compiler.
 #[inline(always)]
-#[must_use]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
     let x = perpendiculars(n);
     let mut out = [[0.0; N]; 3];
@@ -68,14 +64,12 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
 
 /// Returns cosθ / π on the upper hemisphere, 0 below.
 #[inline]
-#[must_use]
 pub fn cosine_pdf(w: Vec3A) -> f32 {
     w.z.max(0.0) * FRAC_1_PI
 }
 
 /// Warps to the uniform unit sphere; density 1/(4π).
 #[inline]
-#[must_use]
 pub fn sphere(u: [f32; 2]) -> Vec3A {
     let z = 1.0 - 2.0 * u[0];
     let r = (1.0 - z * z).max(0.0).sqrt();
@@ -87,7 +81,6 @@ pub fn sphere(u: [f32; 2]) -> Vec3A {
 /// roughness `alpha`, by spherical caps (Dupuy & Benyoub 2023). Density:
 /// [`super::microfacet::Microfacet::visible_pdf`].
 #[inline]
-#[must_use]
 pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
     let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;

@@ -44,14 +44,12 @@ impl Light<'_> {
 }
 
 /// Multiplies a row-major f32 matrix by a Stokes vector.
-#[must_use]
 pub fn times(m: &[f32], s: &Stokes) -> Stokes {
     Stokes::from_fn(|i, _| (0..4).map(|j| f64::from(m[4 * i + j]) * s[j]).sum())
 }
 
 impl Bench {
     /// Returns the Stokes vector from the pixel at `(u, v)` of a projector of `size` columns and rows.
-    #[must_use]
     pub fn lighting(&self, generator: &[Set], [u, v]: [usize; 2], size: [usize; 2]) -> Stokes {
         let ray = self.projector.ray(u, v, size, self.nm);
         illuminating(&self.optics, generator, &ray)
@@ -62,7 +60,6 @@ impl Bench {
     ///
     /// # Panics
     /// If the region exceeds the camera, or the light has too few pixels.
-    #[must_use]
     pub fn image(
         &self,
         light: Light<'_>,
@@ -94,7 +91,6 @@ impl Bench {
     }
 
     /// Returns the radiance per time bin for one ray of a coaxial rig; `histogram` holds 16 elements per bin.
-    #[must_use]
     pub fn histogram(&self, histogram: &[f32], sets: &[Vec<Set>; 2], ray: &Ray) -> Vec<f64> {
         let lighting = illuminating(&self.optics, &sets[0], ray);
         let weights = detecting(&self.optics, &sets[1], ray).next().unwrap_or_default();

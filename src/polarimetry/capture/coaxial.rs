@@ -71,19 +71,16 @@ impl Coaxial {
     }
 
     /// Returns B_t.
-    #[must_use]
     pub fn transmission(&self, nm: f64) -> Mueller {
         self.transmission.matrix(nm)
     }
 
     /// Returns B_r: the matrix of the arm times the mirror image.
-    #[must_use]
     pub fn reflection(&self, nm: f64) -> Mueller {
         self.reflection.matrix(nm) * mirror_image()
     }
 
     /// Returns G B_t for the ray's direction, from the elements to the scene.
-    #[must_use]
     pub fn outward(&self, ray: &Ray) -> Mueller {
         let b = self.transmission(ray.nm);
         let galvo = self.galvo.as_ref();
@@ -91,7 +88,6 @@ impl Coaxial {
     }
 
     /// Returns B_r G' for the ray's direction, from the scene to the elements.
-    #[must_use]
     pub fn inward(&self, ray: &Ray) -> Mueller {
         let b = self.reflection(ray.nm);
         let galvo = self.galvo.as_ref();
@@ -128,7 +124,6 @@ impl Galvo {
     /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to +Z. The x
     /// axis of a frame is an axis projected onto the plane perpendicular to the beam: Y before the mirrors, X
     /// behind them.
-    #[must_use]
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
         let start = Framed { direction: Vector3::x(), x: Vector3::y() };
@@ -137,7 +132,6 @@ impl Galvo {
 
     /// Returns G' for light that returns from the same direction. Frames are those of [`Galvo::outward`],
     /// with y reversed like the ray.
-    #[must_use]
     pub fn inward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         // Sekera 1966: the matrix of the reversed path is Q Mᵀ Q.
         let q = Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));

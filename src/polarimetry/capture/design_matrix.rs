@@ -62,7 +62,6 @@ pub struct DesignMatrix {
 
 impl DesignMatrix {
     /// Builds the matrix of all captures and channels.
-    #[must_use]
     pub fn new(scheme: &Scheme, ray: &Ray) -> Self {
         let channels = scheme.sensor.channels();
         let mut a = DMatrix::zeros(scheme.measurements(), ELEMENTS);
@@ -77,13 +76,11 @@ impl DesignMatrix {
     }
 
     /// Returns the intensities of a row-major Mueller matrix.
-    #[must_use]
     pub fn intensities(&self, mueller: &[f64; 16]) -> DVector<f64> {
         &self.a * DVector::from_column_slice(mueller)
     }
 
     /// Returns the singular values in descending order.
-    #[must_use]
     pub fn singular_values(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.a.singular_values().iter().copied().collect();
         values.sort_by(|a, b| b.total_cmp(a));
@@ -91,7 +88,6 @@ impl DesignMatrix {
     }
 
     /// Returns the number of independent combinations of elements that the captures determine.
-    #[must_use]
     pub fn rank(&self) -> usize {
         let values = self.singular_values();
         let most = values.first().copied().unwrap_or(0.0);
@@ -99,7 +95,6 @@ impl DesignMatrix {
     }
 
     /// Returns the condition number of the 16 columns; infinite below rank 16.
-    #[must_use]
     pub fn condition(&self) -> f64 {
         let values = self.singular_values();
         match (values.first(), values.get(ELEMENTS - 1), self.rank()) {
@@ -142,13 +137,11 @@ impl DesignMatrix {
     }
 
     /// Returns A⁺ for any rank (see [`minimum_norm`]).
-    #[must_use]
     pub fn minimum_norm(&self) -> DMatrix<f64> {
         self.pseudo_inverse().unwrap_or_else(|_| minimum_norm(&self.a))
     }
 
     /// Returns the error for a scheme of this rank.
-    #[must_use]
     pub fn rank_error(&self, rank: usize) -> RankError {
         RankError { name: self.name.clone(), rank, captures: self.captures, least: self.least }
     }
@@ -159,7 +152,6 @@ impl DesignMatrix {
 ///
 /// Uses the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong if a singular value is exactly
 /// zero.
-#[must_use]
 pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     let normal = a.transpose() * a;
     let normal = SMatrix::<f64, ELEMENTS, ELEMENTS>::from_fn(|i, j| normal[(i, j)]);
@@ -186,7 +178,6 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
 /// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it: all
 ///   directions of the sphere except one, n. Spread evenly this is diag(1, ⅓, ⅓, ⅓) with trace 10, hence 400.
 /// - Quarter-wave plates keep n on the equator, which gives diag(1, ¼, ¼, ½) with trace 11, hence 440.
-#[must_use]
 pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
         Sensor::Intensity => 1600.0,

@@ -19,7 +19,6 @@ pub enum Directions {
 
 impl Directions {
     /// Returns a pinhole with square pixels and this horizontal field of view, radians (below π).
-    #[must_use]
     pub fn pinhole(fov_x: f64, width: usize, height: usize) -> Self {
         let half = (fov_x / 2.0).tan();
         Self::Pinhole { half: [half, half * height as f64 / width.max(1) as f64] }
@@ -28,7 +27,6 @@ impl Directions {
     /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
     /// counter-clockwise looking toward the source, from the frame's x axis, which points to the right of the
     /// image. Rows count from the top, that is, downward.
-    #[must_use]
     pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
         let Self::Pinhole { half } = self else {
             return Ray::axial(nm);
@@ -40,7 +38,6 @@ impl Directions {
 
     /// Returns the rays of all pixels of a layout: rows from the top, wavelengths last. If all rays are
     /// axial, returns one per wavelength.
-    #[must_use]
     pub fn rays(&self, layout: Layout, wavelengths_nm: &[f64]) -> Vec<Ray> {
         if *self == Self::Axial {
             return wavelengths_nm.iter().copied().map(Ray::axial).collect();

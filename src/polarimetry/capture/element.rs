@@ -44,7 +44,6 @@ impl Setting {
     ///
     /// # Panics
     /// If `k` is out of range; [`super::scheme::Scheme`] ensures that every capture has a value.
-    #[must_use]
     pub fn at(&self, k: usize) -> f64 {
         match self {
             Self::Fixed(value) => *value,
@@ -88,14 +87,12 @@ pub struct Ray {
 
 impl Ray {
     /// Returns the angles from the axis in x and y, radians. A galvo points in this direction.
-    #[must_use]
     pub fn direction(&self) -> [f64; 2] {
         let (s, c) = self.azimuth.sin_cos();
         [c, s].map(|part| (self.incidence.tan() * part).atan())
     }
 
     /// Returns the ray along the optical axis.
-    #[must_use]
     pub fn axial(nm: f64) -> Self {
         Self { nm, incidence: 0.0, azimuth: 0.0 }
     }
@@ -110,7 +107,6 @@ fn generator() -> Mueller {
 }
 
 /// R(θ): expresses Stokes vectors in a basis rotated by θ.
-#[must_use]
 pub fn rotator(theta: f64) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
     let mut r = Mueller::identity();
@@ -119,7 +115,6 @@ pub fn rotator(theta: f64) -> Mueller {
 }
 
 /// Returns a linear diattenuator at 0° with power transmittance `most` along x and `least` along y.
-#[must_use]
 pub fn diattenuator(most: f64, least: f64) -> Mueller {
     let (mean, half, cross) = ((most + least) / 2.0, (most - least) / 2.0, (most * least).max(0.0).sqrt());
     let mut m = Mueller::from_diagonal(&Stokes::new(mean, mean, cross, cross));
@@ -128,7 +123,6 @@ pub fn diattenuator(most: f64, least: f64) -> Mueller {
 }
 
 /// Returns a linear retarder with its fast axis at 0°.
-#[must_use]
 pub fn retarder(delta: f64) -> Mueller {
     let (s, c) = delta.sin_cos();
     let mut m = Mueller::from_diagonal(&Stokes::new(1.0, 1.0, c, c));
@@ -157,12 +151,10 @@ pub enum Quantity {
 }
 
 impl Element {
-    #[must_use]
     pub fn polarizer(name: &str, angle: Setting) -> Self {
         Self::ideal(name, angle, ElementKind::Polarizer { extinction: SpectralValue::Same(0.0) })
     }
 
-    #[must_use]
     pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
         let kind =
             ElementKind::Retarder { retardance, error: SpectralValue::Same(0.0), order: 0, index: 1.55 };
@@ -173,7 +165,6 @@ impl Element {
         Self { name: name.to_owned(), kind, angle, axis_offset: 0.0, transmittance: SpectralValue::Same(1.0) }
     }
 
-    #[must_use]
     pub fn set_at(&self, k: usize) -> Set {
         let retardance = match &self.kind {
             ElementKind::Retarder { retardance, .. } => retardance.at(k),
@@ -188,7 +179,6 @@ impl Element {
     /// in air, with the plane of incidence at β from the slow axis, the retardance is (δ + 2πm)(1 - s² cos²
     /// β)/√(1 - s²), s = sin α/n. This is the difference of the extraordinary and ordinary waves' k_z (Yeh &
     /// Gu, "Optics of Liquid Crystal Displays", 2010, sec. 3.2) to first order in the birefringence.
-    #[must_use]
     pub fn retardance(&self, set: Set, ray: &Ray) -> f64 {
         let ElementKind::Retarder { error, .. } = &self.kind else {
             return 0.0;
@@ -219,7 +209,6 @@ impl Element {
     }
 
     /// Returns the Mueller matrix at the actual settings, which may differ from those of the scheme.
-    #[must_use]
     pub fn matrix(&self, set: Set, ray: &Ray) -> Mueller {
         let theta = set.angle + self.axis_offset;
         rotator(-theta) * self.unturned(set, ray) * rotator(theta)
@@ -227,7 +216,6 @@ impl Element {
 
     /// Returns the Mueller matrix at a capture with its derivatives. The angle derivatives neglect that
     /// rotating an oblique plate changes its retardance, which is of second order in the incidence.
-    #[must_use]
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
         let set = self.set_at(k);
         let theta = set.angle + self.axis_offset;
@@ -258,7 +246,6 @@ impl Element {
     }
 
     /// Returns the setting of a quantity; `None` for the retardance of a polarizer.
-    #[must_use]
     pub fn setting(&self, quantity: Quantity) -> Option<&Setting> {
         match (quantity, &self.kind) {
             (Quantity::Angle, _) => Some(&self.angle),

@@ -191,7 +191,6 @@ impl MuellerImage {
 
     /// Returns the shape of the pixels captured with a layout: binning and superpixels halve rows and
     /// columns.
-    #[must_use]
     pub fn captured_shape(&self, captured: Layout) -> Vec<usize> {
         let mut shape = self.shape.clone();
         for (axis, len) in [(self.y, captured.height), (self.x, captured.width)] {
@@ -203,7 +202,6 @@ impl MuellerImage {
     }
 
     /// Returns the same matrices with rays through a pinhole of this horizontal field of view, radians.
-    #[must_use]
     pub fn seen_by(mut self, fov_x: f64) -> Self {
         self.view = Directions::pinhole(fov_x, self.layout.width, self.layout.height);
         self.rays = self.view.rays(self.layout, &self.wavelengths_nm());
@@ -211,13 +209,11 @@ impl MuellerImage {
     }
 
     /// Returns the wavelengths, one per lane.
-    #[must_use]
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
     /// Returns the mean of all finite T00, in the unit of the matrices; NaN if none is finite.
-    #[must_use]
     pub fn mean(&self) -> f64 {
         let lit = self.matrices.iter().step_by(16).filter(|v| v.is_finite());
         let (n, sum) = lit.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));
@@ -252,7 +248,6 @@ impl MuellerImage {
     }
 
     /// Returns whether the image has time bins, so that a photon counter can read it.
-    #[must_use]
     pub fn is_timed(&self) -> bool {
         self.bin_ps.is_some()
     }

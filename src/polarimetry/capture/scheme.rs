@@ -33,13 +33,11 @@ pub enum Sensor {
 
 impl Sensor {
     /// Returns an ideal polarizer array.
-    #[must_use]
     pub fn array() -> Self {
         Self::PolarizerArray { extinction: SpectralValue::Same(0.0), axis_offsets: [0.0; 4] }
     }
 
     /// Returns the number of measurements per pixel and capture.
-    #[must_use]
     pub fn channels(&self) -> usize {
         match self {
             Self::Intensity => 1,
@@ -126,19 +124,16 @@ impl Scheme {
     }
 
     /// Returns the elements before the scene.
-    #[must_use]
     pub fn generator(&self) -> &[Element] {
         &self.generator
     }
 
     /// Returns the elements behind the scene, without the polarizers of the sensor.
-    #[must_use]
     pub fn analyzer(&self) -> &[Element] {
         &self.analyzer
     }
 
     /// Returns the number of captures K.
-    #[must_use]
     pub fn captures(&self) -> usize {
         self.captures
     }
@@ -147,14 +142,12 @@ impl Scheme {
     ///
     /// # Panics
     /// If `k` is out of range.
-    #[must_use]
     pub fn sets(&self, k: usize) -> [Vec<Set>; 2] {
         let of = |side: &[Element]| side.iter().map(|e| e.set_at(k)).collect();
         [of(&self.generator), of(&self.analyzer)]
     }
 
     /// Returns the number of measurements per pixel: K, or 4K with a polarizer array (by capture).
-    #[must_use]
     pub fn measurements(&self) -> usize {
         self.captures * self.sensor.channels()
     }
@@ -165,7 +158,6 @@ impl Scheme {
     }
 
     /// Returns whether the analyzer's only retarder is a perfect quarter-wave plate.
-    #[must_use]
     pub fn quarter_waves(&self) -> bool {
         let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
             ElementKind::Retarder { retardance, error, .. } => Some((retardance, error)),
@@ -183,7 +175,6 @@ impl Scheme {
     /// I(135°): six captures. Behind a quarter-wave plate, two of the three are the same for all angles of
     /// the plate: s0 and s3 of the light. Four captures determine these two, and each capture gives one
     /// further number: eight captures.
-    #[must_use]
     pub fn least_captures(&self) -> usize {
         match self.sensor {
             Sensor::Intensity => 16,
@@ -193,14 +184,12 @@ impl Scheme {
     }
 
     /// Returns all settings that change between captures, in the order of the elements.
-    #[must_use]
     pub fn motors(&self) -> Vec<Motor> {
         self.elements()
             .flat_map(|(side, element, e)| e.driven().map(move |quantity| Motor { side, element, quantity }))
             .collect()
     }
 
-    #[must_use]
     pub fn element(&self, motor: Motor) -> &Element {
         match motor.side {
             Side::Generator => &self.generator[motor.element],
@@ -209,7 +198,6 @@ impl Scheme {
     }
 
     /// Returns all variable settings in radians: by motor, then by capture.
-    #[must_use]
     pub fn parameters(&self) -> Vec<f64> {
         self.motors()
             .into_iter()
@@ -222,7 +210,6 @@ impl Scheme {
     ///
     /// # Panics
     /// If the number of parameters is wrong.
-    #[must_use]
     pub fn with_parameters(&self, parameters: &[f64]) -> Self {
         let motors = self.motors();
         assert_eq!(parameters.len(), motors.len() * self.captures, "one number for every setting");

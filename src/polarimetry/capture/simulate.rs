@@ -33,7 +33,6 @@ pub struct Layout {
 
 impl Layout {
     /// Returns the number of matrices.
-    #[must_use]
     pub fn pixels(&self) -> usize {
         let area = self.height.saturating_mul(self.width);
         area.saturating_mul(self.times).saturating_mul(self.lanes)
@@ -77,7 +76,6 @@ pub struct Captured {
 impl Captured {
     /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices; `None`
     /// where it is unknown, as for a diode.
-    #[must_use]
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
             (Noise::None, _) => Some(0.0),
@@ -151,7 +149,6 @@ pub fn simulate(
 }
 
 /// Returns the means of matrices over binned pixels: the ground truth for captures of layout `to`.
-#[must_use]
 pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
     let (fy, fx) = (from.height / to.height.max(1), from.width / to.width.max(1));
     let inner = from.times * from.lanes * ELEMENTS;

@@ -15,7 +15,6 @@ pub enum SpectralValue {
 
 impl SpectralValue {
     /// Returns the value at a wavelength in nanometres; 0 for an empty table.
-    #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         match self {
             Self::Same(value) => *value,
@@ -31,7 +30,6 @@ impl SpectralValue {
     }
 
     /// Returns all values times a factor.
-    #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         match self {
             Self::Same(value) => Self::Same(value * factor),

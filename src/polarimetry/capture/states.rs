@@ -77,7 +77,6 @@ fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
 
 /// Returns the Stokes vector that illuminates the scene for the given generator settings. Together with
 /// [`detecting`] this is the only forward model of captures.
-#[must_use]
 pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
     let elements_ray = &at_elements(scheme, ray);
     let pairs = scheme.generator().iter().zip(generator);
@@ -102,7 +101,6 @@ pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<
 
 /// Returns the Stokes vector that illuminates the scene in capture `k`, with derivatives up to `orders` (0, 1
 /// or 2).
-#[must_use]
 pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJet {
     let mut state = StateJet::constant(Stokes::from(scheme.source));
     let elements_ray = &at_elements(scheme, ray);
@@ -147,7 +145,6 @@ fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
 
 /// Returns the rows a with which capture `k` weights light from the scene, one per channel, with derivatives
 /// up to `orders`. `few` omits redundant channels (see [`crate::reconstruct::loss`]).
-#[must_use]
 pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) -> Vec<StateJet> {
     let mut rows = sensor_rows(&scheme.sensor, ray.nm);
     if few {

@@ -134,7 +134,6 @@ pub struct Batch {
 
 impl Batch {
     /// Decomposes matrices whose elements are rounded to `rounding`.
-    #[must_use]
     pub fn new(m: &[Matrix; LANES], rounding: f64) -> Self {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
@@ -228,7 +227,6 @@ impl Batch {
     /// Returns the properties of matrix `k`, which is `m`; `None` without a decomposition. The retarder's
     /// axis is omitted because it is slow to compute; [`Properties::of`] returns it.
     #[inline]
-    #[must_use]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
             return Some(Properties::of(m, &self.parts(k, m, rounding)?));
@@ -244,7 +242,6 @@ impl Batch {
 
     /// Returns the factors of matrix `k`, which is `m`; `None` without a decomposition.
     #[inline]
-    #[must_use]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
         if !self.regular[k] {
             return decompose(m, rounding);

@@ -16,7 +16,6 @@ use nalgebra::{Complex, Matrix2, Matrix4, SymmetricEigen};
 pub type Matrix = [[f64; 4]; 4];
 
 /// Returns σ_i in the order of the Stokes elements.
-#[must_use]
 pub fn pauli(i: usize) -> Matrix2<Complex<f64>> {
     let (o, l, j) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 1.0));
     match i {
@@ -32,7 +31,6 @@ fn basis(i: usize, j: usize) -> Matrix4<Complex<f64>> {
 }
 
 /// Returns H of a Mueller matrix.
-#[must_use]
 pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
     let mut h = Matrix4::zeros();
     for (i, row) in m.iter().enumerate() {
@@ -44,7 +42,6 @@ pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
 }
 
 /// Returns the Mueller matrix of a Hermitian H: m_ij = tr(H σ_i ⊗ σ_j*).
-#[must_use]
 pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
     let mut m = [[0.0; 4]; 4];
     for (i, row) in m.iter_mut().enumerate() {
@@ -57,7 +54,6 @@ pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
 
 /// Returns the four eigenvalues of H in descending order; their sum is m00. Returns `None` if an element is
 /// not finite.
-#[must_use]
 pub fn eigenvalues(m: &Matrix) -> Option<[f64; 4]> {
     let mut values: [f64; 4] = decomposed(m)?.eigenvalues.into();
     values.sort_by(|a, b| b.total_cmp(a));
@@ -71,7 +67,6 @@ fn decomposed(m: &Matrix) -> Option<SymmetricEigen<Complex<f64>, nalgebra::U4>> 
 
 /// Returns whether every eigenvalue of H is at least -`tolerance`·m00. The zero matrix is realizable, a
 /// non-finite matrix is not.
-#[must_use]
 pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
     eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
 }
@@ -79,7 +74,6 @@ pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
 /// Returns the realizable matrix with the smallest sum of squared element differences; `None` if an element
 /// is not finite. Negative eigenvalues are set to zero, because the map from M to H preserves lengths up to a
 /// factor.
-#[must_use]
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
     eigen.eigenvalues.apply(|v| *v = v.max(0.0));
@@ -89,7 +83,6 @@ pub fn nearest(m: &Matrix) -> Option<Matrix> {
 /// Returns Cloude's entropy -Σ p log₄ p of the normalized eigenvalues p (negative ones count as zero): 0 for
 /// a single Jones matrix, 1 for the ideal depolarizer. Returns `None` for a matrix that is dark or not
 /// finite.
-#[must_use]
 pub fn entropy(m: &Matrix) -> Option<f64> {
     let values = eigenvalues(m)?.map(|v| v.max(0.0));
     let sum: f64 = values.iter().sum();

@@ -71,7 +71,6 @@ pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f6
 
 /// Decomposes a Mueller matrix whose elements are rounded to `rounding`, relative to m00 ([`DOUBLE`],
 /// [`SINGLE`]). Returns `None` if there is no decomposition (see the module).
-#[must_use]
 pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     let m00 = m[0][0];
     if m00 <= 0.0 || m.iter().flatten().any(|e| !e.is_finite()) {

@@ -81,7 +81,6 @@ impl Quantity {
     ];
 
     /// Returns the name in files.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Polarizance => "polarizance",
@@ -96,7 +95,6 @@ impl Quantity {
         }
     }
 
-    #[must_use]
     pub fn shape(self) -> &'static [u64] {
         match self {
             Self::RetardanceAxis => &[3],
@@ -106,7 +104,6 @@ impl Quantity {
     }
 
     /// Returns the number of elements of one value.
-    #[must_use]
     pub fn size(self) -> usize {
         self.shape().iter().product::<u64>() as usize
     }
@@ -186,7 +183,6 @@ fn matrix<T: Real>(values: &[T]) -> Matrix {
 ///
 /// # Panics
 /// If the number of elements is not a multiple of 16.
-#[must_use]
 pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, usize) {
     T::maps(elements, quantities)
 }
@@ -254,7 +250,6 @@ pub const WITH_ERRORS: [Quantity; 4] =
 ///
 /// # Panics
 /// If the numbers of errors and elements differ, or are not a multiple of 16.
-#[must_use]
 pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     T::errors(elements, sigmas)
 }

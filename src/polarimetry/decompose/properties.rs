@@ -25,7 +25,6 @@ fn length(v: [f64; 3]) -> f64 {
 
 impl Properties {
     /// Returns the properties of a Mueller matrix and its Lu–Chipman factors.
-    #[must_use]
     pub fn of(m: &Matrix, parts: &Parts) -> Self {
         let (r, delta) = (&parts.retarder, &parts.depolarizer);
         let trace = |m: &Matrix| m[1][1] + m[2][2] + m[3][3];

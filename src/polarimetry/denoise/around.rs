@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 /// Returns the means of each channel over the `known` pixels at most `radius` rows and columns away; zero if
 /// there is none. Values of unknown pixels must be zero.
-#[must_use]
 pub fn around(
     values: &[f32],
     [height, width]: Size,

@@ -23,7 +23,6 @@ use rayon::prelude::*;
 ///
 /// # Panics
 /// If the number of renders or pixels differs from that of the weights.
-#[must_use]
 pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     assert_eq!(renders.len(), weights.of.len(), "as many renders as weights");
     let mut out = kept(weights, renders);

@@ -95,7 +95,6 @@ impl Plan {
 
 impl GuideBuilder {
     /// Creates a builder for pixels with entries along `axes`, the axes behind rows and columns.
-    #[must_use]
     pub fn new(size: Size, axes: &[Axis]) -> Self {
         let plan = Plan::new(axes);
         let n = size[0] * size[1] * (plan.matrix + plan.groups);
@@ -147,7 +146,6 @@ impl GuideBuilder {
 
 impl Guide {
     /// Builds the guide from renders with weights that sum to 1.
-    #[must_use]
     pub fn new(renders: Vec<GuideBuilder>, shares: Vec<f32>) -> Self {
         let (size, first) = (renders[0].size, &renders[0].plan);
         let (matrix, lanes, channels) = (first.matrix, first.lanes, first.matrix + first.groups);
@@ -192,7 +190,6 @@ impl Guide {
 }
 
 /// Returns a power of two that scales the largest number to 1/2 .. 1. Products with it are exact.
-#[must_use]
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {
         2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))

@@ -40,13 +40,11 @@ const FAR: f32 = 1e6;
 const QUIET: f32 = 1e-4;
 
 /// Returns the rows and columns from a pixel to the one at an offset.
-#[must_use]
 pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
 /// Returns the pixel at an offset from another; `None` outside the image.
-#[must_use]
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
     let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;
@@ -72,7 +70,6 @@ pub struct Likeness {
 impl Likeness {
     /// Computes the distances for one render of a guide, with patches of radius `patch` pixels. Unknown
     /// pixels are ignored.
-    #[must_use]
     pub fn new(guide: &Guide, render: usize, patch: usize) -> Self {
         let (size, elements) = (guide.size, guide.judge.len());
         let matrix = Noise::new(guide, render, 0..elements);
@@ -100,7 +97,6 @@ impl Likeness {
     }
 
     /// Returns d² of a pixel and its neighbour `q` at an offset, and its slope for the noise of the pixel.
-    #[must_use]
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));
         match o {

@@ -62,7 +62,6 @@ pub struct Values {
 }
 
 impl Values {
-    #[must_use]
     pub fn pixels(&self) -> usize {
         self.size[0] * self.size[1]
     }

@@ -25,7 +25,6 @@ const UNSURE: f32 = 0.25;
 
 /// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each wavelength. A
 /// single render has none.
-#[must_use]
 pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {
     let [a, b] = renders else {
         return vec![vec![false; known.len()]; renders.len()];

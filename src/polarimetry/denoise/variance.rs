@@ -7,7 +7,6 @@ use super::Values;
 use super::around::around;
 
 /// Returns the variances of all values; zero in pixels that are not `known`.
-#[must_use]
 pub(super) fn variances(values: &Values, known: &[bool]) -> Vec<f32> {
     let own = squares(values, known);
     let mut near = around(&own, values.size, values.channels, 1, known);
@@ -19,7 +18,6 @@ pub(super) fn variances(values: &Values, known: &[bool]) -> Vec<f32> {
 }
 
 /// Returns the squares of the stated errors.
-#[must_use]
 pub(super) fn squares(values: &Values, known: &[bool]) -> Vec<f32> {
     let square = |(i, e): (usize, &f32)| {
         if known[i / values.channels] { e * e } else { 0.0 }

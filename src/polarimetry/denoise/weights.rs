@@ -45,7 +45,6 @@ pub struct Weights {
 
 impl Weights {
     /// Computes the weights for the pixels of a guide.
-    #[must_use]
     pub fn new(guide: &Guide) -> Self {
         let likeness: Vec<Likeness> = (0..guide.renders.len())
             .map(|render| Likeness::new(guide, other(render, guide.renders.len()), PATCH))

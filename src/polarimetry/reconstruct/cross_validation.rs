@@ -22,7 +22,6 @@ pub enum Frames {
 
 impl Frames {
     /// Returns E[t tᵀ] in these frames for matrices that are tabulated in the plane of scattering.
-    #[must_use]
     pub fn second_moment(self, moments: &Moments) -> Moment {
         let s = moments.second();
         let s = Moment::from_fn(|i, j| s[i][j]);
@@ -92,7 +91,6 @@ pub struct Validated {
 
 /// Returns whether the expected error of a template's schemes depends on the materials. The error of a
 /// least-squares estimate of rank 16 depends on noise only.
-#[must_use]
 pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
     estimator == Estimator::Prior || template.captures() < template.least_captures()
 }
@@ -100,7 +98,6 @@ pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
 /// Learns the settings of a template for `objective`, whose second moment is that of all materials, and
 /// validates them with `folds`. Each fold learns again with a quarter of the starts and without Adam, because
 /// its optimum is close to that of all materials. `onlooker` observes the progress; pass `&()` for none.
-#[must_use]
 pub fn learn_and_validate(
     template: &Scheme,
     objective: &Objective,

@@ -31,7 +31,6 @@ impl LinearEstimate {
 
     /// Builds the estimator with a prior: second moment `s` of matrices with T00 = 1, and the noise of an
     /// intensity relative to the brightness.
-    #[must_use]
     pub fn prior(design: &DesignMatrix, s: &Moment, relative_noise: f64) -> Self {
         let per = relative_noise.max(1e-12).powi(-2);
         let a = &design.a;

@@ -118,13 +118,11 @@ enum Start {
 }
 
 /// Learns all settings of a template that change between captures.
-#[must_use]
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
     learn_before(template, objective, search, &())
 }
 
 /// As [`learn`], with an observer.
-#[must_use]
 pub fn learn_before(
     template: &Scheme,
     objective: &Objective,
@@ -202,7 +200,6 @@ pub struct FoldError {
 
 /// Returns the expected errors of a scheme, averaged over the rays. The estimator is made for `train` and
 /// evaluated on `train` and `test`.
-#[must_use]
 pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &Moment) -> FoldError {
     let mut out = FoldError { seen: 0.0, unseen: 0.0 };
     for ray in &objective.rays {

@@ -57,7 +57,6 @@ pub struct Objective {
 }
 
 /// Returns the metric M = Σ w wᵀ of functionals of a matrix's elements.
-#[must_use]
 pub fn metric(functionals: &[[f64; 16]]) -> Moment {
     let all = functionals.iter().map(|w| Elements::from_row_slice(w));
     all.map(|w| w * w.transpose()).fold(Moment::zeros(), |sum, m| sum + m)
@@ -128,13 +127,11 @@ struct Parts {
 impl Objective {
     /// Returns the expected sum of the 16 squared errors, or of the metric's, at T00 = 1; infinite on
     /// overflow.
-    #[must_use]
     pub fn loss(&self, scheme: &Scheme) -> f64 {
         self.with_gradient(scheme, false).0
     }
 
     /// Returns the loss and its derivatives, in the order of [`Scheme::parameters`].
-    #[must_use]
     pub fn gradient(&self, scheme: &Scheme) -> (f64, Vec<f64>) {
         self.with_gradient(scheme, true)
     }
@@ -371,7 +368,6 @@ fn fixed(m: &DMatrix<f64>) -> Moment {
 /// Returns the expected sum of squared errors of a linear estimator W (16 × measurements) for data of any
 /// second moment, e.g. an estimator made for other materials. Noise is independent with standard deviation
 /// `sigma`.
-#[must_use]
 pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment, sigma: f64) -> f64 {
     let unseen = Moment::identity() - fixed(&(w * a));
     (unseen * second_moment * unseen.transpose()).trace() + sigma.powi(2) * w.norm_squared()

@@ -25,7 +25,6 @@ pub struct Minimum {
 
 /// Adam (Kingma & Ba 2015) with a step that decays to zero along half a cosine period. Returns the best point
 /// found.
-#[must_use]
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
@@ -118,7 +117,6 @@ impl<F: Smooth> Gradient for &Remembered<'_, F> {
 
 /// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and Thuente. Returns the best point
 /// found.
-#[must_use]
 pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum {
     let problem = Remembered {
         f,

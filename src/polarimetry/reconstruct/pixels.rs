@@ -40,7 +40,6 @@ pub struct Tally {
 
 impl Tally {
     /// Returns the sum of both tallies.
-    #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,
@@ -139,13 +138,11 @@ impl<T: Number> Reconstruction<T> {
     }
 
     /// Returns the number of wavelengths that consecutive pixels cycle through.
-    #[must_use]
     pub fn lanes(&self) -> usize {
         self.lanes.len()
     }
 
     /// Returns the number of intensities per pixel.
-    #[must_use]
     pub fn measurements(&self) -> usize {
         self.lanes.first().map_or(0, |lane| lane.a.a.nrows())
     }

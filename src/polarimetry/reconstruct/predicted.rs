@@ -46,7 +46,6 @@ pub fn of_counts(
 ///
 /// # Panics
 /// If there are too few rays or matrices.
-#[must_use]
 fn predicted(
     scheme: &Scheme,
     rays: &[Ray],

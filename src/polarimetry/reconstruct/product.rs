@@ -23,7 +23,6 @@ pub struct Weights<T>(Vec<[T; 16]>);
 
 impl<T: Number> Weights<T> {
     /// Rounds an estimator's matrix.
-    #[must_use]
     pub fn new(estimate: &LinearEstimate) -> Self {
         let w = &estimate.w;
         let column = |m| std::array::from_fn(|e| T::new(w[(e, m)]));
@@ -31,7 +30,6 @@ impl<T: Number> Weights<T> {
     }
 
     /// Returns the estimate of one pixel.
-    #[must_use]
     pub fn one(&self, intensities: impl Iterator<Item = T>) -> [T; 16] {
         let mut out = [T::default(); 16];
         for (column, x) in self.0.iter().zip(intensities) {

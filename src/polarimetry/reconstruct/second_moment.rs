@@ -24,26 +24,22 @@ pub struct SecondMoment {
 impl SecondMoment {
     /// Builds the moment from a positive semidefinite matrix; eigenvalues that rounding made negative count
     /// as 0.
-    #[must_use]
     pub fn new(matrix: Moment) -> Self {
         Self { root: root(&matrix), matrix }
     }
 
     /// Returns E[t tᵀ].
-    #[must_use]
     pub fn matrix(&self) -> &Moment {
         &self.matrix
     }
 
     /// Returns L with L Lᵀ = E[t tᵀ]; see [`root`].
-    #[must_use]
     pub fn root(&self) -> &Moment {
         &self.root
     }
 }
 
 /// Returns L with L Lᵀ = S; S may be singular.
-#[must_use]
 pub fn root(s: &Moment) -> Moment {
     let eigen = s.symmetric_eigen();
     let mut l = eigen.eigenvectors;
@@ -58,7 +54,6 @@ pub fn root(s: &Moment) -> Moment {
 ///
 /// Tables of materials contain matrices in frames of the plane of scattering. In an image, the frames of
 /// camera and projector are at any angle to that plane.
-#[must_use]
 pub fn in_any_frames(second_moment: &Moment) -> Moment {
     // The rotated moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β. Eight angles each
     // give the exact average.
@@ -112,7 +107,6 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
 }
 
 /// Returns why a matrix is not a second moment, as a phrase that follows its name; `None` if it is one.
-#[must_use]
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {

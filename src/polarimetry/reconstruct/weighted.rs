@@ -22,7 +22,6 @@ pub struct Estimated {
 /// Lᵀ.
 ///
 /// Returns `None` if the remaining measurements do not determine a matrix.
-#[must_use]
 pub fn estimate(
     a: &DMatrix<f64>,
     measurements: impl Iterator<Item = (f64, f64)>,

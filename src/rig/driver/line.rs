@@ -28,7 +28,6 @@ pub enum LineError {
 
 impl LineError {
     /// Returns the kind of failure.
-    #[must_use]
     pub fn fault(&self) -> Fault {
         match self {
             Self::Timeout => Fault::Timeout,
@@ -173,7 +172,6 @@ pub struct MemoryLine {
 
 impl MemoryLine {
     /// Creates both ends of a line.
-    #[must_use]
     pub fn pair() -> (Self, Self) {
         let ((to_b, from_a), (to_a, from_b)) = (channel(), channel());
         let a = Self { to: to_b, from: from_b };

@@ -39,7 +39,6 @@ fn failed(failure: Failure) -> AssembleError {
 }
 
 /// Returns the name of a simulated instrument of a rig file, if any.
-#[must_use]
 pub fn simulated(plan: &RigPlan) -> Option<&str> {
     let stage = plan.stages.iter().find(|(_, s)| s.driver == Driver::Simulated);
     let roles = [

@@ -111,7 +111,6 @@ impl Run {
         Ok(found)
     }
 
-    #[must_use]
     pub fn attributes(&self) -> &serde_json::Map<String, Value> {
         self.store.attributes()
     }
@@ -127,14 +126,12 @@ impl Run {
     }
 
     /// Returns the bits per pixel of the camera's format.
-    #[must_use]
     pub fn bits(&self) -> u32 {
         let format = PixelFormat::ALL.into_iter().find(|f| self.work["format"] == f.name());
         format.map_or(16, PixelFormat::bits)
     }
 
     /// Returns the camera's gain relative to 0 dB.
-    #[must_use]
     pub fn gain(&self) -> f64 {
         10_f64.powf(self.work["gain_db"].as_f64().unwrap_or(0.0) / 20.0)
     }

@@ -33,7 +33,6 @@ pub struct Rig {
 }
 
 impl Rig {
-    #[must_use]
     pub fn new(name: &str, clock: Clock) -> Self {
         Self {
             name: name.to_owned(),
@@ -66,7 +65,6 @@ impl Rig {
 }
 
 /// Returns the failure for a missing instrument.
-#[must_use]
 pub fn absent(role: &str) -> Failure {
     Failure::new(
         crate::instrument::Fault::Refused,

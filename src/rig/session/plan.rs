@@ -92,7 +92,6 @@ pub enum MaskPlan {
 }
 
 impl MaskPlan {
-    #[must_use]
     pub fn name(&self) -> &str {
         match self {
             Self::Full => "full",
@@ -102,7 +101,6 @@ impl MaskPlan {
     }
 
     /// Returns the number of frames.
-    #[must_use]
     pub fn shots(&self) -> u32 {
         match self {
             Self::Full | Self::Dark => 1,
@@ -311,7 +309,6 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 
 impl Plan {
     /// Returns the lengths of the run's axes: captures, shots, exposures; or captures, rows, columns.
-    #[must_use]
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;
         match &self.work {
@@ -324,7 +321,6 @@ impl Plan {
     }
 
     /// Returns the time scale of the time tags, if they are kept.
-    #[must_use]
     pub fn time_tags(&self) -> Option<Scale> {
         match &self.work {
             Work::Scan(work) if work.time_tags => Some(Scale { bin_ps: work.bin_ps, rate_hz: work.rate_hz }),
@@ -333,7 +329,6 @@ impl Plan {
     }
 
     /// Returns the number of frames of the run.
-    #[must_use]
     pub fn frames(&self) -> u64 {
         self.run_shape().into_iter().fold(1, u64::saturating_mul)
     }

@@ -332,7 +332,6 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
 /// - `air`: the identity.
 /// - `mirror`: lossless; exchanges handedness and ±45°.
 /// - `polarizer`: ideal, at 0°.
-#[must_use]
 pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     let diagonal = |d: [f32; 4]| std::array::from_fn(|i| if i % 5 == 0 { d[i / 5] } else { 0.0 });
     match name {

@@ -79,7 +79,6 @@ fn encoder() -> f64 {
 
 impl StageFile {
     /// Returns the limits of a simulated stage.
-    #[must_use]
     pub fn limits(&self) -> StageLimits {
         StageLimits {
             range_deg: [-720.0, 720.0],

@@ -36,7 +36,6 @@ fn indices(name: &str, n: u64) -> FrameAxis {
 }
 
 /// Returns the layout of a plan's frames.
-#[must_use]
 pub fn layout(steps: &Steps) -> FrameLayout {
     let [captures, second, third] = steps.plan.run_shape();
     match &steps.plan.work {
@@ -75,7 +74,6 @@ pub fn layout(steps: &Steps) -> FrameLayout {
 }
 
 /// Returns the attributes of a run's store. `sample` is the name of a known sample, if one was captured.
-#[must_use]
 pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<String, Value> {
     let mut first = 0;
     let masks: Vec<Value> = steps

@@ -136,13 +136,11 @@ impl Steps {
         rate.map_err(|what| Failure::new(Fault::Limit, laser.name(), what))
     }
 
-    #[must_use]
     pub fn frames(&self) -> u32 {
         self.plan.frames() as u32
     }
 
     /// Returns the step of a frame.
-    #[must_use]
     pub fn step(&self, frame: u32) -> Step {
         let n = u64::from(frame);
         let [_, b, c] = self.shape;
@@ -150,7 +148,6 @@ impl Steps {
     }
 
     /// Returns the camera's settings for a step, or `None` for a scan.
-    #[must_use]
     pub fn camera_settings(&self, step: Step) -> Option<CameraSettings> {
         let Work::Camera(work) = &self.plan.work else {
             return None;
@@ -160,7 +157,6 @@ impl Steps {
 
     /// Estimates duration, frames and bytes of the plan. The estimate excludes retries, homing and saving,
     /// which runs concurrently.
-    #[must_use]
     pub fn cost(&self, rig: &Rig) -> Cost {
         let mut cost =
             Cost { frames: self.plan.frames(), duration: Duration::ZERO, moving: Duration::ZERO, bytes: 0 };
@@ -214,7 +210,6 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
 }
 
 /// Returns the direction of a scan point, through a pinhole camera's pixel center: optical degrees in x, y.
-#[must_use]
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
     let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);
@@ -222,7 +217,6 @@ pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
 }
 
 /// Returns the time of a move that approaches its goal from below.
-#[must_use]
 pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> Duration {
     if from == to {
         return Duration::ZERO;

@@ -54,7 +54,6 @@ struct Work {
 }
 
 /// Returns the CRC-32C of a frame's numbers.
-#[must_use]
 pub fn checksum(numbers: &[u32]) -> u32 {
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
     crc32c::crc32c(&bytes)

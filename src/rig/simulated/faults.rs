@@ -55,7 +55,6 @@ pub struct Faults {
 }
 
 impl Faults {
-    #[must_use]
     pub fn new(waiting: Vec<FaultAt>) -> Self {
         Self { waiting, uses: std::collections::BTreeMap::new() }
     }

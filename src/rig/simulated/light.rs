@@ -67,7 +67,6 @@ pub struct PlayedScan {
 
 impl Scenery {
     /// Creates a uniform sample in front of a camera.
-    #[must_use]
     pub fn sample(mueller: [f32; ELEMENTS], camera: [usize; 2]) -> Self {
         let image = mueller.repeat(camera[0] * camera[1]);
         Self::Sample { mueller, camera, image }
@@ -159,7 +158,6 @@ impl Scenery {
     }
 
     /// Returns the columns and rows of the camera or of the scan.
-    #[must_use]
     pub fn camera(&self) -> [usize; 2] {
         match self {
             Self::Sample { camera, .. } => *camera,

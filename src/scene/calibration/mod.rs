@@ -42,7 +42,6 @@ pub struct Calibration {
 
 /// Returns whether [`load`] can read a file: by its extension and, for JSON, by the absence of a top-level
 /// `"type"`, which Mitsuba scenes have.
-#[must_use]
 pub fn is_calibration(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     match extension.to_ascii_lowercase().as_str() {

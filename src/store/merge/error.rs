@@ -59,7 +59,6 @@ impl From<JoinError> for MergeError {
 
 impl MergeError {
     /// Returns whether a system error is the cause, rather than the inputs.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

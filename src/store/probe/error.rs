@@ -45,7 +45,6 @@ pub enum ProbeError {
 
 impl ProbeError {
     /// Returns whether a system error is the cause, rather than the probe.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Access(e) => e.is_of_system(),

@@ -13,13 +13,11 @@ pub struct Pattern {
 
 impl Pattern {
     /// Returns a pattern with the same drive everywhere.
-    #[must_use]
     pub fn uniform(width: u32, height: u32, drive: f32) -> Self {
         Self { width, height, values: vec![drive; width as usize * height as usize] }
     }
 
     /// Returns whether the drive of every pixel is 1.
-    #[must_use]
     pub fn is_full_on(&self) -> bool {
         self.values.iter().all(|v| *v == 1.0)
     }

@@ -13,7 +13,6 @@ pub struct Selection {
 
 impl Selection {
     /// Selects the entry nearest to a coordinate; the axis is removed.
-    #[must_use]
     pub fn nearest(axis: AxisKind, coordinate: f64) -> Self {
         Self { axis, range: CoordRange::Nearest(coordinate) }
     }
@@ -61,21 +60,18 @@ pub struct Probe {
 impl Probe {
     /// Returns T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces, components and labels are summed,
     /// wavelengths kept.
-    #[must_use]
     pub fn spatial() -> Self {
         Self::unpolarized(&[AxisKind::T])
     }
 
     /// Returns T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces, components and labels are
     /// summed, wavelengths kept.
-    #[must_use]
     pub fn temporal() -> Self {
         Self::unpolarized(&[AxisKind::Y, AxisKind::X, AxisKind::V, AxisKind::U])
     }
 
     /// Returns T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces,
     /// components and labels are summed, wavelengths kept.
-    #[must_use]
     pub fn polarimetric() -> Self {
         use AxisKind::{Bounces, Component, Label, T, U, V, X, Y};
         Self { sum: vec![Y, X, V, U, T, Bounces, Component, Label], ..Self::default() }

@@ -19,7 +19,6 @@ fn failed(path: &Path, cause: impl ToString) -> ProbeError {
 }
 
 /// Returns the path of the standard errors of `NAME.npy`: `NAME.std_error.npy`.
-#[must_use]
 pub fn std_error_path(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}.std_error.npy"))
@@ -84,7 +83,6 @@ impl ProbeResult {
     }
 
     /// Returns the layout of the result as a slice of a store.
-    #[must_use]
     pub fn layout(&self) -> SliceLayout {
         let time = self.time.filter(|_| self.mean.find(AxisKind::T).is_some());
         SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }

@@ -49,7 +49,6 @@ pub enum CreateError {
 
 impl CreateError {
     /// Returns whether a system error is the cause.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. })
     }
@@ -67,7 +66,6 @@ impl CreateError {
     }
 
     /// Converts the error of a lock that could not be taken.
-    #[must_use]
     pub fn locked(path: &Path, error: LockError) -> Self {
         match error {
             LockError::Held(holder) => Self::Locked { path: path.to_owned(), holder },
@@ -240,7 +238,6 @@ pub enum AccessError {
 impl AccessError {
     /// Returns the error for reading a store at `path` that is not a finished render: a part of one, or an
     /// unfinished one.
-    #[must_use]
     pub fn unfinished(path: &Path, part: Option<Part>) -> Self {
         let path = path.to_owned();
         match part {
@@ -277,7 +274,6 @@ impl AccessError {
     }
 
     /// Returns whether a system error is the cause.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. } | Self::Put { .. })
     }

@@ -11,13 +11,11 @@ use std::sync::PoisonError;
 
 impl TensorStore {
     /// Returns whether the store was written completely, including the manifest.
-    #[must_use]
     pub fn is_finished(&self) -> bool {
         self.has_manifest(manifest::FILE)
     }
 
     /// Returns whether the store is a part of a render and was written completely.
-    #[must_use]
     pub fn is_finished_part(&self) -> bool {
         self.part().is_some() && self.has_manifest(manifest::OF_PART)
     }
@@ -46,7 +44,6 @@ impl TensorStore {
 
     /// Returns a text that changes with the content of the store, as far as metadata and manifest show it.
     /// For an unfinished store, each call returns another text.
-    #[must_use]
     pub fn fingerprint(&self) -> String {
         let name = manifest::name(&self.attributes());
         let read = match &self.storage.remote {

@@ -68,7 +68,6 @@ pub struct FrameLayout {
 
 impl FrameLayout {
     /// Returns the lengths of all axes.
-    #[must_use]
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.coords.len() as u64).collect()
     }
@@ -80,19 +79,16 @@ impl FrameLayout {
     }
 
     /// Returns the number of frames of a run.
-    #[must_use]
     pub fn frames(&self) -> usize {
         self.shape()[..self.run_axes].iter().product::<u64>() as usize
     }
 
     /// Returns the number of frames per chunk.
-    #[must_use]
     pub fn frames_per_chunk(&self) -> usize {
         self.chunk()[..self.run_axes].iter().product::<u64>() as usize
     }
 
     /// Returns the number of elements of a frame.
-    #[must_use]
     pub fn frame_len(&self) -> usize {
         self.shape()[self.run_axes..].iter().product::<u64>() as usize
     }
@@ -274,18 +270,15 @@ impl FrameStore {
     }
 
     /// Returns the axes and the number type.
-    #[must_use]
     pub fn layout(&self) -> &FrameLayout {
         &self.layout
     }
 
     /// Returns the attributes of the root.
-    #[must_use]
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.attributes
     }
 
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.storage.root
     }
@@ -408,14 +401,12 @@ impl FrameStore {
     }
 
     /// Returns whether the store was written completely.
-    #[must_use]
     pub fn is_finished(&self) -> bool {
         self.path().join(manifest::FILE).is_file()
     }
 }
 
 /// Returns whether a folder is a store of frames, finished or not.
-#[must_use]
 pub fn is_frames(path: &Path) -> bool {
     path.join("zarr.json").is_file() && path.join(GROUP).join("raw").is_dir()
 }

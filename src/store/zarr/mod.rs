@@ -354,7 +354,6 @@ impl TensorStore {
     }
 
     /// Returns the part of a render that the store is; `None` for a whole render.
-    #[must_use]
     pub fn part(&self) -> Option<Part> {
         Part::of_attributes(&self.attributes())
     }
@@ -378,13 +377,11 @@ impl TensorStore {
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.storage.root
     }
 
     /// Returns the names of the slices, in the order of creation.
-    #[must_use]
     pub fn slice_names(&self) -> &[String] {
         &self.names
     }
@@ -417,7 +414,6 @@ impl TensorStore {
     }
 
     /// Returns a copy of the root group's attributes, without the store's list of slices.
-    #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
         self.attributes.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -441,7 +437,6 @@ pub(crate) fn reseal(path: &Path) {
 }
 
 /// Returns the store that contains a path, if any.
-#[must_use]
 pub fn around(path: &Path) -> Option<PathBuf> {
     let real = whole_file::real(path);
     real.ancestors().skip(1).find(|a| is_store(a)).map(Path::to_owned)

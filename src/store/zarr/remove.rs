@@ -26,7 +26,6 @@ pub enum RemoveError {
 
 impl RemoveError {
     /// Returns whether a system error is the cause.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Io { .. })
     }

@@ -8,7 +8,6 @@ use std::sync::Arc;
 impl TensorStore {
     /// Returns shape (rows, columns) and chunk (rows, columns) of the sample counts; `None` if the store has
     /// none.
-    #[must_use]
     pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
         let array = self.samples.as_ref()?;
         let pair = |v: &[u64]| [v[0], v[1]];

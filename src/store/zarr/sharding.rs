@@ -83,7 +83,6 @@ impl TensorStore {
 
 impl StoredSlice {
     /// Returns whether the arrays are sharded.
-    #[must_use]
     pub fn is_sharded(&self) -> bool {
         self.field(Field::Mean).is_ok_and(|(_, mean)| mean.sharded.is_some())
     }

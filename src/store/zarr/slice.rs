@@ -76,25 +76,21 @@ impl StoredSlice {
         Ok(Self(Arc::new(Inner { path, layout, attributes, fields, values })))
     }
 
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.0.layout.name
     }
 
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.0.path
     }
 
     /// Returns the axes of [`Field::Mean`] and [`Field::StdError`].
-    #[must_use]
     pub fn layout(&self) -> &SliceLayout {
         &self.0.layout
     }
 
     /// Returns the attributes of the slice's group: the caller's, and `time_start_ps`, `time_bin_ps` if time
     /// is resolved.
-    #[must_use]
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
     }
@@ -112,7 +108,6 @@ impl StoredSlice {
             .ok_or_else(|| AccessError::NoField { path: self.0.path.clone(), field: field.name() })
     }
 
-    #[must_use]
     pub fn has(&self, field: Field) -> bool {
         self.0.fields[field as usize].is_some()
     }
@@ -251,7 +246,6 @@ impl StoredSlice {
     }
 
     /// Returns the position of an axis kind among the axes of the mean.
-    #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.0.layout.find(kind)
     }

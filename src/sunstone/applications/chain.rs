@@ -162,7 +162,6 @@ pub fn exposed(
 }
 
 /// Returns the wavelengths of the first slice that has them, nanometres.
-#[must_use]
 pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
     let slices = all.iter().flat_map(|o| o.slices.values());
     let mut known = slices.filter_map(|s| {

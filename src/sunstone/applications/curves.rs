@@ -28,7 +28,6 @@ pub struct Point {
 }
 
 /// Returns the points of a sweep or of few captures; otherwise none.
-#[must_use]
 pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -113,7 +112,6 @@ pub struct Verdict {
 }
 
 /// Returns all verdicts of a sweep or of few captures, series by series.
-#[must_use]
 pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -123,7 +121,6 @@ pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> 
 }
 
 /// Formats verdicts as sentences, one per series.
-#[must_use]
 pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<String> {
     let beats = match links {
         Links::Few(..) => "fewest captures that beat",
@@ -206,7 +203,6 @@ pub(super) fn quoted(text: &str) -> String {
 }
 
 /// Formats points as a CSV table.
-#[must_use]
 pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
     let number = |v: f64| if v.is_nan() { String::new() } else { v.to_string() };
     let mut out = format!(
@@ -235,7 +231,6 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
 const MOST_NAMED: usize = 12;
 
 /// Returns the labelled axis of a sweep or of few captures; otherwise an empty one.
-#[must_use]
 pub fn axis(links: &Links) -> ChartAxis {
     let (label, log, named) = match links {
         Links::None | Links::Chain(_) => ("", false, vec![]),
@@ -257,7 +252,6 @@ pub fn axis(links: &Links) -> ChartAxis {
 
 /// Names the curve of each point: the method for a sweep, the choice for few captures. A method with all
 /// captures becomes a horizontal line.
-#[must_use]
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
         return points.into_iter().map(|p| (p.method.clone(), p)).collect();
@@ -277,7 +271,6 @@ pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
 
 /// Draws points with bands of one and two standard errors around each line. A curve with a single point
 /// becomes a dashed horizontal line.
-#[must_use]
 pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point)]) -> Chart {
     let mut series: Vec<Series> = vec![];
     let finite = || points.iter().filter(|(_, p)| p.value.is_finite());

@@ -48,7 +48,6 @@ impl Part {
         [Self::Photons, Self::Extinction, Self::Retardance, Self::Axis, Self::Calibration];
 
     /// Returns the name on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Photons => "photons",
@@ -60,7 +59,6 @@ impl Part {
     }
 
     /// Returns the label of an axis, with its unit.
-    #[must_use]
     pub fn label(self) -> &'static str {
         match self {
             Self::Photons => "electrons of a reading",
@@ -72,7 +70,6 @@ impl Part {
     }
 
     /// Returns the default values of a sweep.
-    #[must_use]
     pub fn values(self) -> &'static [f64] {
         match self {
             Self::Photons => &[30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0],
@@ -133,7 +130,6 @@ impl Part {
     }
 
     /// Formats a value.
-    #[must_use]
     pub fn shown(self, value: f64) -> String {
         match self {
             Self::Photons => format!("{value} e⁻"),
@@ -146,7 +142,6 @@ impl Part {
 
     /// Returns a chain with this value; `None` if its elements come from a file, whose errors are not
     /// tolerances.
-    #[must_use]
     pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
         let mut out = chain.clone();
         let Laboratory { optics, exposure, .. } = &mut out.laboratory;

@@ -56,7 +56,6 @@ pub fn write(
 }
 
 /// Returns the verdicts of a sweep, or of few captures, as sentences.
-#[must_use]
 pub fn verdicts(application: &Application, report: &Report, links: &Links) -> Vec<String> {
     let of = |metric| curves::sentences(metric, links, &curves::verdicts(metric, report, links));
     application.metrics.iter().copied().flat_map(of).collect()
@@ -149,7 +148,6 @@ fn scores_csv(report: &Report) -> String {
 }
 
 /// Returns the content of `report.json`.
-#[must_use]
 pub fn document(application: &Application, report: &Report) -> Value {
     let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
     let rows = |rows: &[Row]| -> Vec<Value> {

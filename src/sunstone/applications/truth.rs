@@ -25,7 +25,6 @@ fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64
 }
 
 /// Returns the share of each pixel that the given materials cover.
-#[must_use]
 pub fn material(scene: &Scene, of: &[&str]) -> Map {
     let (viewer, names) = (Viewer::new(scene), &scene.names);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
@@ -43,14 +42,12 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
 
 /// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN
 /// without an object.
-#[must_use]
 pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
 }
 
 /// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must keep them
 /// ([`Scene::keep_texture_coordinates`]).
-#[must_use]
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |sight, out| {
         out.iter_mut().zip(sight.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
@@ -58,7 +55,6 @@ pub fn texture(scene: &Scene) -> Map {
 }
 
 /// Returns the layer of this name; `None` if there is none.
-#[must_use]
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
     let [width, height] = layers.size.map(|n| n as usize);
@@ -74,7 +70,6 @@ pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
 }
 
 /// Returns the camera and the projector of a scene as a calibrated rig without calibration error.
-#[must_use]
 pub fn rig(scene: &Scene) -> Option<Rig> {
     Some(Rig { camera: pinhole(&scene.camera), projector: pinhole(&scene.projector.as_ref()?.pinhole) })
 }

@@ -268,7 +268,6 @@ fn middle() -> [f64; 2] {
 
 impl ViewFile {
     /// Returns the name of the application, if the view shows one.
-    #[must_use]
     pub fn application(&self) -> Option<&str> {
         match self {
             Self::Apply(view) => Some(&view.name),
@@ -278,7 +277,6 @@ impl ViewFile {
     }
 
     /// Returns the name of the slice, if the view shows one.
-    #[must_use]
     pub fn slice(&self) -> Option<&str> {
         Some(match self {
             Self::Photo(v) => &v.slice,

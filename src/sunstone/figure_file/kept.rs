@@ -179,7 +179,6 @@ pub fn digest(bytes: &[u8]) -> String {
 /// Returns a digest of this executable, which identifies the build if all its code is in the executable;
 /// `None` if it cannot be read. If code is loaded dynamically, as by Python, the digest does not identify the
 /// build.
-#[must_use]
 pub fn program() -> Option<String> {
     // This link is valid even if another build replaced the file.
     let own = Path::new("/proc/self/exe");

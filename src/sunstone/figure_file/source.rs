@@ -68,13 +68,11 @@ impl Source {
     }
 
     /// Returns the path of a file that is named relative to the figure file.
-    #[must_use]
     pub fn beside(&self, name: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(name)
     }
 
     /// Returns the width in millimetres.
-    #[must_use]
     pub fn width_mm(&self) -> Option<f64> {
         match self.file.width.as_str() {
             "single" => Some(COLUMN_MM[0]),

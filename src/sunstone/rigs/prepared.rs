@@ -91,7 +91,6 @@ impl Prepared {
     }
 
     /// Returns the overshoot with which a stage approaches its targets, degrees.
-    #[must_use]
     pub fn approach_deg(&self, stage: &str) -> f64 {
         let file = self.rig.stages.get(stage);
         file.map_or(rig_file::APPROACH_DEG, |s| s.approach_deg)

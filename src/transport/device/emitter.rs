@@ -34,7 +34,6 @@ impl PointEmitter {
     /// Returns the intensity times `factor`, times the slide's transmission along the unit direction `dir`.
     /// `factor` is the profile's value along `dir`, divided by any divisor of the caller.
     #[inline]
-    #[must_use]
     pub fn share(&self, textures: &Textures, dir: Vec3A, factor: f32) -> Spectral {
         let even = self.intensity * Spectral::splat(factor);
         let Some(slide) = &self.slide else {
@@ -44,7 +43,6 @@ impl PointEmitter {
     }
 
     /// Returns the bounds for the light tree.
-    #[must_use]
     pub fn bounds(&self) -> Bounds {
         let all = Bounds::all_around(self.position, self.position, max_lane(self.intensity));
         match &self.profile {
@@ -79,7 +77,6 @@ pub struct Environment {
 impl Environment {
     /// Returns the frame of light that travels along `d`.
     #[inline]
-    #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axis, d)
     }

@@ -78,7 +78,6 @@ pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
     /// Computes the geometry from two calibrations; `None` if the centres coincide (lines are undefined).
-    #[must_use]
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
         if baseline.length() < 1e-9 {
@@ -125,7 +124,6 @@ impl Epipolar {
 
     /// Returns the line of the centre of camera pixel (x, y).
     #[inline]
-    #[must_use]
     pub fn line(&self, camera: &Pinhole, x: u32, y: u32) -> EpipolarLine {
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let n = camera.normalized(centre).unwrap_or(DVec2::ZERO);

@@ -126,7 +126,6 @@ impl Pinhole {
     }
 
     /// Returns the ideal normalized coordinates of a pixel position; `None` if the distortion has no inverse.
-    #[must_use]
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
         Some(n - self.shift)
@@ -149,7 +148,6 @@ impl Pinhole {
     /// Returns the device of the ray through an image position. For a parallel device, it is a pinhole at
     /// this position that looks along the axis.
     #[inline]
-    #[must_use]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
             return *self;
@@ -185,7 +183,6 @@ impl Pinhole {
     }
 
     /// Returns the minimum and maximum normalized coordinates of the image.
-    #[must_use]
     pub fn field(&self) -> [DVec2; 2] {
         let points = self.probes().filter_map(|p| self.normalized(p));
         points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| [lo.min(n), hi.max(n)])
@@ -193,7 +190,6 @@ impl Pinhole {
 
     /// Returns the unit world direction through a continuous pixel position.
     #[inline]
-    #[must_use]
     pub fn direction(&self, pixel: DVec2) -> Vec3A {
         let ideal = (pixel - self.principal) / self.focal;
         let n = if self.distorts() {
@@ -207,7 +203,6 @@ impl Pinhole {
 
     /// [`Self::direction`] for several pixel positions (arrays of x and y).
     #[inline(always)]
-    #[must_use]
     #[expect(
         clippy::needless_range_loop,
         reason = "loops over indices become vectors, chains of iterators less surely"
@@ -237,7 +232,6 @@ impl Pinhole {
 
     /// Returns device coordinates (right, down, forward) of a world point.
     #[inline(always)]
-    #[must_use]
     pub fn local(&self, p: Vec3A) -> Vec3A {
         self.axes.transpose() * (p - self.origin)
     }
@@ -246,7 +240,6 @@ impl Pinhole {
     /// (right, down, forward). The index is [`OUTSIDE`] for points behind the device or outside the image.
     /// Results equal those of [`Self::project`].
     #[inline(always)]
-    #[must_use]
     #[expect(
         clippy::needless_range_loop,
         reason = "loops over indices become vectors, chains of iterators less surely"
@@ -278,7 +271,6 @@ impl Pinhole {
     /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point;
     /// `None` if it is behind the device or outside the image.
     #[inline(always)]
-    #[must_use]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);
         if local.z <= 0.0 {
@@ -301,14 +293,12 @@ impl Pinhole {
 
     /// Returns the row-major index of the pixel of a world point; `None` as for [`Self::project`].
     #[inline]
-    #[must_use]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
         self.project(p).map(|(at, _)| self.number(at))
     }
 
     /// Returns the row-major index of the pixel that contains a continuous image position.
     #[inline]
-    #[must_use]
     pub fn number(&self, at: DVec2) -> u32 {
         let [w, h] = self.resolution;
         // Rounding at the far border must not exceed the image.
@@ -335,7 +325,6 @@ impl Pinhole {
 
     /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular.
     #[inline]
-    #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axes.x_axis, d)
     }

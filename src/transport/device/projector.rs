@@ -41,7 +41,6 @@ impl Projector {
     /// Points seen by a coaxial camera are in the camera's own pixel, s' = s. A caller that knows this must
     /// set it, since rounding may move a point near a pixel border into the next pixel, or outside the image.
     #[inline(always)]
-    #[must_use]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);
         let mut wi = many::less(p, self.pinhole.origin);

@@ -193,7 +193,6 @@ impl GeometryBuilder {
     }
 
     /// Builds the trees.
-    #[must_use]
     pub fn build(mut self) -> Geometry {
         // Groups are centred at their origins to keep coordinates in them small.
         let sets = std::mem::take(&mut self.groups);

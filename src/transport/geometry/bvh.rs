@@ -214,14 +214,12 @@ impl Geometry {
     for_each_processor! {
         /// Returns the nearest hit closer than `tmax`.
         #[inline(always)]
-        #[must_use]
         pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> = Geometry::intersect_all
     }
 
     for_each_processor! {
         /// Returns true if a surface is strictly between the origin and `tmax`.
         #[inline]
-        #[must_use]
         pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool = Geometry::occluded_all
     }
 
@@ -264,7 +262,6 @@ impl Geometry {
 
     /// Returns position, normals, texture coordinates and material at a hit.
     #[inline(always)]
-    #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let mut out = self.own_surface(ray, hit);
         if let Some(number) = hit.owner.number() {
@@ -276,7 +273,6 @@ impl Geometry {
     /// Returns the index of the object that was hit, as set by
     /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
     /// indices of the group; [`Hit::owner`] distinguishes them.
-    #[must_use]
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {
@@ -288,7 +284,6 @@ impl Geometry {
     /// Returns the index in its mesh of the triangle that was hit. Returns `None` for quadrics, instances,
     /// and meshes that were added without
     /// [`GeometryBuilder::facets`](super::builder::GeometryBuilder::facets).
-    #[must_use]
     pub fn facet(&self, hit: &Hit) -> Option<u32> {
         if hit.leaf & QUADRIC != 0 || hit.owner != Owner::WORLD {
             return None;
@@ -367,7 +362,6 @@ impl Geometry {
     }
 
     /// Returns the derivative ∂n/∂p of the unit shading normal along the surface, 1/m.
-    #[must_use]
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
         if let Some(number) = hit.owner.number() {
             return self.bend_in_instance(number, hit, surface);
@@ -386,7 +380,6 @@ impl Geometry {
 
     /// Intersects a ray with one primitive that is known from a view to be the nearest.
     #[inline(always)]
-    #[must_use]
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
         if leaf & QUADRIC != 0 {
             let t = self.quadrics[(leaf ^ QUADRIC) as usize].intersect(ray.origin, ray.dir, f32::INFINITY);
@@ -414,7 +407,6 @@ impl Geometry {
 
     /// Returns the outline of a primitive by its index in [`Hit::leaf`] (in the group's coordinates, if it
     /// belongs to a group); `None` for an unused lane.
-    #[must_use]
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
@@ -435,7 +427,6 @@ impl Geometry {
     }
 
     /// Returns the same geometry with the generic code, which is bit-identical but slower.
-    #[must_use]
     pub fn plain(mut self) -> Self {
         self.avx2 = false;
         self
@@ -443,20 +434,17 @@ impl Geometry {
 
     /// Returns the numbers of triangles and of quadrics; those of groups count once.
     #[inline]
-    #[must_use]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())
     }
 
     /// Returns the numbers of instances and of groups.
     #[inline]
-    #[must_use]
     pub fn copies(&self) -> (usize, usize) {
         (self.instances.len(), self.groups.len())
     }
 
     /// Returns the memory used by all tables, bytes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.tree.bytes()
             + size_of_val(&self.packs[..])
@@ -473,7 +461,6 @@ impl Geometry {
 
     /// Returns the distance by which triangles extend beyond their edges, metres.
     #[inline]
-    #[must_use]
     pub fn skin(&self) -> f32 {
         self.extent * SKIN
     }

@@ -67,7 +67,6 @@ impl Geometry {
     ///
     /// Only the nearer hit of a quadric is returned, and hits near the edges of triangles are omitted.
     /// Returns none if the ray or `tmax` is not finite.
-    #[must_use]
     pub fn crossings(&self, ray: &Ray, tmax: f32) -> Vec<Hit> {
         // Tree traversal compares distances, which fails for NaN.
         if !(ray.origin.is_finite() && ray.dir.is_finite() && tmax.is_finite()) {
@@ -80,7 +79,6 @@ impl Geometry {
     }
 
     /// Returns true if a hit is away from the edges of its triangle or parallelogram.
-    #[must_use]
     pub fn is_inside(&self, hit: &Hit) -> bool {
         if hit.leaf & QUADRIC != 0 {
             return true;

@@ -8,14 +8,12 @@ use glam::Vec3A;
 impl Geometry {
     /// Returns the distance from a surface at which rays start, metres.
     #[inline(always)]
-    #[must_use]
     pub fn moved(&self, surface: &Surface) -> f32 {
         (surface.rounding * UNIT) * surface.p.abs().max_element().max(self.least)
     }
 
     /// Returns the start point of a ray along `dir`, just off the surface, which it misses.
     #[inline(always)]
-    #[must_use]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
         surface.p + surface.ng * self.moved(surface).copysign(surface.ng.dot(dir))
     }
@@ -23,7 +21,6 @@ impl Geometry {
     /// Returns a point just off the surface on the side of `dir`, so that a ray to it from `length` metres
     /// away misses the surface.
     #[inline(always)]
-    #[must_use]
     pub fn reach(&self, surface: &Surface, dir: Vec3A, length: f32) -> Vec3A {
         let off = self.moved(surface).max(surface.rounding * UNIT * length);
         surface.p + surface.ng * off.copysign(surface.ng.dot(dir))

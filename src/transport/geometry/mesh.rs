@@ -124,7 +124,6 @@ impl Mesh {
     }
 
     /// Returns true if a triangle has no area, by the criterion of [`Self::drop_degenerate`].
-    #[must_use]
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         is_flat(&self.positions, &self.indices[triangle])
     }
@@ -172,7 +171,6 @@ impl Mesh {
     }
 
     /// Returns the square [-1, 1]^2 m in the plane z = 0, normal +z, uv from 0 to 1.
-    #[must_use]
     pub fn rectangle() -> Self {
         let mut mesh = Self::default();
         mesh.push_square(Vec3::ZERO, Vec3::X, Vec3::Y);
@@ -180,7 +178,6 @@ impl Mesh {
     }
 
     /// Returns the cube [-1, 1]^3 m, facing outward with flat normals; each face has uv from 0 to 1.
-    #[must_use]
     pub fn cube() -> Self {
         let mut mesh = Self::default();
         for (u, v) in [

@@ -62,7 +62,6 @@ fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
 
 impl Quadric {
     /// Places a quadric; `to_world` must be invertible (the scene builder checks).
-    #[must_use]
     pub fn new(kind: QuadricKind, to_world: Affine3A, material: u32) -> Self {
         let to_object = to_world.inverse();
         let radius = if kind == QuadricKind::Sphere { similarity(to_world.matrix3) } else { 0.0 };
@@ -82,7 +81,6 @@ impl Quadric {
     }
 
     /// Returns the same surface with front and back swapped.
-    #[must_use]
     pub fn flipped(mut self) -> Self {
         self.facing = -self.facing;
         self.normals *= -1.0;
@@ -98,7 +96,6 @@ impl Quadric {
     }
 
     /// Returns centre and radius if this is a sphere in the world.
-    #[must_use]
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
@@ -134,7 +131,6 @@ impl Quadric {
 
     /// Returns the nearest distance in (0, tmax), infinity for none; `dir` is a unit vector.
     #[inline(always)]
-    #[must_use]
     pub fn intersect(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         if self.radius > 0.0 {
             return self.meet_ball(origin, dir, tmax);
@@ -188,7 +184,6 @@ impl Quadric {
     /// disk's u is the radius, but its tangent is the object's x axis everywhere, so that a polarizer disk
     /// has a uniform axis.
     #[inline(always)]
-    #[must_use]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         if self.radius > 0.0 {
             let n = (hit - self.centre).normalize();
@@ -224,7 +219,6 @@ impl Quadric {
 
     /// Returns the derivative of the unit outward normal with respect to the position on the surface.
     #[inline]
-    #[must_use]
     pub fn bend(&self, p: Vec3A) -> Mat3A {
         let o = self.to_object.transform_point3a(p);
         let (n, slope) = match self.kind {
@@ -239,7 +233,6 @@ impl Quadric {
 
     /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a point of the surface; 0 at a sphere's poles. For a disk,
     /// only the tangent of [`Self::surface`] is returned.
-    #[must_use]
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
         let r = o.x.hypot(o.y);
@@ -257,7 +250,6 @@ impl Quadric {
 
     /// Returns the texture coordinates at a point of the surface.
     #[inline]
-    #[must_use]
     pub fn uv(&self, p: Vec3A) -> [f32; 2] {
         let o = self.to_object.transform_point3a(p);
         let turn = o.y.atan2(o.x).rem_euclid(TAU) / TAU;
@@ -283,7 +275,6 @@ impl Quadric {
     }
 
     /// Samples a point, uniformly in object space, and returns it with its unit normal.
-    #[must_use]
     pub fn point(&self, u: [f32; 2]) -> (Vec3A, Vec3A) {
         let o = match self.kind {
             QuadricKind::Sphere => warp::sphere(u),
@@ -298,7 +289,6 @@ impl Quadric {
     }
 
     /// Returns the density of [`Self::point`] per area, 1/m².
-    #[must_use]
     pub fn density(&self, p: Vec3A) -> f32 {
         let o = self.to_object.transform_point3a(p);
         let own = match self.kind {
@@ -310,7 +300,6 @@ impl Quadric {
     }
 
     /// Returns true if the point is inside the surface (or tube), scaled by `grown` about its centre.
-    #[must_use]
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
         match self.kind {
@@ -321,7 +310,6 @@ impl Quadric {
     }
 
     /// Returns the area, m².
-    #[must_use]
     pub fn area(&self) -> f32 {
         const N: usize = 64;
         if let Some((_, radius)) = self.ball() {
@@ -333,7 +321,6 @@ impl Quadric {
     }
 
     /// Returns the world bounds (min, max).
-    #[must_use]
     pub fn bounds(&self) -> (Vec3A, Vec3A) {
         let m = self.to_world.matrix3;
         let t = self.to_world.translation;

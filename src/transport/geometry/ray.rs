@@ -36,14 +36,12 @@ impl Owner {
 
     /// Returns the owner for an instance index below 2³¹.
     #[inline]
-    #[must_use]
     pub const fn instance(number: u32) -> Self {
         Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
     }
 
     /// Returns the index of the instance; `None` for the world.
     #[inline(always)]
-    #[must_use]
     pub fn number(self) -> Option<u32> {
         self.0.get().checked_sub(2)
     }
@@ -73,7 +71,6 @@ impl Surface {
     /// Returns the orthonormal frame x (along ∂p/∂u), y and z = `ns` to which element angles and normal maps
     /// refer. It maps local directions to the world.
     #[inline]
-    #[must_use]
     pub fn tangent_frame(&self) -> Mat3A {
         let x = optics::polarization::frame::project(self.tangent, self.ns);
         Mat3A::from_cols(x, self.ns.cross(x), self.ns)

@@ -65,7 +65,6 @@ impl View {
     /// Computes the view from `origin` through the directions `lo` to `hi` (right/forward, down/forward),
     /// with a pyramid per cell of a grid of at most `size`. The columns of `axes` are right, down, forward.
     /// Returns `None` if an object is too close to the pinhole for the view to be useful.
-    #[must_use]
     pub fn new(
         geometry: &Geometry,
         origin: Vec3A,
@@ -84,7 +83,6 @@ impl View {
     /// (x, y, z arrays). Points outside get an index of no pyramid. Plain loops over numbers, which the
     /// compiler vectorizes.
     #[inline(always)]
-    #[must_use]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
         let [columns, rows] = self.grid.size;
         let mut cells = [OUTSIDE; N];
@@ -117,7 +115,6 @@ impl View {
     /// Returns true if a hit is visible from the pinhole, false if it is hidden, `None` if a ray is needed.
     /// The hit is in pyramid `cell` at a depth (distance forward of the pinhole).
     #[inline(always)]
-    #[must_use]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
         let pyramid = self.pyramids.get(cell as usize)?;
         if depth * (1.0 - DEPTH_MARGIN) > pyramid.cover() {

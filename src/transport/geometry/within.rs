@@ -20,7 +20,6 @@ use glam::{Affine3A, Mat3A, Vec3A};
 
 impl Outline {
     /// Returns the outline transformed by an affine map.
-    #[must_use]
     pub fn placed(&self, map: &Affine3A) -> Self {
         let grown = similarity(map.matrix3);
         match *self {

@@ -76,7 +76,6 @@ pub struct AreaLight {
 
 impl AreaLight {
     /// Creates a light from a mesh in world space.
-    #[must_use]
     pub fn mesh(mesh: &Mesh, radiance: Spectrum, two_sided: bool, polarized: Polarized) -> Self {
         let mut facets = Vec::with_capacity(mesh.indices.len());
         let mut area = 0.0_f64;
@@ -107,14 +106,12 @@ impl AreaLight {
     }
 
     /// Creates a light from a sphere, disk or cylinder.
-    #[must_use]
     pub fn quadric(quadric: Quadric, radiance: Spectrum, two_sided: bool, polarized: Polarized) -> Self {
         let area = quadric.area();
         Self { radiance, two_sided, polarized, split: false, form: Form::Quadric(Box::new(quadric)), area }
     }
 
     /// Returns the area, m².
-    #[must_use]
     pub fn area(&self) -> f32 {
         self.area
     }
@@ -126,7 +123,6 @@ impl AreaLight {
     }
 
     /// Returns the number of its lights in the light tree.
-    #[must_use]
     pub fn parts(&self) -> usize {
         match &self.form {
             Form::Mesh(facets) if self.split => facets.len(),
@@ -182,7 +178,6 @@ impl AreaLight {
 
     /// Returns the radiance that leaves the surface along the unit direction `to`.
     #[inline]
-    #[must_use]
     pub fn toward(&self, textures: &Textures, normal: Vec3A, uv: [f32; 2], to: Vec3A) -> Spectral {
         if self.two_sided || normal.dot(to) > 0.0 { self.radiance.at(textures, uv) } else { Spectral::ZERO }
     }
@@ -200,7 +195,6 @@ impl AreaLight {
     /// Samples a point of a part toward `p` with three uniforms. `chance` is the probability of choosing the
     /// part. Returns `None` if the point emits no light toward `p`.
     #[inline]
-    #[must_use]
     pub(super) fn draw(
         &self,
         textures: &Textures,
@@ -269,7 +263,6 @@ impl AreaLight {
     /// Returns the density per steradian with which [`Self::draw`] of a part, from `p`, samples its point
     /// `at` in the unit direction `dir`.
     #[inline]
-    #[must_use]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {
             Form::Mesh(facets) if self.split => 1.0 / facets[part].area(),

@@ -26,13 +26,11 @@ pub struct Bounds {
 
 impl Bounds {
     /// Returns the bounds of lights between two corners that emit in all directions.
-    #[must_use]
     pub fn all_around(low: Vec3A, high: Vec3A, intensity: f32) -> Self {
         Self { low, high, axis: Vec3A::Z, spread: PI, reach: FRAC_PI_2, two_sided: false, intensity }
     }
 
     /// Returns the bounds of flat surfaces with one unit normal.
-    #[must_use]
     pub fn flat(low: Vec3A, high: Vec3A, normal: Vec3A, two_sided: bool, intensity: f32) -> Self {
         Self { axis: normal, spread: 0.0, two_sided, ..Self::all_around(low, high, intensity) }
     }
@@ -69,13 +67,11 @@ impl Bounds {
     }
 
     /// Returns the centre of the box, metres.
-    #[must_use]
     pub fn centre(&self) -> Vec3A {
         (self.low + self.high) * 0.5
     }
 
     /// Returns the radius of the sphere about the box, metres.
-    #[must_use]
     pub fn radius(&self) -> f32 {
         0.5 * (self.high - self.low).length()
     }

@@ -51,7 +51,6 @@ impl Distant {
 
     /// Returns the light that arrives at `p` if unoccluded. A distance of `far` metres is outside the scene.
     #[inline]
-    #[must_use]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {
         let Some(origin) = self.origin else {
             let irradiance = self.irradiance(0.0);

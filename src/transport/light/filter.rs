@@ -22,7 +22,6 @@ pub struct Polarized {
 impl Polarized {
     /// Returns the frame of light that travels along the unit vector `d`.
     #[inline]
-    #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axis, d)
     }

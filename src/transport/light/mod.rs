@@ -105,20 +105,17 @@ impl Lights {
 
     /// Returns true if there are no area lights and no sky, so that material sampling finds no light.
     #[inline]
-    #[must_use]
     pub fn is_dark(&self) -> bool {
         self.areas.is_empty() && self.sky.is_none()
     }
 
     #[inline]
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.is_dark() && self.distant.is_empty()
     }
 
     /// Returns the area light of a material, and its index.
     #[inline]
-    #[must_use]
     pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
         let number = *self.of_material.get(material as usize)?;
         Some((number, self.areas.get(number as usize)?))
@@ -126,7 +123,6 @@ impl Lights {
 
     /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes it.
     #[inline]
-    #[must_use]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;
         if which < self.sky_chance {
@@ -150,7 +146,6 @@ impl Lights {
 
     /// Samples a point of the chosen light with two more uniforms; `far` metres is outside the scene.
     #[inline]
-    #[must_use]
     pub fn draw(
         &self,
         textures: &Textures,
@@ -171,7 +166,6 @@ impl Lights {
     /// Returns the density per steradian with which [`Self::draw`] samples, from a point, the hit `found` in
     /// the unit direction `dir`.
     #[inline]
-    #[must_use]
     pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
         let light = &self.areas[found.number as usize];
         // A mesh without numbered triangles has one part.
@@ -196,7 +190,6 @@ impl Lights {
 /// Returns the weight of the power heuristic for a path sampled with density `own` that another technique
 /// samples with density `other`.
 #[inline]
-#[must_use]
 pub fn share(own: f32, other: f32) -> f32 {
     if own == 0.0 {
         return 0.0;

@@ -37,7 +37,6 @@ impl Frustum {
     /// Returns the intersection of a direction with the plane of the rectangle: (0, 0) is its lower left
     /// corner, (1, 1) its upper right one. Returns `None` behind the point.
     #[inline]
-    #[must_use]
     pub fn uv(&self, dir: Vec3A) -> Option<Vec2> {
         let d = self.to_local * dir;
         (d.z > 0.0).then(|| 0.5 + 0.5 * Vec2::new(d.x, -d.y) / (d.z * self.half))
@@ -52,7 +51,6 @@ impl Frustum {
     }
 
     /// Returns the cosine between the axis and the rectangle's corners.
-    #[must_use]
     pub fn corner(&self) -> f32 {
         (1.0 + self.half.length_squared()).sqrt().recip()
     }
@@ -116,7 +114,6 @@ impl Table {
 impl Profile {
     /// Returns the relative intensity along the unit direction `dir`.
     #[inline]
-    #[must_use]
     pub fn value(&self, dir: Vec3A) -> f32 {
         match self {
             Self::Even => 1.0,
@@ -137,7 +134,6 @@ impl Profile {
 
     /// Samples a direction among those that may have light.
     #[inline]
-    #[must_use]
     pub fn sample(&self, u: [f32; 2]) -> Vec3A {
         match self {
             Self::Even | Self::Table(_) => warp::sphere(u),
@@ -151,7 +147,6 @@ impl Profile {
 
     /// Returns the density of [`Self::sample`] per steradian.
     #[inline]
-    #[must_use]
     pub fn density(&self, dir: Vec3A) -> f32 {
         match self {
             Self::Even | Self::Table(_) => 0.25 / PI,
@@ -164,7 +159,6 @@ impl Profile {
     }
 
     /// Returns the integral of [`Self::value`] over all directions, steradians.
-    #[must_use]
     pub fn solid_angle(&self) -> f32 {
         const N: usize = 128;
         if let Self::Even = self {
@@ -181,7 +175,6 @@ impl Profile {
 
 /// Samples a direction uniformly in a cone with minimum cosine `least` about a unit axis.
 #[inline]
-#[must_use]
 pub fn cone(axis: Vec3A, least: f32, [u, v]: [f32; 2]) -> Vec3A {
     let cos = 1.0 - u * (1.0 - least);
     let sin = (1.0 - cos * cos).max(0.0).sqrt();

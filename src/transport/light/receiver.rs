@@ -16,14 +16,12 @@ pub struct Receiver {
 impl Receiver {
     /// Returns a receiver for a point in a medium, or for an unknown surface.
     #[inline]
-    #[must_use]
     pub fn anywhere(p: Vec3A) -> Self {
         Self { p, normal: Vec3A::ZERO }
     }
 
     /// Returns a receiver for a surface point that sends light along the unit direction `wo`.
     #[inline]
-    #[must_use]
     pub fn on(materials: &Materials, surface: &Surface, wo: Vec3A) -> Self {
         let normal = match &materials.list[surface.material as usize] {
             Material::Diffuse(_)

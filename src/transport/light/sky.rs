@@ -50,7 +50,6 @@ pub struct Sky {
 impl Sky {
     /// Creates a map of `width` × `height` texels, top row first; `to_world` rotates or mirrors its local
     /// frame. Returns `None` if the map is black.
-    #[must_use]
     pub fn new(
         [width, height]: [usize; 2],
         texels: Vec<[f32; 4]>,
@@ -107,18 +106,15 @@ impl Sky {
     }
 
     /// Returns width and height in texels.
-    #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    #[must_use]
     pub fn rows(&self) -> Rows {
         self.placed
     }
 
     /// Returns the map from its local frame to the world.
-    #[must_use]
     pub fn to_world(&self) -> Mat3A {
         self.to_local.transpose()
     }
@@ -133,7 +129,6 @@ impl Sky {
 
     /// Returns the radiance from a unit direction.
     #[inline]
-    #[must_use]
     pub fn radiance(&self, dir: Vec3A) -> Spectral {
         let [x, y] = self.place(dir);
         let x = x - 0.5;
@@ -151,7 +146,6 @@ impl Sky {
 
     /// Returns the density of [`Self::sample`] per steradian.
     #[inline]
-    #[must_use]
     pub fn density(&self, dir: Vec3A) -> f32 {
         let [x, y] = self.place(dir);
         let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.cells - 1));
@@ -164,7 +158,6 @@ impl Sky {
     }
 
     #[inline]
-    #[must_use]
     pub fn sample(&self, [u, v]: [f32; 2]) -> Vec3A {
         let choose = |list: &[f32], u: f32| {
             let k = list.partition_point(|end| *end <= u).min(list.len() - 1);

@@ -77,21 +77,18 @@ impl Choice {
 
     /// Begins a choice by the uniform number `which`. `chance` is the probability of using the tree.
     #[inline]
-    #[must_use]
     pub fn open(which: f32, chance: f32) -> Self {
         Self { number: 0, chance, which }
     }
 
     /// Returns a complete choice that needs no tree.
     #[inline]
-    #[must_use]
     pub fn made(light: u32, which: f32, chance: f32) -> Self {
         Self { number: light | LEAF, chance, which }
     }
 
     /// Returns the index of the light of a complete choice; `None` if no light can reach the point.
     #[inline]
-    #[must_use]
     pub fn light(&self) -> Option<u32> {
         (self.chance > 0.0).then_some(self.number ^ LEAF)
     }
@@ -228,7 +225,6 @@ impl Node {
 
 impl LightTree {
     /// Builds a tree over lights, which keep their indices. `None` for fewer than two, or if none emits.
-    #[must_use]
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
         if lights.len() < 2 || !(most > 0.0 && most.is_finite()) {
@@ -291,7 +287,6 @@ impl LightTree {
 
     /// Returns the probability with which [`Self::choose`] chooses a light for a point.
     #[inline]
-    #[must_use]
     pub fn chance(&self, at: &Receiver, light: usize) -> f32 {
         let (mut place, mut chance) = (self.places[light], 1.0);
         while place != NONE {

@@ -29,7 +29,6 @@ impl Materials {
     /// for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
     /// reflection depends on angle, and for measured tables, which do not separate body and surface
     /// reflection.
-    #[must_use]
     pub fn albedo(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Spectral> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => Some(m.albedo.at(&self.textures, at.uv)),

@@ -36,7 +36,6 @@ impl Blend {
     }
 
     #[inline]
-    #[must_use]
     pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let [a, b] = self.shares(materials, at).map(|(id, w)| {
             (w > 0.0).then(|| materials.eval(id, at, wo, wi)).flatten().map(|s| s.scaled(Spectral::splat(w)))
@@ -45,7 +44,6 @@ impl Blend {
     }
 
     #[inline]
-    #[must_use]
     pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
@@ -67,7 +65,6 @@ impl Blend {
 
     /// See [`Materials::specular`]. If the lobes of both have different directions, only the first is returned.
     #[inline]
-    #[must_use]
     pub fn specular(
         &self,
         materials: &Materials,

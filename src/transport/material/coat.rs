@@ -74,14 +74,12 @@ pub struct Table {
 impl Table {
     /// Returns the transmission at a cosine above 0 and a width α.
     #[inline]
-    #[must_use]
     pub fn at(&self, textures: &Textures, cos: f32, alpha: f32) -> Passed {
         let [a, b] = self.images.map(|image| textures.eval(image, [cos, alpha]));
         Passed { a, b }
     }
 
     /// Tabulates a coat of relative index `eta` (1 in unused lanes) and adds the table to `textures`.
-    #[must_use]
     pub fn new(textures: &mut Textures, roughness: &Roughness, eta: Spectral, single: bool) -> Self {
         let rows = if roughness.alpha.texture.is_some() { ALPHAS } else { 1 };
         let mut entries = vec![];
@@ -132,7 +130,6 @@ fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A))
 }
 
 /// Returns the directional albedo of the coat: the fraction of power at cosine `cos` that the facets reflect.
-#[must_use]
 pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectral {
     let wo = toward(cos);
     let g1 = model.g1(wo);
@@ -181,7 +178,6 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 ///
 /// The roughness has one α; for an image, half its range is used. In the facets model, reciprocity gives the
 /// result from outside directions, without an integral inside.
-#[must_use]
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
         return smooth_internal_reflectance(eta);
@@ -213,7 +209,6 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ) from inside an interface of relative index `eta`. The midpoint rule is
 /// accurate to 1e-6 or better.
-#[must_use]
 pub fn smooth_internal_reflectance(eta: Spectral) -> Spectral {
     const N: u32 = 4096;
     // Integrate over outside angles, (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), because this integrand is smooth.

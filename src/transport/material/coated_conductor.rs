@@ -27,7 +27,6 @@ pub struct CoatedConductor {
 
 impl CoatedConductor {
     #[inline]
-    #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Option<Specular> {
         let films = &self.films[..self.count.min(MAX_FILMS)];
         mirror(at, wo, |cos| thin_film::reflection(cos, films, self.n, self.k))

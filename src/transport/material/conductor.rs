@@ -36,7 +36,6 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
 
 impl Conductor {
     #[inline]
-    #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {
         let factor = self.reflectance.at(textures, at.uv);
         mirror(at, wo, |cos| fresnel::conductor(cos, self.n, self.k).scaled(factor))

@@ -53,7 +53,6 @@ pub enum ConstantsError {
 }
 
 /// Returns all substances, in the order of the table.
-#[must_use]
 pub fn all() -> &'static [OpticalConstants] {
     static ALL: OnceLock<Vec<OpticalConstants>> = OnceLock::new();
     ALL.get_or_init(|| parse(TABLE).expect("the built-in table is valid"))

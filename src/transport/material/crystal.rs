@@ -80,7 +80,6 @@ fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64
 impl Crystal {
     /// Returns the retarder matrix of a straight path of `length` metres for light that travels along ±`dir`.
     #[inline]
-    #[must_use]
     pub fn propagate(&self, dir: Vec3A, length: f64) -> Scatter {
         let (k, c) = (dir.as_dvec3().normalize(), self.axis.as_dvec3().normalize());
         let ordinary = k.cross(c).normalize_or(k.any_orthonormal_vector());
@@ -136,7 +135,6 @@ impl Crystal {
     ///
     /// A crystal that splits light has two lobes of each kind inside; only its outer reflection is returned.
     #[inline]
-    #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {
             return None;
@@ -148,7 +146,6 @@ impl Crystal {
 
     /// See [`super::Materials::beyond`]; `id` is this material's index.
     #[inline]
-    #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         self.filling(id, at, wo, self.faces.beyond(at, wo, lanes))
     }

@@ -84,7 +84,6 @@ impl Dielectric {
 
     /// Returns the medium on the side opposite to `wo`.
     #[inline]
-    #[must_use]
     pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }

@@ -21,14 +21,12 @@ pub struct Diffuse {
 
 /// Returns cosθ_i / π on the side of `wo`.
 #[inline]
-#[must_use]
 pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
     facing(at, wo).map_or(0.0, |n| n.dot(wi).max(0.0) * FRAC_1_PI)
 }
 
 impl Diffuse {
     #[inline(always)]
-    #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
@@ -42,7 +40,6 @@ impl Diffuse {
     /// Returns true if light arrives from `wi`, which was sampled by the cosine about the shading normal on
     /// the side of `wo`.
     #[inline(always)]
-    #[must_use]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)
     }

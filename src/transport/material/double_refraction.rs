@@ -185,7 +185,6 @@ impl Crystal {
     /// Returns the lobe of light that passes the face on a wave (0 ordinary, 1 extraordinary), at one
     /// wavelength, for a crystal that splits light. Inside, light that leaves along `wo` must be on that
     /// wave.
-    #[must_use]
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         if at.ng.dot(wo) > 0.0 {
             return self.entered(at, wo, lane, Spectral::ONE)[wave & 1];

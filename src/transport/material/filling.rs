@@ -18,7 +18,6 @@ impl Filling {
 
     /// Returns an isotropic medium of the given refractive index.
     #[inline]
-    #[must_use]
     pub const fn clear(index: f32) -> Self {
         Self { index, crystal: NO_CRYSTAL }
     }

@@ -30,7 +30,6 @@ impl Materials {
     /// leaves along `wo`, and the index on the side of `wo` over that on the other side. Returns `None` under
     /// total reflection and for all other materials.
     #[inline]
-    #[must_use]
     pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         self.interface(id)?.refracted(at, wo, lane)
     }
@@ -52,7 +51,6 @@ impl Materials {
 
     /// Returns true if the material is a crystal that splits rays.
     #[inline]
-    #[must_use]
     pub fn splits(&self, id: u32) -> bool {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
@@ -60,7 +58,6 @@ impl Materials {
     /// Returns the lobe of light that passes a crystal's face on one of its two waves
     /// (`double_refraction`), at one wavelength.
     #[inline]
-    #[must_use]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         match &self.list[id as usize] {
             Material::Crystal(m) if m.split => m.passed(at, wo, lane, wave),

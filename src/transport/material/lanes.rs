@@ -13,28 +13,24 @@ pub struct Lanes {
 impl Lanes {
     /// Returns the first `n` lanes.
     #[inline]
-    #[must_use]
     pub fn first(n: usize) -> Self {
         Self { mask: ((1_u16 << n) - 1) as u8 }
     }
 
     /// Returns the number of live lanes.
     #[inline]
-    #[must_use]
     pub fn count(self) -> u32 {
         self.mask.count_ones()
     }
 
     /// Returns 1 in live lanes, 0 in the others.
     #[inline]
-    #[must_use]
     pub fn ones(self) -> Spectral {
         Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
     }
 
     /// Returns the `k`-th live lane.
     #[inline]
-    #[must_use]
     pub fn nth(self, k: u32) -> usize {
         let mut left = k;
         (0..4)
@@ -51,7 +47,6 @@ impl Lanes {
 
     /// Returns the mean of a value over the live lanes.
     #[inline]
-    #[must_use]
     pub fn mean(self, value: Spectral) -> f32 {
         let values = value.to_array();
         let alive = self.count().max(1);
@@ -79,7 +74,6 @@ impl Lanes {
 }
 
 /// Returns true if the first `count` lanes of a value differ.
-#[must_use]
 pub fn varies(value: Spectral, count: usize) -> bool {
     let lanes = value.to_array();
     lanes[1..count].iter().any(|l| *l != lanes[0])

@@ -16,7 +16,6 @@ use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
 
 impl Materials {
     /// [`Self::eval`] separated by kind; empty where it is zero.
-    #[must_use]
     pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
         match &self.list[id as usize] {
@@ -85,7 +84,6 @@ impl Materials {
     ///
     /// If several kinds contribute to that direction, one is sampled, and the sample becomes that of this
     /// kind: divided by the density over all kinds and by the probability of the kind.
-    #[must_use]
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

@@ -126,7 +126,6 @@ pub struct Materials {
 impl Materials {
     /// Returns the material if it is a plain Lambertian surface.
     #[inline(always)]
-    #[must_use]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => Some(m),
@@ -136,7 +135,6 @@ impl Materials {
 
     /// Returns true if some lobe is not a delta lobe, so that next-event estimation applies.
     #[inline(always)]
-    #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
             extended!() => true,
@@ -155,7 +153,6 @@ impl Materials {
 
     /// Returns the Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
     #[inline(never)]
-    #[must_use]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval_inline(id, at, wo, wi)
     }
@@ -195,7 +192,6 @@ impl Materials {
     }
 
     /// Returns the density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
-    #[must_use]
     pub fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         match &self.list[id as usize] {
             Material::Diffuse(_) => diffuse::pdf(at, wo, wi),
@@ -286,7 +282,6 @@ impl Materials {
     /// such lobe, or if no light arrives along it.
     ///
     /// `lane` is the wavelength lane that sets the direction where the material is dispersive.
-    #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
             (extended!(), _) => None,
@@ -355,7 +350,6 @@ impl Materials {
     /// Returns the Mueller matrix of a sheet for light transmitted without deflection to `wo`; `None` if the
     /// material blocks or deflects the light.
     #[inline]
-    #[must_use]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
         let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
         (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
@@ -363,7 +357,6 @@ impl Materials {
 
     /// Returns the medium on the side opposite to `wo`, if the material can scatter light to that side.
     #[inline]
-    #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
         match &self.list[id as usize] {
             Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
@@ -394,7 +387,6 @@ impl Materials {
     }
 
     #[inline]
-    #[must_use]
     pub fn is_null(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::Null)
     }
@@ -402,7 +394,6 @@ impl Materials {
     /// Returns the Mueller matrix of a straight path of `length` metres through a medium for light that
     /// travels along ±`dir`. Returns `None` if the medium does not change polarization.
     #[inline]
-    #[must_use]
     pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {
         match self.list.get(filling.crystal as usize)? {
             Material::Crystal(m) => Some(m.propagate(dir, length)),

@@ -204,7 +204,6 @@ impl Plastic {
     }
 
     #[inline]
-    #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let seen = self.seen(textures, at, wo)?;
         if !same_side(at, wo, wi) {
@@ -216,7 +215,6 @@ impl Plastic {
     /// Returns the density of the mixture of visible facets and cosine, weighted by the reflection and
     /// transmission of a smooth surface.
     #[inline]
-    #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));
         match self.seen(textures, at, wo).and_then(density) {

@@ -56,7 +56,6 @@ pub struct Polarizer {
 impl Polarizer {
     /// Returns the undeflected transmission to `wo`.
     #[inline]
-    #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         if self.passes != Passes::Linear {
             return self.circular(wo);

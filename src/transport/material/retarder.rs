@@ -47,7 +47,6 @@ pub struct Retarder {
 impl Retarder {
     /// Returns the undeflected transmission to `wo`.
     #[inline]
-    #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         let axis = self.axis.at(at);
         let (fast, factor) = match self.tilt {

@@ -42,7 +42,6 @@ impl RoughConductor {
 
     /// Returns D·G2·F / (4 cosθ_o), which is the BRDF times cosθ_i.
     #[inline]
-    #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let facets = self.facets(textures, at, wo)?;
         if !same_side(at, wo, wi) {
@@ -55,7 +54,6 @@ impl RoughConductor {
 
     /// Returns the density of the visible normal over 4 wo·h.
     #[inline]
-    #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let passage = |facets: Facets| facets.reflection(facets.local(wi));
         match self.facets(textures, at, wo).and_then(passage) {

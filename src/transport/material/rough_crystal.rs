@@ -34,7 +34,6 @@ pub struct RoughCrystal {
 impl RoughCrystal {
     /// Returns the faces as a rough dielectric of the mean index.
     #[inline]
-    #[must_use]
     pub fn faces(&self) -> RoughDielectric {
         RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }

@@ -57,7 +57,6 @@ impl RoughDielectric {
 
     /// See [`super::Materials::eval`]; `wi` may be on either side.
     #[inline]
-    #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let (facets, _, eta) = self.facets(textures, at, wo)?;
         let li = facets.local(wi);
@@ -87,7 +86,6 @@ impl RoughDielectric {
     /// Returns the density of [`Self::sample`] for a path that carries all wavelengths of the scene. For
     /// refraction with a dispersive index, it is the mean over the wavelength that continues.
     #[inline]
-    #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some((facets, _, eta)) = self.facets(textures, at, wo) else {
             return 0.0;

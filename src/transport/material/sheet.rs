@@ -23,7 +23,6 @@ pub enum SheetAxis {
 impl SheetAxis {
     /// Returns the unit vector along the axis. It is a line in space: equal for light from either side.
     #[inline]
-    #[must_use]
     pub fn at(&self, at: &Surface) -> Vec3A {
         match self {
             Self::Angle(angle) => {

@@ -5,7 +5,6 @@ use glam::Vec3A;
 
 /// Returns the shading normal on the side of `wo`; `None` if the geometric normal disagrees about that side.
 #[inline(always)]
-#[must_use]
 pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
     let side = surface.ng.dot(wo);
     let n = if side < 0.0 { -surface.ns } else { surface.ns };

@@ -49,7 +49,6 @@ pub struct Image {
 
 impl Image {
     /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
-    #[must_use]
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
         Self { width, height, first, filter: Filter::default(), wrap: Wrap::default(), uv: SAME }
     }
@@ -107,7 +106,6 @@ pub const MOST_CORNERS: usize = 1 << 22;
 /// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
 ///
 /// Each triangle has a cell of 2 × 2 units and keeps a margin to the edges of the cell.
-#[must_use]
 pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
     let cell = [number % COLUMNS, number / COLUMNS];
     let [u, v] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k];
@@ -127,7 +125,6 @@ pub struct Textures {
 impl Textures {
     /// Returns the value at texture coordinates. (0, 0) of the image is its lower left corner.
     #[inline]
-    #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
         if texture == ATTRIBUTE {
             return self.at_corners(uv);
@@ -143,7 +140,6 @@ impl Textures {
 
     /// Returns the derivatives of the first channel, bilinearly interpolated, with respect to the surface's
     /// texture coordinates u and v.
-    #[must_use]
     pub fn gradient(&self, texture: u32, uv: [f32; 2]) -> [f32; 2] {
         let image = &self.images[texture as usize];
         let (w, h) = (image.width as f32, image.height as f32);
@@ -184,13 +180,11 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    #[must_use]
     pub fn uniform(value: Spectral) -> Self {
         Self { value, texture: None }
     }
 
     #[inline]
-    #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> Spectral {
         match self.texture {
             Some(t) => self.value * textures.eval(t, uv),
@@ -208,13 +202,11 @@ pub struct Scalar {
 }
 
 impl Scalar {
-    #[must_use]
     pub fn uniform(value: f32) -> Self {
         Self { value, texture: None }
     }
 
     #[inline]
-    #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> f32 {
         match self.texture {
             Some(t) => self.value * textures.eval(t, uv).to_array()[0],

@@ -40,7 +40,6 @@ pub struct ThinDielectric {
 ///
 /// `cos` is the cosine of incidence; `eta` is the index inside over that outside.
 #[inline]
-#[must_use]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;
     let one = Spectral::ONE;
@@ -63,7 +62,6 @@ pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
 impl ThinDielectric {
     /// Returns one of the two lobes; `None` if shading and geometric normals disagree about the side.
     #[inline]
-    #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A, lobe: Lobe) -> Option<Specular> {
         let side = at.ng.dot(wo);
         let n = if side > 0.0 { at.ns } else { -at.ns };

@@ -21,7 +21,6 @@ impl TwoSided {
 
     /// Returns the material on the side of `wo`. No light is transmitted from one side to the other.
     #[inline]
-    #[must_use]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
         if at.ng.dot(wo) > 0.0 { Some(self.front) } else { self.back }
     }

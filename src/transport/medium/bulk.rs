@@ -127,7 +127,6 @@ pub struct Ensemble {
 
 impl Ensemble {
     /// Creates an empty ensemble in a host of real index `host`, at a vacuum wavelength in nanometres.
-    #[must_use]
     pub fn new(host: f64, nm: f64) -> Self {
         Self {
             spheres: vec![],
@@ -177,7 +176,6 @@ impl Ensemble {
     }
 
     /// Returns the bulk properties in a host with absorption `host_absorption`, 1/m.
-    #[must_use]
     pub fn bulk(&self, host_absorption: f64) -> Bulk {
         let over = |sum: f64, by: f64| if by > 0.0 { sum / by } else { 0.0 };
         Bulk {
@@ -197,7 +195,6 @@ impl Ensemble {
 
     /// Returns S11, S12, S33, S34 per steradian at a cosine of the scattering angle, normalized so that ∫ S11
     /// dω = 1. `scratch` is a buffer for the angular functions.
-    #[must_use]
     pub fn matrix(&self, cos: f64, scratch: &mut Vec<[f64; 2]>) -> [f64; 4] {
         mie::angular(cos, self.terms, scratch);
         if let Some(products) = &self.products {

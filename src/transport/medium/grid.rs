@@ -42,7 +42,6 @@ impl Piece {
 impl Grid {
     /// Creates a grid of `size` points (x fastest). `to_world` maps the unit cube to the box. Returns `None`
     /// if the number of values does not match, or if the box has no volume.
-    #[must_use]
     pub fn new(size: [usize; 3], values: Vec<[f32; 4]>, to_world: Affine3A, nearest: bool) -> Option<Self> {
         let scale = Vec3A::from_array(size.map(|n| n as f32));
         let to_grid = Affine3A::from_scale(scale.into()) * to_world.inverse();
@@ -71,7 +70,6 @@ impl Grid {
     }
 
     /// Returns the value at a world point; 0 outside the box.
-    #[must_use]
     pub fn at(&self, p: Vec3A) -> Spectral {
         let own = self.to_grid.transform_point3a(p);
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
@@ -82,7 +80,6 @@ impl Grid {
     }
 
     /// Returns the value at a world point, clamped to the box.
-    #[must_use]
     pub fn beyond(&self, p: Vec3A) -> Spectral {
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         self.value(self.to_grid.transform_point3a(p).clamp(Vec3A::ZERO, size))
@@ -139,7 +136,6 @@ impl Grid {
     }
 
     /// Returns the integral of the values along a ray over `length` metres.
-    #[must_use]
     pub fn integral(&self, ray: &Ray, length: f32) -> Spectral {
         let mut sum = Spectral::ZERO;
         self.walk(ray, length, |piece| {
@@ -150,7 +146,6 @@ impl Grid {
     }
 
     /// Returns the distance along a ray at which the integral of one lane reaches `wanted`, or infinity.
-    #[must_use]
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);
         self.walk(ray, f32::INFINITY, |piece| {

@@ -30,7 +30,6 @@ pub struct HenyeyGreenstein {
 impl HenyeyGreenstein {
     /// Creates a phase function from mean cosines and the kept fractions of linear and circular polarization.
     /// Mean cosines are clamped to ±[`LARGEST_G`], fractions to 0..1 and linear ≤ (1 + circular)/2.
-    #[must_use]
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
         let largest = Spectral::splat(LARGEST_G as f32);
@@ -39,14 +38,12 @@ impl HenyeyGreenstein {
 
     /// Returns true if no polarization is kept.
     #[inline]
-    #[must_use]
     pub fn depolarizes(self) -> bool {
         self.linear == 0.0 && self.circular == 0.0
     }
 
     /// Returns S11 per steradian.
     #[inline]
-    #[must_use]
     pub fn intensity(self, at: Angle) -> Spectral {
         let (one, two) = (Spectral::ONE, Spectral::splat(2.0));
         let size = self.g.abs();
@@ -59,7 +56,6 @@ impl HenyeyGreenstein {
 
     /// Returns the matrix per steradian.
     #[inline]
-    #[must_use]
     pub fn elements(self, at: Angle) -> Elements<Spectral> {
         let mu = at.cos();
         let scale = 1.0 / (1.0 + mu * mu);
@@ -78,7 +74,6 @@ impl HenyeyGreenstein {
     /// Samples an angle with the density of one lane's [`Self::intensity`] from a uniform number. The
     /// cumulative distribution is inverted for 1 - μ, without division by g or cancellation in the peak.
     #[inline]
-    #[must_use]
     pub fn sample(self, lane: usize, u: f32) -> Angle {
         let g = self.g.to_array()[lane];
         let size = g.abs();

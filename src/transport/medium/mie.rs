@@ -154,19 +154,16 @@ impl Sphere {
         })
     }
 
-    #[must_use]
     pub fn q_ext(&self) -> f64 {
         self.q_sca + self.q_abs
     }
 
-    #[must_use]
     pub fn terms(&self) -> usize {
         self.sums.len()
     }
 
     /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …: the coefficients of π_n + τ_n
     /// and π_n - τ_n in S1.
-    #[must_use]
     pub fn coefficients(&self) -> &[[C; 2]] {
         &self.sums
     }
@@ -182,7 +179,6 @@ impl Sphere {
     }
 
     /// Returns S1 and S2 at a cosine of the scattering angle.
-    #[must_use]
     pub fn amplitudes(&self, cos: f64) -> [C; 2] {
         let mut table = vec![];
         angular(cos, self.terms(), &mut table);
@@ -205,7 +201,6 @@ pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
 }
 
 /// Returns S11, S12, S33, S34 from two amplitudes, in the convention of the module documentation.
-#[must_use]
 pub fn matrix([s1, s2]: [C; 2]) -> [f64; 4] {
     let (i1, i2) = (s1.norm_sqr(), s2.norm_sqr());
     let cross = s1.conj() * s2;

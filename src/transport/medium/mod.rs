@@ -73,7 +73,6 @@ pub struct Media {
 impl Medium {
     /// Returns μ_t = μ_a + μ_s at density 1, 1/m.
     #[inline]
-    #[must_use]
     fn extinction(&self) -> Spectral {
         self.absorption + self.scattering
     }
@@ -109,7 +108,6 @@ impl Media {
 
     /// Returns μ_t at a point, 1/m.
     #[inline]
-    #[must_use]
     pub fn extinction(&self, id: u32, p: Vec3A) -> Spectral {
         let medium = &self.list[id as usize];
         match self.grids.get(medium.density as usize) {
@@ -120,7 +118,6 @@ impl Media {
 
     /// Returns μ_s at a point, 1/m.
     #[inline]
-    #[must_use]
     pub fn scattering(&self, id: u32, p: Vec3A) -> Spectral {
         let medium = &self.list[id as usize];
         let density = self.grids.get(medium.density as usize).map(|grid| grid.at(p));
@@ -131,7 +128,6 @@ impl Media {
 
     /// Returns the optical depth of `length` metres along a ray.
     #[inline]
-    #[must_use]
     pub fn depth(&self, id: u32, ray: &Ray, length: f32) -> Spectral {
         let medium = &self.list[id as usize];
         match self.grids.get(medium.density as usize) {
@@ -142,7 +138,6 @@ impl Media {
 
     /// Returns the distance along a ray at which a lane's optical depth reaches `depth`, metres.
     #[inline]
-    #[must_use]
     pub fn reach(&self, id: u32, ray: &Ray, lane: usize, depth: f32) -> f32 {
         let medium = &self.list[id as usize];
         let extinction = medium.extinction().to_array()[lane];
@@ -167,7 +162,6 @@ impl Media {
     /// travelling along `wo`, unit vectors away from the point. Both frames are the normal of the scattering
     /// plane.
     #[inline]
-    #[must_use]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
         self.scatter(self.list[id as usize].phase, at, || plane_normal(wo, wi))
@@ -175,7 +169,6 @@ impl Media {
 
     /// Returns the density of [`Self::sample_direction`] per steradian of `wi`, averaged over the live lanes.
     #[inline]
-    #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
         lanes.mean(self.densities_toward(id, wo, wi))
     }

@@ -40,7 +40,6 @@ impl Nest {
 
     /// Returns the index of the medium that fills the point; `None` outside all filled objects.
     #[inline]
-    #[must_use]
     pub fn medium(&self, boundaries: &[Boundary]) -> Option<u32> {
         let filled = self.list().iter().map(|id| boundaries[*id as usize]);
         // `max_by_key` returns the last of equal elements.
@@ -49,7 +48,6 @@ impl Nest {
 
     /// Returns true if boundary `id` is inside an object of higher priority, so that light ignores it.
     #[inline]
-    #[must_use]
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {
         let own = boundaries[id as usize];
         own != Boundary::NONE

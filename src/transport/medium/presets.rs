@@ -142,7 +142,6 @@ impl Milk {
 }
 
 /// Returns the refractive index of polystyrene at a vacuum wavelength in nanometres.
-#[must_use]
 pub fn polystyrene_index(nm: f64) -> f64 {
     let l2 = (nm / 1000.0).powi(-2);
     1.572_5 + 0.003_108_0 * l2 + 0.000_347_79 * l2 * l2
@@ -184,7 +183,6 @@ pub const SKIN: Translucent =
 
 impl Translucent {
     /// Returns the optics at the given wavelengths with the mean cosine `g`.
-    #[must_use]
     pub fn optics(&self, g: f64, wavelengths: &Wavelengths) -> Optics {
         // From 450 nm to 650 nm, per metre.
         let at = |[red, green, blue]: [f64; 3], nm: f64| {

@@ -27,7 +27,6 @@ pub struct Rayleigh {
 
 impl Rayleigh {
     /// Creates a phase function from a depolarization factor, clamped to 0..[`LARGEST_DEPOLARIZATION`].
-    #[must_use]
     pub fn new(depolarization: f32) -> Self {
         let rho = depolarization.clamp(0.0, LARGEST_DEPOLARIZATION);
         let dipole = (1.0 - rho) / (1.0 + 0.5 * rho);
@@ -42,7 +41,6 @@ impl Rayleigh {
 
     /// Returns S11 per steradian, which is also the density of [`Self::sample`].
     #[inline]
-    #[must_use]
     pub fn intensity(self, at: Angle) -> f32 {
         let mu = at.cos();
         (3.0 * self.dipole * (1.0 + mu * mu) + 4.0 * (1.0 - self.dipole)) / (16.0 * PI)
@@ -50,7 +48,6 @@ impl Rayleigh {
 
     /// Returns the matrix per steradian.
     #[inline]
-    #[must_use]
     pub fn elements(self, at: Angle) -> Elements<f32> {
         let mu = at.cos();
         let unit = 3.0 / (16.0 * PI);
@@ -67,7 +64,6 @@ impl Rayleigh {
     /// Samples an angle with density [`Self::intensity`] from a uniform number: Cardano's solution of the
     /// cubic μ³ + p μ = q of the cumulative distribution.
     #[inline]
-    #[must_use]
     pub fn sample(self, u: f32) -> Angle {
         // A third of p = 3 + 4 (1 - Δ)/Δ, and half of q = 8 (u - 1/2)/Δ.
         let p = 1.0 + 4.0 / 3.0 * (1.0 - self.dipole) / self.dipole;

@@ -31,7 +31,6 @@ pub struct Angle {
 impl Angle {
     /// Returns the angle between light that leaves along `wo` and light that arrives from `wi`, unit vectors.
     #[inline]
-    #[must_use]
     pub fn between(wo: Vec3A, wi: Vec3A) -> Self {
         Self {
             forward: (0.5 * (wo + wi).length_squared()).min(2.0),
@@ -53,19 +52,16 @@ impl Angle {
 
     /// Returns the supplement 180° - θ.
     #[inline]
-    #[must_use]
     pub fn supplement(self) -> Self {
         Self { forward: self.backward, backward: self.forward }
     }
 
     #[inline]
-    #[must_use]
     pub fn cos(self) -> f32 {
         0.5 * (self.backward - self.forward)
     }
 
     #[inline]
-    #[must_use]
     pub fn sin2(self) -> f32 {
         self.forward * self.backward
     }
@@ -73,7 +69,6 @@ impl Angle {
     /// Returns the direction `wi` at this angle to `wo`, at an azimuth of `turns` full turns (0..1), and the
     /// unit normal of the scattering plane.
     #[inline]
-    #[must_use]
     pub fn direction(self, wo: Vec3A, turns: f32) -> (Vec3A, Vec3A) {
         let x = perpendicular(wo);
         let y = wo.cross(x);
@@ -110,7 +105,6 @@ pub struct Elements<T> {
 impl Elements<f32> {
     /// Returns the same elements in all wavelength lanes.
     #[inline]
-    #[must_use]
     pub fn splat(self) -> Elements<Spectral> {
         Elements {
             s11: Spectral::splat(self.s11),
@@ -126,7 +120,6 @@ impl Elements<f32> {
 impl Elements<Spectral> {
     /// Returns the interaction in a scattering plane with unit normal `s`.
     #[inline]
-    #[must_use]
     pub fn scatter(self, s: Vec3A) -> Scatter {
         let z = Spectral::ZERO;
         Scatter::Full {

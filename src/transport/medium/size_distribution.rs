@@ -127,7 +127,6 @@ impl SizeDistribution {
     /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its peak. Below x = 1 the
     /// cross section is bounded by x³; above, its power decreases from x⁶ to x², and the larger bound is
     /// used.
-    #[must_use]
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
             Self::Single { radius } => return vec![[*radius, 1.0]],

@@ -146,7 +146,6 @@ fn alias(probabilities: &[f64]) -> Vec<Alias> {
 
 impl Table {
     /// Tabulates 1 to 4 ensembles of particles, one per wavelength; a clear one is treated as isotropic.
-    #[must_use]
     pub fn new(ensembles: &[Ensemble]) -> Self {
         let lanes = ensembles.len().min(MAX_WAVELENGTHS);
         let ensembles = &ensembles[..lanes];
@@ -186,7 +185,6 @@ impl Table {
         Self { cells, nodes, density: density.into_iter().map(Spectral::new).collect(), alias: table }
     }
 
-    #[must_use]
     pub fn cells(&self) -> usize {
         self.cells
     }
@@ -202,7 +200,6 @@ impl Table {
 
     /// Returns the matrix per steradian: S11, S12, S33, S34 in place of a, b, c, d.
     #[inline]
-    #[must_use]
     pub fn block(&self, at: Angle) -> FresnelBlock {
         self.block_at(self.place(at))
     }
@@ -224,7 +221,6 @@ impl Table {
 
     /// Returns the density of [`Self::sample`] per steradian for each lane.
     #[inline]
-    #[must_use]
     pub fn densities(&self, at: Angle) -> Spectral {
         self.density_at(self.place(at))
     }
@@ -241,7 +237,6 @@ impl Table {
 
     /// Samples an angle with the density of one lane.
     #[inline]
-    #[must_use]
     pub fn sample(&self, lane: usize, stream: &mut Stream) -> Angle {
         let count = self.alias.len();
         let mut cell = ((stream.uniform() * count as f32) as usize).min(count - 1);

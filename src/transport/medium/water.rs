@@ -35,13 +35,11 @@ pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 
 }
 
 /// Returns the absorption coefficient 4πk/λ, 1/m, at a vacuum wavelength in nanometres.
-#[must_use]
 pub fn of_extinction(k: f64, nm: f64) -> f64 {
     4.0 * PI * k / (nm * 1e-9)
 }
 
 /// Returns the absorption coefficient of pure water, 1/m, at a vacuum wavelength, clamped to 380 to 1000 nm.
-#[must_use]
 pub fn absorption(nm: f64) -> f64 {
     let infrared = |nm: f64| of_extinction(even_table(&INFRARED, 725.0, 25.0, nm), nm);
     match nm {

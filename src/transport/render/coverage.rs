@@ -10,7 +10,6 @@ use crate::lit::meets;
 use crate::scene::Scene;
 
 /// Returns one sentence for each kind of light that the scene's integrator is known to miss.
-#[must_use]
 pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];
     if !scene.lights.distant.is_empty() && scene.materials.any_redirecting() {

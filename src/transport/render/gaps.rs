@@ -168,7 +168,6 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
 /// Returns the gaps that rays of camera and projector cross, and the gaps behind points of all transmitting
 /// surfaces (surfaces in instances are tested only by the rays). For each pair of objects and each direction,
 /// only the narrowest gap is returned. Gaps are sorted by width.
-#[must_use]
 pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let devices: Vec<&Pinhole> = std::iter::once(&scene.camera).chain(projector).collect();

@@ -147,7 +147,6 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
 ///
 /// [`Names::objects`]: crate::names::Names::objects
 /// [`Names::materials`]: crate::names::Names::materials
-#[must_use]
 pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     let [w, h] = scene.camera.resolution;
     let side = options.side.max(1);

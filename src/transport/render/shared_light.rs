@@ -36,7 +36,6 @@ pub struct SharedLight {
 
 impl SharedLight {
     /// Creates the exchange for part `number` of `of`, counted from 1, of the render with key `key`.
-    #[must_use]
     pub fn new(folder: &Path, key: String, number: u32, of: u32) -> Self {
         Self { folder: folder.to_owned(), key, part: number.saturating_sub(1), of: of.max(1) }
     }

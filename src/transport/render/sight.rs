@@ -40,7 +40,6 @@ pub struct Viewer<'a> {
 }
 
 impl<'a> Viewer<'a> {
-    #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         Self { scene, nest: surroundings(scene, scene.camera.origin), lane: scene.wavelengths.count() / 2 }
     }
@@ -48,7 +47,6 @@ impl<'a> Viewer<'a> {
     /// Returns the first surface seen at an image position in pixels, ignoring surfaces without effect on
     /// light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface does
     /// not transmit it. Returns `None` if there is no surface.
-    #[must_use]
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
         let camera = self.scene.camera.at(at);
         let nest = if camera.parallel { surroundings(self.scene, camera.origin) } else { self.nest };

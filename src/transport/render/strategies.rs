@@ -6,7 +6,6 @@ use crate::scene::{Integrator, Scene};
 use crate::strategy::{Strategies, Strategy};
 
 /// Returns the strategies of the scene's integrator that can find light in the scene.
-#[must_use]
 pub fn strategies(scene: &Scene) -> Strategies {
     let (settings, materials) = (&scene.settings, &scene.materials);
     let both = settings.integrator.walks_from_light();

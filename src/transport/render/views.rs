@@ -12,7 +12,6 @@ pub struct Views {
 }
 
 impl Views {
-    #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let view = |device: &Pinhole| {
             let field = device.field().map(glam::DVec2::as_vec2);

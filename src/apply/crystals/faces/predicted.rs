@@ -22,7 +22,6 @@ pub struct Glass {
 
 impl Glass {
     /// Returns −r_s r_p at cosine `cos` of incidence.
-    #[must_use]
     pub fn turned(self, cos: f64) -> f64 {
         let n2 = self.index * self.index;
         let root = (n2 - 1.0 + cos * cos).sqrt();
@@ -32,7 +31,6 @@ impl Glass {
 
     /// Returns D(h) G2 / (4 cosθ_o), 1/sr: radiance over irradiance perpendicular to the beam for perfectly
     /// reflecting facets; 0 unless both unit directions are on the side of the normal `n`.
-    #[must_use]
     pub fn facets(self, n: Vector3<f64>, wo: Vector3<f64>, wi: Vector3<f64>) -> f64 {
         let (co, ci) = (n.dot(&wo), n.dot(&wi));
         if !(co > 0.0 && ci > 0.0) {
@@ -46,7 +44,6 @@ impl Glass {
 
     /// Returns −(3,3) of a point at `p` with normal `n`, for an irradiance of 1 on the plane 1 m in front of
     /// the projector.
-    #[must_use]
     pub fn reflected(self, rig: &Rig, p: Vector3<f64>, n: Vector3<f64>) -> f64 {
         let (to_camera, to_projector) = (rig.camera.origin - p, rig.projector.origin - p);
         let (wo, wi) = (to_camera.normalize(), to_projector.normalize());

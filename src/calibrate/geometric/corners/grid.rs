@@ -50,7 +50,6 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
 
 /// Returns all grids of neighboring corners, the largest first. Row and column directions have the
 /// orientation of the image's x and y.
-#[must_use]
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     // Four directions of each corner: along e1, along e2, and their opposites.
     let ways = |s: &Saddle| {
@@ -125,7 +124,6 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
 }
 
 /// Returns the first position and the size of the bounding rectangle of a grid.
-#[must_use]
 pub fn extent(grid: &BTreeMap<Place, usize>) -> (Place, [usize; 2]) {
     let range = |of: fn(&Place) -> i32| {
         let least = grid.keys().map(of).min().unwrap_or(0);

@@ -15,7 +15,6 @@ pub struct Saddle {
 }
 
 /// Returns local maxima of saddle curvature, strongest first. `sigma` is the blur in pixels.
-#[must_use]
 pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     let smooth = image.blurred(sigma);
     let (w, h) = (image.width as isize, image.height as isize);
@@ -106,7 +105,6 @@ pub const SOFT: f32 = 0.8;
 
 /// Returns the saddle near a pixel of an image blurred by [`SOFT`], fitted to the pixels within `radius`.
 /// Returns `None` if no corner fits.
-#[must_use]
 pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> {
     let first = beginning(image, near, radius)?;
     // Start from several blur widths, because a wrong width leads to a local minimum.

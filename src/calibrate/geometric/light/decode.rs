@@ -23,7 +23,6 @@ const SURE: f32 = 0.2;
 
 impl Decoded {
     /// Returns the number of pixels with both coordinates.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.u.iter().zip(&self.v).filter(|(u, v)| u.is_finite() && v.is_finite()).count()
     }

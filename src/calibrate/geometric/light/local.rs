@@ -12,7 +12,6 @@ pub type Thrown = (Vector2<f64>, Matrix2<f64>);
 const FEWEST: usize = 40;
 
 /// Returns the projector coordinates of corners; `None` with too few decoded pixels within `reach`.
-#[must_use]
 pub fn at_corners(decoded: &Decoded, corners: &[Vector2<f64>], reach: f64) -> Vec<Option<Thrown>> {
     corners.iter().map(|c| at_corner(decoded, *c, reach)).collect()
 }

@@ -68,7 +68,6 @@ impl Sequence {
     }
 
     /// Returns the number of Gray code bits of an axis.
-    #[must_use]
     pub fn bits(&self, axis: Axis) -> u32 {
         let n = self.length(axis);
         u32::BITS - (n - 1).leading_zeros()
@@ -82,7 +81,6 @@ impl Sequence {
     }
 
     /// Returns all patterns in order. Images are decoded in the same order.
-    #[must_use]
     pub fn patterns(&self) -> Vec<Pattern> {
         let mut all = vec![Pattern::White, Pattern::Black];
         for axis in [Axis::Column, Axis::Row] {
@@ -95,7 +93,6 @@ impl Sequence {
     }
 
     /// Returns the drive of a projector pixel, 0 to 1.
-    #[must_use]
     pub fn drive(&self, pattern: Pattern, u: u32, v: u32) -> f64 {
         let along = |axis| if axis == Axis::Column { u } else { v };
         match pattern {
@@ -115,7 +112,6 @@ impl Sequence {
     }
 
     /// Returns the bytes of a pattern, row by row.
-    #[must_use]
     pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
         let [w, h] = self.size;
         let rows = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));

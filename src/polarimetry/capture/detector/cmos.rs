@@ -154,7 +154,6 @@ impl Cmos {
     ///
     /// A few standard deviations below a full well, the only unsaturated readings are those with low noise.
     /// The mean of their estimates would be too low by a fraction of a standard deviation.
-    #[must_use]
     pub fn saturation_dn(&self) -> u32 {
         let noise = self.read_out().sqrt();
         let full = (self.full_well_e - CERTAIN * noise) / self.gain() + self.black_level_dn;
@@ -166,7 +165,6 @@ impl Cmos {
     /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum wavelength, and
     /// `factor` is the one of `bracket`. Photoelectrons and dark electrons are drawn as one number: the sum
     /// of Poisson numbers is a Poisson number.
-    #[must_use]
     pub fn sample(&self, radiance: f64, nm: f64, factor: f64, stream: &mut Stream) -> Reading {
         let (per_unit, dark) = self.electrons(nm, factor);
         let mean = (per_unit * radiance).max(0.0) + dark;
@@ -178,7 +176,6 @@ impl Cmos {
     }
 
     /// Returns the mean and variance of one pixel's DN without clipping; arguments as for [`Self::sample`].
-    #[must_use]
     pub fn expected(&self, radiance: f64, nm: f64, factor: f64) -> (f64, f64) {
         let (per_unit, dark) = self.electrons(nm, factor);
         let mean = (per_unit * radiance).max(0.0) + dark;
@@ -190,7 +187,6 @@ impl Cmos {
     ///
     /// The shot noise in the variance is estimated from the reading, with the dark current's shot noise as
     /// lower bound. This bound makes the variance slightly too high in the dark.
-    #[must_use]
     pub fn estimate(&self, dn: u32, nm: f64, factor: f64) -> Estimate {
         let (per_unit, dark) = self.electrons(nm, factor);
         if dn >= self.saturation_dn() {
@@ -214,7 +210,6 @@ impl Cmos {
     /// reading has a low variance and therefore a high weight. Instead all variances are predicted from the
     /// pooled radiance (electrons divided by electrons per unit). The weights depend little on it, and not at
     /// all where shot noise dominates.
-    #[must_use]
     pub fn combine(&self, estimates: &[Estimate], nm: f64) -> Estimate {
         let exposures = || {
             let pairs = estimates.iter().zip(&self.bracket);

@@ -38,7 +38,6 @@ impl Rate {
 }
 
 /// Applies Coates's correction to the counts of a period's bins in `pulses` periods, for a synchronous diode.
-#[must_use]
 pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     let mut left = pulses as f64;
     let rate = |count: &u64| {
@@ -54,7 +53,6 @@ pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
 
 /// Applies the live-time correction to the counts of all bins of the laser's period in `pulses` periods, for
 /// a free-running diode with a dead time of `dead` bins.
-#[must_use]
 pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     let armed = armed(counts, pulses, dead);
     let rate = |(count, armed): (&u64, f64)| {
@@ -69,7 +67,6 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
 
 /// Returns A_i of [`coates`]: the pulses in which a synchronous diode was still armed at each bin; 0 where
 /// counts exceed pulses.
-#[must_use]
 pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     let mut left = pulses as f64;
     let armed = |count: &u64| {
@@ -82,7 +79,6 @@ pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
 
 /// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with a dead
 /// time of `dead` bins was armed at each bin of the period. It is not positive where the counts are too high.
-#[must_use]
 pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
     let n: Vec<_> = counts.iter().map(|n| *n as f64).collect();

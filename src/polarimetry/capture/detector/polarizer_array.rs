@@ -20,7 +20,6 @@ use serde::{Deserialize, Serialize};
 const LAYOUT: [[usize; 2]; 2] = [[2, 1], [3, 0]];
 
 /// Returns the index (in `ARRAY_DEG`) of the polarizer over a pixel.
-#[must_use]
 pub fn polarizer(x: usize, y: usize) -> usize {
     LAYOUT[y % 2][x % 2]
 }

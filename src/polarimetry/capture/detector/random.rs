@@ -14,7 +14,6 @@ const SALT: u64 = 0x6465_7465_6374_6f72;
 const NORMAL_ABOVE: f64 = 1e10;
 
 /// Returns the random stream of pixel `pixel` in capture `key`, separate from all streams of the renderer.
-#[must_use]
 pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }

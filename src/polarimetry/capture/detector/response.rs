@@ -39,7 +39,6 @@ fn normal_distribution(x: f64) -> f64 {
 
 impl Response {
     /// Returns H(t), the fraction of the response before `t`.
-    #[must_use]
     pub fn before(&self, t: f64) -> f64 {
         let Self { sigma, tail, tau } = *self;
         let gauss = if sigma > 0.0 { normal_distribution(t / sigma) } else { f64::from(u8::from(t >= 0.0)) };
@@ -62,14 +61,12 @@ impl Response {
     }
 
     /// Returns the mean delay, aτ.
-    #[must_use]
     pub fn mean(&self) -> f64 {
         self.tail * self.tau
     }
 
     /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins` bins;
     /// their sum is 1. Earlier arrivals are at the end.
-    #[must_use]
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.

@@ -137,7 +137,6 @@ impl Spad {
     }
 
     /// Returns the number of bins of the laser's period.
-    #[must_use]
     pub fn period_bins(&self) -> usize {
         (self.period_ps / self.bin_ps).round() as usize
     }
@@ -165,7 +164,6 @@ impl Spad {
     }
 
     /// Returns the mean delay of the response, ps, which is due to its tail.
-    #[must_use]
     pub fn response_mean_ps(&self) -> f64 {
         self.instrument().mean()
     }
@@ -209,7 +207,6 @@ impl Spad {
 
     /// Returns the variance of one bin's estimate at this radiance after all pulses, without dead time.
     /// Photons and dark counts follow Poisson statistics.
-    #[must_use]
     pub fn variance(&self, radiance: f64, nm: f64) -> f64 {
         let unit = self.per_unit(nm);
         let rate = (unit * radiance).max(0.0) + self.dark();

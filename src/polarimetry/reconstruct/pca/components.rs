@@ -33,7 +33,6 @@ pub struct Components {
 impl Components {
     /// Computes the components of a set; `None` if it is empty or overflowed. In a set of n < 17 rows, all
     /// components from the n-th on have no variance and arbitrary perpendicular directions.
-    #[must_use]
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
         let finite = mean.iter().chain(covariance.as_flattened()).all(|e| e.is_finite());
@@ -63,7 +62,6 @@ impl Components {
     }
 
     /// Returns the nearest row in the span of the mean and the first `n` components.
-    #[must_use]
     pub fn nearest(&self, row: &MatrixRow, n: usize) -> MatrixRow {
         let mut out = self.mean;
         for v in self.vectors.iter().take(n) {

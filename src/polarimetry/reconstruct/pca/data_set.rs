@@ -57,7 +57,6 @@ pub enum Weight {
 impl Weight {
     /// Returns the pooled moments of some materials, plain or mapped as selected by `of`. The count is that
     /// of the bins.
-    #[must_use]
     pub fn pool<'a>(
         self,
         materials: impl IntoIterator<Item = &'a Material>,
@@ -93,19 +92,16 @@ pub enum DataError {
 
 impl DataSet {
     /// Returns the moments of T / T00 over all materials.
-    #[must_use]
     pub fn plain(&self, weight: Weight) -> Moments {
         weight.pool(&self.materials, |m| &m.plain)
     }
 
     /// Returns the moments of arctan(c T / T00) over all materials.
-    #[must_use]
     pub fn mapped(&self, weight: Weight) -> Moments {
         weight.pool(&self.materials, |m| &m.mapped)
     }
 
     /// Returns the bin counts of all materials.
-    #[must_use]
     pub fn tally(&self) -> Tally {
         let mut all = Tally::default();
         self.materials.iter().for_each(|m| all.merge(&m.tally));

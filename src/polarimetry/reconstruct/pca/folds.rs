@@ -22,7 +22,6 @@ pub struct Fold {
 }
 
 /// Splits the numbers 0..n into k lists f, f + k, …; the number of lists is at most n.
-#[must_use]
 pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
     let k = k.min(n);
     (0..k).map(|f| (f..n).step_by(k).collect()).collect()

@@ -41,7 +41,6 @@ impl Tally {
 }
 
 /// The map of §3.2: arctan(c v) per element. It expands small elements, in which most materials differ.
-#[must_use]
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
@@ -97,7 +96,6 @@ pub struct Gathered {
 
 impl Gathered {
     /// Creates an empty accumulator for a slab, which maps by arctan(c T) and chooses up to `most` samples.
-    #[must_use]
     pub fn new(slab: u32, c: f64, most: usize) -> Self {
         Self {
             plain: Moments::default(),
@@ -111,7 +109,6 @@ impl Gathered {
 
     /// Creates an empty accumulator for another slab, which skips samples that cannot displace those chosen
     /// here.
-    #[must_use]
     pub fn beside(&self, slab: u32) -> Self {
         let mut new = Self::new(slab, self.c, self.choice.most);
         new.choice.bound = self.choice.bound;
@@ -152,7 +149,6 @@ impl Gathered {
 
     /// Returns the sampled entries, divided by T00, in random order. The first n of them are also a uniform
     /// sample.
-    #[must_use]
     pub fn samples(mut self) -> Vec<[f32; 16]> {
         self.choice.prune();
         self.choice.kept.into_iter().map(|k| k.1).collect()

@@ -28,7 +28,6 @@ pub struct Moments {
 
 impl Moments {
     /// Computes the moments of all rows in parallel, with the same result on any machine.
-    #[must_use]
     pub fn of(rows: &[MatrixRow]) -> Self {
         let parts: Vec<Self> = rows
             .par_chunks(CHUNK)
@@ -42,7 +41,6 @@ impl Moments {
     }
 
     /// Merges sets in order.
-    #[must_use]
     pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = Self::default();
         for part in parts {
@@ -90,7 +88,6 @@ impl Moments {
     }
 
     /// Returns the set with every row counted `weight` times; negative or non-finite weights count as 0.
-    #[must_use]
     pub fn weighted(&self, weight: f64) -> Self {
         if !(weight > 0.0 && weight.is_finite()) {
             return Self::default();
@@ -103,19 +100,16 @@ impl Moments {
     }
 
     /// Returns the number of rows, which is fractional after [`Self::weighted`].
-    #[must_use]
     pub fn count(&self) -> f64 {
         self.count
     }
 
     /// Returns the mean matrix, E\[v\].
-    #[must_use]
     pub fn mean(&self) -> MatrixRow {
         self.mean
     }
 
     /// Returns E[(v - μ)(v - μ)ᵀ] = C / n, exactly symmetric; 0 for the empty set.
-    #[must_use]
     pub fn covariance(&self) -> [MatrixRow; 16] {
         if self.count <= 0.0 {
             return [[0.0; 16]; 16];
@@ -125,7 +119,6 @@ impl Moments {
     }
 
     /// Returns E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
-    #[must_use]
     pub fn second(&self) -> [MatrixRow; 16] {
         let (mut out, mean) = (self.covariance(), &self.mean);
         for (i, row) in out.iter_mut().enumerate() {

@@ -127,7 +127,6 @@ impl Status {
 
 impl Message {
     /// Encodes the message, sent from `source` to `destination`.
-    #[must_use]
     pub fn bytes(&self, destination: u8, source: u8) -> Vec<u8> {
         let numbers = |numbers: &[i32]| {
             let mut data = vec![CHANNEL, 0];
@@ -209,7 +208,6 @@ pub struct Parser {
 
 impl Parser {
     /// Creates a parser for messages to `own`.
-    #[must_use]
     pub fn new(own: u8) -> Self {
         Self { own, held: vec![] }
     }

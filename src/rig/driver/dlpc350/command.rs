@@ -61,7 +61,6 @@ impl Entry {
     pub const WHITE: u8 = 24;
 
     /// Encodes the entry as three bytes.
-    #[must_use]
     pub fn bytes(&self) -> [u8; 3] {
         let flag = |on: bool, bit: u32| u8::from(on) << bit;
         [
@@ -72,7 +71,6 @@ impl Entry {
     }
 
     /// Decodes an entry from three bytes.
-    #[must_use]
     pub fn read([a, b, c]: [u8; 3]) -> Self {
         Self {
             begin: [Begin::Internal, Begin::Rising, Begin::Falling, Begin::Continue][usize::from(a & 3)],
@@ -155,7 +153,6 @@ pub enum Command {
 
 impl Command {
     /// Encodes the command: its code and its data.
-    #[must_use]
     pub fn encode(&self) -> (u16, Vec<u8>) {
         match self {
             Self::PatternMode(on) => (0x1A1B, vec![u8::from(*on)]),
@@ -203,7 +200,6 @@ pub enum Question {
 }
 
 /// Returns messages for the bits of a validation result; the first two are errors, the others warnings.
-#[must_use]
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
         "exposure or period is out of range",

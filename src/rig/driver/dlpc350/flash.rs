@@ -61,7 +61,6 @@ fn rgb(path: &Path) -> Result<Vec<u8>, String> {
 
 /// Packs one-bit patterns into RGB images and returns the bytes of each image. Skips duplicates, and patterns
 /// that the controller generates itself: white, black and negatives of other patterns.
-#[must_use]
 pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     let mut kept: Vec<&Pattern> = vec![];
     for p in patterns {
@@ -85,7 +84,6 @@ pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
 }
 
 /// Encodes an image as PNG; returns `None` if its size differs from that of the mirror array.
-#[must_use]
 pub fn to_png(rgb: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = vec![];
     let mut encoder = png::Encoder::new(&mut bytes, SIZE[0], SIZE[1]);

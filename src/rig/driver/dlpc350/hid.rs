@@ -48,7 +48,6 @@ pub struct Message {
 
 impl Message {
     /// Creates a command or query of the host. Both request a reply.
-    #[must_use]
     pub fn host(read: bool, number: u8, code: u16, data: &[u8]) -> Self {
         let mut payload = code.to_le_bytes().to_vec();
         payload.extend(data);
@@ -56,7 +55,6 @@ impl Message {
     }
 
     /// Encodes reports: flags, number, payload length (little-endian), payload, padded with zeros.
-    #[must_use]
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };
         let mut bytes = vec![flags, self.number];

@@ -72,7 +72,6 @@ fn edge(us: f64, what: &str) -> Result<u8, String> {
 
 impl Triggers {
     /// Returns the trigger that begins a pattern.
-    #[must_use]
     pub fn begin(&self) -> Begin {
         match self.input.map(|i| i.edge) {
             None => Begin::Internal,

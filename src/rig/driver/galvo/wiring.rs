@@ -43,25 +43,21 @@ fn curve(u: f64) -> f64 {
 
 impl Wiring {
     /// Converts optical degrees to volts.
-    #[must_use]
     pub fn volts(&self, angles_deg: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|i| angles_deg[i] / 2.0 * self.volts_per_degree[i])
     }
 
     /// Converts volts to optical degrees.
-    #[must_use]
     pub fn angles(&self, volts: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|i| volts[i] / self.volts_per_degree[i] * 2.0)
     }
 
     /// Returns the settings of the card.
-    #[must_use]
     pub fn settings(&self) -> AnalogSettings {
         AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }
 
     /// Returns the combined limits of mirrors and card.
-    #[must_use]
     pub fn limits(&self, card: &AnalogLimits) -> GalvoLimits {
         let steps = self.volts_per_degree.map(|v| 2.0 * card.step() / v.abs());
         GalvoLimits { range_deg: self.range_deg, resolution_deg: steps[0].max(steps[1]), settle: self.settle }
@@ -78,7 +74,6 @@ impl Wiring {
     }
 
     /// Returns the duration of the longest move.
-    #[must_use]
     pub fn longest(&self) -> Duration {
         let corner = self.volts(self.range_deg);
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
@@ -86,7 +81,6 @@ impl Wiring {
 
     /// Returns the samples of a path per channel. Both axes start and arrive together; the last sample is
     /// `to`.
-    #[must_use]
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);
         let axis = |i: usize| {

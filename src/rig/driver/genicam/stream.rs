@@ -24,7 +24,6 @@ pub struct Block {
 }
 
 /// Returns the fault for an error of a stream.
-#[must_use]
 pub fn fault(error: &StreamError) -> Fault {
     match error {
         StreamError::Timeout => Fault::Timeout,

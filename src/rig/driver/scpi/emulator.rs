@@ -45,7 +45,6 @@ impl Default for Emulator {
 
 impl Emulator {
     /// Returns the table of the emulator's commands, with `address` as its address.
-    #[must_use]
     pub fn table(address: &str) -> String {
         format!(
             "address = \"{address}\"\nnm = 635\nrate_hz = [1.0, 8e7]\nset_rate = \"SOUR:FREQ {{hz}}\"\n\
@@ -59,7 +58,6 @@ impl Emulator {
     }
 
     /// Returns whether the laser emits light.
-    #[must_use]
     pub fn shines(&self) -> bool {
         locked(&self.0).on
     }
@@ -112,7 +110,6 @@ impl Emulator {
     }
 
     /// Returns the reply to a command, if it has one.
-    #[must_use]
     pub fn answer(&self, command: &str) -> Option<Vec<u8>> {
         let mut state = locked(&self.0);
         let (head, value) = command.split_once(' ').unwrap_or((command, ""));

@@ -14,7 +14,6 @@ pub struct ScpiLaser {
 
 impl ScpiLaser {
     /// Creates a laser on an open line.
-    #[must_use]
     pub fn new(name: &str, line: Box<dyn Line>, table: LaserTable) -> Self {
         let talk = Talk::new(name, line);
         Self { talk, table }

@@ -87,13 +87,11 @@ impl LaserTable {
         Ok(table)
     }
 
-    #[must_use]
     pub fn limits(&self) -> LaserLimits {
         LaserLimits { nm: self.nm, rate_hz: self.rate_hz }
     }
 
     /// Returns the command that sets a rate.
-    #[must_use]
     pub fn rate(&self, hz: f64) -> Option<String> {
         // Every SCPI number may have an exponent.
         self.set_rate.as_ref().map(|c| c.replace("{hz}", &format!("{hz:E}")))

@@ -25,7 +25,6 @@ pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 pub const OPEN_FAIL: i32 = -1;
 
 /// Returns the fault for an error code. Codes that a reconnection can clear map to [`Fault::Disconnected`].
-#[must_use]
 pub fn fault(code: i32) -> Fault {
     match code {
         // The device is in use by another program or another copy of the library.
@@ -46,7 +45,6 @@ pub fn fault(code: i32) -> Fault {
 }
 
 /// Returns advice on an error code, to be appended to the message; empty if there is none.
-#[must_use]
 pub fn fix(code: i32) -> &'static str {
     match code {
         OPEN_FAIL => "; check that the board and its driver are installed",

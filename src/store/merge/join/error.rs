@@ -86,7 +86,6 @@ pub enum JoinError {
 
 impl JoinError {
     /// Returns whether a system error is the cause, rather than the parts.
-    #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

@@ -32,7 +32,6 @@ pub(super) const ANGLES: [(&str, f32, f32); 3] =
 
 impl Axes {
     /// Returns evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and theta_h.
-    #[must_use]
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
         Self { phi_d, theta_d, theta_h, wavelengths_nm }

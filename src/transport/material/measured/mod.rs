@@ -49,7 +49,6 @@ impl Measured {
 
     /// Returns the table value times cosθ_i.
     #[inline]
-    #[must_use]
     pub fn eval(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
@@ -66,7 +65,6 @@ impl Measured {
 
     /// Returns the density of half vectors over 4 wo·h, mixed with the cosine density.
     #[inline]
-    #[must_use]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };
         let cos = n.dot(wi);

@@ -29,7 +29,6 @@ pub struct Coordinates {
 /// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there). Where wi = wo, φ_d is 0 and
 /// s = -b.
 #[inline]
-#[must_use]
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
     let length2 = sum.length_squared();
@@ -56,7 +55,6 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
 /// Returns directions (`wi`, `wo`) about the normal +z with given coordinates and h in the xz half plane, and
 /// the frame vector s of both. φ_d determines s even where wi = wo. One of the directions may be below the
 /// surface.
-#[must_use]
 pub fn directions(at: Coordinates) -> (Vec3A, Vec3A, Vec3A) {
     let (sin_h, cos_h) = at.theta_h.sin_cos();
     let (sin_d, cos_d) = at.theta_d.sin_cos();

@@ -184,13 +184,11 @@ impl Table {
     }
 
     /// Returns the angles of the entries (phi_d, theta_d, theta_h) in radians.
-    #[must_use]
     pub fn angles(&self) -> [&[f32]; 3] {
         [0, 1, 2].map(|k| self.axes[k].nodes())
     }
 
     /// Returns the bands, nanometres.
-    #[must_use]
     pub fn wavelengths_nm(&self) -> &[u16] {
         &self.wavelengths_nm
     }
@@ -211,7 +209,6 @@ impl Table {
 
     /// Returns one stored matrix, row-major with outgoing Stokes rows; `None` if it is a hole or out of
     /// range. `at` are the indices along phi_d, theta_d and theta_h.
-    #[must_use]
     pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
         let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
         if !inside || band >= self.wavelengths_nm.len() {
@@ -224,7 +221,6 @@ impl Table {
 
     /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; unused lanes are 0.
     #[inline]
-    #[must_use]
     #[allow(clippy::needless_range_loop)]
     pub fn eval(&self, at: Coordinates) -> Mueller {
         let bytes: &[u8] = &self.map;
@@ -313,7 +309,6 @@ impl Table {
         heads.chain(data).chain(small.then_some(0..size))
     }
 
-    #[must_use]
     pub fn file_len(&self) -> usize {
         self.map.len()
     }

@@ -25,7 +25,6 @@ pub enum Dtype {
 
 impl Dtype {
     /// Returns the type's code in the file.
-    #[must_use]
     pub fn code(self) -> u8 {
         match self {
             Self::U16 => 3,
@@ -34,7 +33,6 @@ impl Dtype {
     }
 
     /// Returns the size of an element in bytes.
-    #[must_use]
     pub fn size(self) -> usize {
         match self {
             Self::U16 => 2,
@@ -100,7 +98,6 @@ pub struct Field<'a> {
 
 impl Field<'_> {
     /// Returns the size of each dimension.
-    #[must_use]
     pub fn shape(&self) -> impl ExactSizeIterator<Item = u64> + '_ {
         let word = |w: &[u8]| w.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
         self.shape.chunks_exact(8).map(word)
