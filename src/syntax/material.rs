@@ -420,7 +420,8 @@ impl MaterialFile {
         })
     }
 
-    /// Creates a material with one named material in front and another (or none: black) behind.
+    /// Creates a two-sided material from the names of the materials on the front and on the back side.
+    /// Without `back`, the back side is black.
     pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
         Self::TwoSided(TwoSidedFile { front: front.into().into(), back: back.map(|b| b.to_owned().into()) })
     }

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A media file, as `sunstone phase eval` reads it.
+/// A media file, which `sunstone phase eval` reads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone media")]
@@ -28,7 +28,7 @@ pub enum MediumFile {
     Homogeneous(Box<HomogeneousFile>),
     /// Coefficients scaled by a density grid, and a phase function.
     Heterogeneous(Box<HeterogeneousFile>),
-    /// Spheres in a host medium, by Lorenz–Mie theory.
+    /// Spheres in a host medium, computed by Lorenz–Mie theory.
     Particles(ParticlesFile),
     /// Milk, or milk diluted with water.
     Milk(MilkFile),
@@ -44,10 +44,10 @@ pub enum MediumFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousFile {
-    /// Absorption coefficient, 1/m. Default: 0.
+    /// Absorption coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
-    /// Scattering coefficient, 1/m. Default: 0.
+    /// Scattering coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
@@ -62,10 +62,10 @@ pub struct HomogeneousFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeterogeneousFile {
-    /// Absorption coefficient in 1/m where the density is 1. Default: 0.
+    /// Absorption coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
-    /// Scattering coefficient in 1/m where the density is 1. Default: 0.
+    /// Scattering coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
