@@ -15,7 +15,8 @@ use sunstone::transport::scene::Integrator;
 
 const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
 
-/// The tank, seen through one wide pixel, with a Lambertian plate in the water.
+/// Returns the scene-file text of the tank, seen through one wide pixel, with a Lambertian plate in the
+/// water.
 fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     let spp = spp * samples_factor();
     format!(
@@ -33,7 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Intensity and the two linear Stokes elements for unpolarized light, with their errors.
+/// Returns the intensity and the two linear Stokes elements for unpolarized light, with their errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);

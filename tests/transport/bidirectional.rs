@@ -9,8 +9,8 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Camera and projector of 16 x 16 pixels in front of a box of 2 m, and slices that resolve everything a path
-/// carries.
+/// Returns the scene-file text of the camera and projector of 16 x 16 pixels in front of a box of 2
+/// m, and slices that resolve everything a path carries.
 pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
@@ -227,8 +227,8 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
-/// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point
-/// light.
+/// Returns the scene-file text of a mirror, a glass ball, a glossy coat under glass and a window in
+/// a box, lit by a projector and a point light.
 pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
         + DIFFUSE

@@ -32,7 +32,7 @@ struct Bins {
     error: Vec<f64>,
 }
 
-/// Time bins, and projector pixels, of light with a number of interactions, or of all light.
+/// Returns the time bins, and projector pixels, of light with a number of interactions, or of all light.
 fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -50,7 +50,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     })
 }
 
-/// The head of a scene with these slices.
+/// Returns the head of a scene with these slices.
 fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, bounces: bool) -> String {
     let spp = samples(spp);
     format!(
@@ -81,8 +81,8 @@ struct Fault {
 
 const NONE: Fault = Fault { ps: 0.0, px: 0.0 };
 
-/// Values of both kinds of bins by quadrature over n × n points of every pixel, and the largest value of a
-/// sample of a pixel.
+/// Returns the values of both kinds of bins by quadrature over n × n points of every pixel, and the
+/// largest value of a sample of a pixel.
 fn quadrature(
     n: u32,
     start_ps: f64,
@@ -204,7 +204,7 @@ fn holds(
     }
 }
 
-/// The radiance of a Lambertian wall z = 0 at a point.
+/// Returns the radiance of a Lambertian wall z = 0 at a point.
 fn wall(projector: &Device, p: DVec3) -> (f64, f64, [f64; 2]) {
     let to = projector.origin - p;
     let (at, factor) = projector.project(p);
@@ -363,7 +363,7 @@ fn agree(what: &str, path: &str, both: &str) {
 
 const START: f64 = 20000.0;
 
-/// A box of 2 m, open toward camera and projector.
+/// Returns the scene-file text of a box of 2 m, open toward camera and projector.
 fn boxed(spp: u32, depth: u32, seed: u32, more: [&str; 2]) -> String {
     let camera = Device::look_at([0.3, 0.4, 3.6], DVec3::ZERO, [SIZE; 2], 17.0);
     let projector = Device::look_at([-0.7, 0.8, 3.3], DVec3::new(0.1, -0.2, 0.0), [SIZE; 2], 17.0);

@@ -18,8 +18,8 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     file
 }
 
-/// A camera of one pixel, so narrow that it sees a point, from above; `object` has all keys except the
-/// material.
+/// Returns a camera of one pixel, so narrow that it sees a point, from above; `object` has all keys
+/// except the material.
 fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> f64 {
     let file = ramp(folder, slopes);
     let file = file.display();
@@ -37,7 +37,7 @@ fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> 
     f64::from(render_text(&text).mean("m").at(&at))
 }
 
-/// Radiance of albedo 0.5 for a normal of any length.
+/// Returns the radiance of albedo 0.5 for a normal of any length.
 fn lambert(normal: DVec3) -> f64 {
     0.5 / PI * normal.normalize().dot(-LIGHT.normalize())
 }

@@ -33,7 +33,8 @@ fn flat(uv: [f32; 2]) -> Surface {
     surface_at(Vec3A::Z, Vec3A::X, uv)
 }
 
-/// Value of a named material between two directions, in frames that do not depend on the material.
+/// Returns the value of a named material between two directions, in frames that do not depend on the
+/// material.
 fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> Mueller {
     set.materials
         .eval(set.names[name], at, wo, wi)
@@ -41,7 +42,7 @@ fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> M
         .unwrap_or_default()
 }
 
-/// Largest difference of elements.
+/// Returns the largest difference of elements.
 fn off(a: &Mueller, b: &Mueller) -> f32 {
     (0..16).map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs())).fold(0.0, f32::max)
 }

@@ -40,7 +40,7 @@ pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M
 /// which grows with the coordinates, would exceed a wavelength.
 const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
 
-/// A slab across z from 0 to `top`.
+/// Returns the scene-file text of a slab across z from 0 to `top`.
 fn slab(top: f64) -> String {
     format!(
         "[[objects]]\nmaterial = \"crystal\"\nshape.cube = {{ min = [0.25, -0.5, 0.0], max = [0.75, 0.03, {top:?}] }}\n"
@@ -61,7 +61,7 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// A slab of mean index `mean`, seen along -`d`.
+    /// Returns a slab of mean index `mean`, seen along -`d`.
     pub fn new(d: DVec3, mean: f64) -> Self {
         let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
         let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();

@@ -16,7 +16,7 @@ const SLICES: &str = "[[slices]]\nname = \"sum\"\n\
     [[slices]]\nname = \"all\"\nprojector = \"all\"\n\
     [[slices]]\nname = \"time\"\ntime = { start_ps = 0, bin_ps = 25, bins = 512 }\n";
 
-/// A large plane through the origin.
+/// Returns the scene-file text of a large plane through the origin.
 fn plane(normal: DVec3) -> String {
     let matter = format!("[materials.m.diffuse]\nalbedo = {ALBEDO}\n");
     matter + &crate::optics::plate(DVec3::ZERO, normal, 5.0, "m")
@@ -42,7 +42,7 @@ fn see(camera: &Device, projector: &Device, normal: DVec3, px: f64, py: f64) -> 
     }
 }
 
-/// Mean radiance over a pixel's footprint, by a midpoint rule.
+/// Returns the mean radiance over a pixel's footprint, by a midpoint rule.
 fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32) -> f64 {
     const N: u32 = 12;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(N);

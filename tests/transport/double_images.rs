@@ -18,9 +18,9 @@ const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// A slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its upper face by
-/// light that leaves along `d`, and a small white disk 0.1 below it where the line (without a crystal) is
-/// shifted by `shift`.
+/// Returns a slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its
+/// upper face by light that leaves along `d`, and a small white disk 0.1 below it where the line
+/// (without a crystal) is shifted by `shift`.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -65,7 +65,8 @@ fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, 
     assert_eq!(lit, [bin], "{what}: {} ps", (outer + optical) / C);
 }
 
-/// Transmittance of s or p power through two faces of index n, at cosines c (outside) and e (inside).
+/// Returns the transmittance of s or p power through two faces of index n, at cosines c (outside) and e
+/// (inside).
 fn faces(n: f64, c: f64, p: bool) -> f64 {
     let e = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
     let r = if p { (n * c - e) / (n * c + e) } else { (c - n * e) / (c + n * e) };

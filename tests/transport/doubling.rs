@@ -92,7 +92,7 @@ impl Square {
     }
 }
 
-/// Nodes and weights of Gauss's rule on 0..1.
+/// Returns the nodes and weights of Gauss's rule on 0..1.
 pub fn gauss(count: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
         let n = count as f64;
@@ -116,19 +116,19 @@ pub fn gauss(count: usize) -> Vec<(f64, f64)> {
 /// A scattering matrix per steradian as a function of the cosine of the scattering angle.
 pub type Scattering<'a> = &'a dyn Fn(f64) -> Elements<f64>;
 
-/// The direction of travel with signed cosine `mu` to z and azimuth `phi`.
+/// Returns the direction of travel with signed cosine `mu` to z and azimuth `phi`.
 pub fn direction(mu: f64, phi: f64) -> DVec3 {
     let s = (1.0 - mu * mu).max(0.0).sqrt();
     DVec3::new(s * phi.cos(), s * phi.sin(), mu)
 }
 
-/// The first axis of the Stokes frame of a direction with that azimuth.
+/// Returns the first axis of the Stokes frame of a direction with that azimuth.
 pub fn horizontal(phi: f64) -> DVec3 {
     DVec3::new(-phi.sin(), phi.cos(), 0.0)
 }
 
-/// The scattering matrix between directions of travel, each with the first axis of its frame: `[d, x]` of the
-/// outgoing light, and of the incoming light.
+/// Returns the scattering matrix between directions of travel, each with the first axis of its
+/// frame: `[d, x]` of the outgoing light, and of the incoming light.
 pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec3; 2]) -> M {
     let e = scattering(d.dot(d_in).clamp(-1.0, 1.0));
     #[rustfmt::skip]
@@ -150,7 +150,7 @@ pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M 
     scattered(scattering, out, into)
 }
 
-/// Sign of entry (i, j) under X = diag(1, 1, -1, -1).
+/// Returns the sign of entry (i, j) under X = diag(1, 1, -1, -1).
 fn mirror(i: usize, j: usize) -> f64 {
     if (i % 4 < 2) == (j % 4 < 2) { 1.0 } else { -1.0 }
 }
@@ -172,9 +172,9 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// A slab of optical depth `tau` and single-scattering albedo `albedo`, with `count` nodes of Gauss's
-    /// rule and the cosines `of_interest` (> 0), with the given `orders` of the Fourier series. `halvings` is
-    /// the number of doublings from the thinnest layer.
+    /// Returns a slab of optical depth `tau` and single-scattering albedo `albedo`, with `count`
+    /// nodes of Gauss's rule and the cosines `of_interest` (> 0), with the given `orders` of the
+    /// Fourier series. `halvings` is the number of doublings from the thinnest layer.
     pub fn new(
         scattering: Scattering,
         [tau, albedo]: [f64; 2],
@@ -259,7 +259,7 @@ impl Slab {
         Self { nodes: self.nodes.clone(), tau: self.tau, modes: modes.collect() }
     }
 
-    /// Power that leaves upward and downward (diffuse and unscattered light) over incident power.
+    /// Returns the power that leaves upward and downward (diffuse and unscattered light) over incident power.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
         let j = 4 * self.node(mu_in);
@@ -346,7 +346,7 @@ fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     }
 }
 
-/// Rayleigh's matrix per steradian.
+/// Returns Rayleigh's matrix per steradian.
 pub fn rayleigh(mu: f64) -> Elements<f64> {
     let unit = 3.0 / (16.0 * PI);
     Elements {

@@ -15,7 +15,7 @@ const SIZE: usize = 48;
 const SPP: u32 = 32;
 const SEEDS: usize = 24;
 
-/// Means over wavelengths, with their errors, of the statue.
+/// Returns the means over wavelengths, with their errors, of the statue.
 fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/sss_statue/scene.toml");
     let all = std::fs::read_to_string(&path).expect("the scene");

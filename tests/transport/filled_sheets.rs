@@ -51,7 +51,7 @@ const SHEETS: [Sheet; 10] = [
     },
 ];
 
-/// A sphere of radius 0.5 about the origin, filled with `medium`.
+/// Returns the scene-file text of a sphere of radius 0.5 about the origin, filled with `medium`.
 fn sphere(medium: &str) -> String {
     format!(
         "[media.m.homogeneous]\n{medium}\n[[objects]]\nmaterial = \"s\"\ninterior = \"m\"\n\
@@ -61,7 +61,7 @@ fn sphere(medium: &str) -> String {
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// Mean and standard error of a pixel that looks along the z axis through the sphere's centre.
+/// Returns the mean and standard error of a pixel that looks along the z axis through the sphere's centre.
 fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
     let camera = Device::ray([0.0, 0.0, z], DVec3::new(0.0, 0.0, z - 1.0));
     let text = head(spp * samples_factor(), 200, seed)

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// A rough gold plate through the origin.
+/// Returns the scene-file text of a rough gold plate through the origin.
 fn gold_plate() -> String {
     format!("[materials.gold.rough_conductor]\n{GOLD_KEYS}\nalpha = 0.35\n").replace(", k", "\nk")
         + &plate(DVec3::ZERO, DVec3::Z, 2.0, "gold")

@@ -9,8 +9,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, StokesIn, StokesOut, T, Waveleng
 const FRONT: f64 = 0.7;
 const BACK: f64 = 0.4;
 
-/// A slab across the z axis, rotated about y, lit from below; the camera on the axis at z = 2 looks down.
-/// `material` is the slab's, `target` the lit object.
+/// Returns the scene-file text of a slab across the z axis, rotated about y, lit from below; the
+/// camera on the axis at z = 2 looks down. `material` is the slab's, `target` the lit object.
 fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
     let camera = Device::look_at([0.0, 0.0, 2.0], DVec3::ZERO, [1, 1], 1e7);
     head.to_owned()
@@ -27,7 +27,7 @@ fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
         )
 }
 
-/// Radiance of the wall at (x, 0, 0) and its distance from the projector.
+/// Returns the radiance of the wall at (x, 0, 0) and its distance from the projector.
 fn wall(x: f64) -> (f64, f64) {
     let lamp = Device::look_at([-0.6, 0.0, 0.15], DVec3::ZERO, [8, 8], 6.0);
     let point = DVec3::new(x, 0.0, 0.0);
@@ -35,7 +35,7 @@ fn wall(x: f64) -> (f64, f64) {
     (0.001 / PI * lamp.project(point).1 * to.normalize().z, to.length())
 }
 
-/// Mean and standard error of element [i][0] after `bounces` interactions.
+/// Returns the mean and standard error of element [i][0] after `bounces` interactions.
 fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     let at = [(Bounces, bounces), (StokesOut, i), (StokesIn, 0)];
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))

@@ -5,7 +5,7 @@ use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::{Path, PathBuf};
 
-/// A grid file: values of each point, x fastest.
+/// Returns a grid file: values of each point, x fastest.
 fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32]) -> PathBuf {
     let words = [1, size[0], size[1], size[2], channels].map(i32::to_le_bytes);
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
@@ -16,8 +16,8 @@ fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32])
     file
 }
 
-/// One pixel that looks along -z at (0.3, 0.6) of the unit cube filled with `medium`, under uniform white
-/// light.
+/// Returns the scene-file text of one pixel that looks along -z at (0.3, 0.6) of the unit cube
+/// filled with `medium`, under uniform white light.
 fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 400\nrr_depth = 1000000\nseed = 4\nintegrator = \"{integrator}\"\n\

@@ -13,7 +13,7 @@ use sunstone::scene::mitsuba::import::Import;
 
 const SKY: &str = "[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"m\"\n";
 
-/// Radiance of a scene at 450, 550 and 660 nm.
+/// Returns the radiance of a scene at 450, 550 and 660 nm.
 fn seen(folder: &Path, text: &str) -> [f64; 3] {
     let scene = from_text(&folder.join("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
     let mean = render_scene(&scene).mean("m");
@@ -51,7 +51,7 @@ fn gltf(material: &str) -> [f64; 3] {
     object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
-/// An imported BSDF of Mitsuba on a rectangle.
+/// Returns an imported BSDF of Mitsuba on a rectangle.
 fn mitsuba(bsdf: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let xml = format!(

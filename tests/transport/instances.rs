@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// A dented sphere with normals and texture coordinates, as OBJ.
+/// Returns the scene-file text of a dented sphere with normals and texture coordinates, as OBJ.
 fn ball(n: u32) -> String {
     let mut text = String::new();
     for i in 0..=n {

@@ -13,7 +13,7 @@ use sunstone::tensor::axes::AxisKind::{Label, StokesIn, StokesOut, Wavelength};
 use sunstone::tensor::label::{self, DIFFUSE as BODY, GLOSSY, MEDIUM, SPECULAR};
 use sunstone::transport::scene::Integrator;
 
-/// Mean light of a set, M00 of the single wavelength of a one-pixel slice.
+/// Returns the mean light of a set, M00 of the single wavelength of a one-pixel slice.
 fn light(t: &Tensor, set: u8) -> f64 {
     t.at(&[(Label, set.into()), (StokesOut, 0), (StokesIn, 0)]).into()
 }
@@ -28,7 +28,8 @@ fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
 const MUELLER: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nlabels = true\n\
                        [[slices]]\nname = \"all\"\npolarization = \"mueller\"\n";
 
-/// The camera's ray, a point light and a plate at the origin that faces +z; the material's table.
+/// Returns the scene-file text of the camera's ray, a point light and a plate at the origin that faces +z;
+/// the material's table.
 fn plate_under_a_point(material: &str, integrator: &str) -> String {
     let camera = Device::ray([0.8, 0.3, 2.0], DVec3::ZERO);
     head(1, 2, 1)
@@ -179,7 +180,7 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     }
 }
 
-/// All light of a slice of intensities, and its error as if elements were independent.
+/// Returns all light of a slice of intensities, and its error as if elements were independent.
 fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     let (mean, error) = (r.mean(slice), r.std_error(slice));
     let light = mean.data.iter().map(|v| f64::from(*v)).sum();
@@ -255,8 +256,8 @@ fn parts_add_up_to_the_whole() {
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 
-/// The largest deviation between two renders over labels, in errors, for elements whose errors are known in
-/// both; `swapped`: with two bits of the first render's labels exchanged.
+/// Returns the largest deviation between two renders over labels, in errors, for elements whose
+/// errors are known in both; `swapped`: with two bits of the first render's labels exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {

@@ -12,7 +12,7 @@ use sunstone::transport::render::layers::{Options, layers};
 
 const RAYS: u32 = 16;
 
-/// A camera five metres up the z axis, image up is +y.
+/// Returns a camera five metres up the z axis, image up is +y.
 fn camera() -> Device {
     Device::look_at([0.0, 0.0, 5.0], DVec3::ZERO, [20, 16], 25.0)
 }
@@ -30,7 +30,7 @@ fn made(body: &str, through: bool) -> LayerSet {
     layers(&scene_of(&scene(body)), options)
 }
 
-/// The directions of a pixel's rays.
+/// Returns the directions of a pixel's rays.
 fn rays(camera: &Device, x: u32, y: u32) -> Vec<DVec3> {
     let part = |i: u32| (f64::from(i) + 0.5) / 4.0;
     (0..RAYS).map(|i| camera.direction(f64::from(x) + part(i % 4), f64::from(y) + part(i / 4))).collect()
@@ -49,7 +49,7 @@ fn one(set: &LayerSet, name: &str, x: u32, y: u32) -> f64 {
     set.real(name, x, y).expect("a layer")[0].into()
 }
 
-/// Distance along a ray from `o` to a ball.
+/// Returns the distance along a ray from `o` to a ball.
 fn ball(o: DVec3, d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let b = (centre - o).dot(d);
     let q = b * b - (centre - o).length_squared() + radius * radius;

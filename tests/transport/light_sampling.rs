@@ -148,7 +148,7 @@ fn chi2_spot() {
     agree(|u| spot.sample(u), |d| spot.density(d), "spot");
 }
 
-/// A wide, tilted frustum.
+/// Returns a wide, tilted frustum.
 fn frustum() -> Profile {
     let z = Vec3A::new(0.2, -0.6, 1.0).normalize();
     let x = z.cross(Vec3A::X).normalize();

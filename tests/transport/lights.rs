@@ -17,7 +17,7 @@ const BOTH: [&str; 2] = ["path", "bidirectional"];
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
-/// One ray at a point of the plane.
+/// Returns the scene-file text of one ray at a point of the plane.
 pub fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
     let camera = Device::ray([0.3, -4.0, 2.5], DVec3::new(at[0], at[1], 0.0));
     let render = format!("integrator = \"{integrator}\"\n");
@@ -41,7 +41,7 @@ pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     assert!(sigma <= error * want, "{what}: error {sigma:.1e} of {want}");
 }
 
-/// An emitting object.
+/// Returns the scene-file text of an emitting object.
 pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
@@ -80,8 +80,8 @@ fn spheres_light_a_plane() {
     }
 }
 
-/// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives the
-/// point, the normal times area for u, v in 0..1, and the radiance there over 2.
+/// Returns the irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface`
+/// gives the point, the normal times area for u, v in 0..1, and the radiance there over 2.
 pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);

@@ -11,8 +11,8 @@ use sunstone::transport::scene::Integrator;
 pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;
 
-/// Half the sum and half the difference of an interface's transmittances for s and p, at the cosine of
-/// incidence, from index 1 to `n`.
+/// Returns half the sum and half the difference of an interface's transmittances for s and p, at
+/// the cosine of incidence, from index 1 to `n`.
 pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let s = ((cos - n * far) / (cos + n * far)).powi(2);
@@ -28,9 +28,9 @@ pub struct Meridian {
     pub passed: [f64; 2],
 }
 
-/// The radiance, its part that depends on the light's polarization, and the travel time for a white wall at
-/// height `wall` below the light, at distance `rho` from the axis. `trace` gives the ray that starts at an
-/// angle to the axis.
+/// Returns the radiance, its part that depends on the light's polarization, and the travel time for
+/// a white wall at height `wall` below the light, at distance `rho` from the axis. `trace` gives
+/// the ray that starts at an angle to the axis.
 pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
     for _ in 0..200 {
@@ -165,7 +165,8 @@ fn light_through_a_pane_is_on_time() {
     }
 }
 
-/// A ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height `wall`.
+/// Returns a ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height
+/// `wall`.
 pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     let (n, radius): (f64, f64) = (1.5, 0.25);
     let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
@@ -256,7 +257,7 @@ fn manifolds_and_walks_agree_through_crystals() {
     walks_agree(&text, 12);
 }
 
-/// Means and errors of two renders, element by element.
+/// Returns the means and errors of two renders, element by element.
 fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32)> {
     let (m, n) = (a.mean("m"), b.mean("m"));
     let (x, y) = (a.std_error("m"), b.std_error("m"));

@@ -65,14 +65,14 @@ impl Bench {
         }
     }
 
-    /// A table made from a metal, bands 450 and 550 nm.
+    /// Returns a table made from a metal, bands 450 and 550 nm.
     fn of_metal(&self, alpha: f32, counts: [usize; 3]) -> Materials {
         let axes = Axes::even(counts, vec![450, 550]);
         tabulate(&self.path(), &axes, &[(&metal(alpha), 0)]).expect("a table");
         self.open(&[450.0, 550.0])
     }
 
-    /// A table of given values.
+    /// Returns a table of given values.
     fn of(&self, axes: &Axes, nm: &[f64], mut value: impl FnMut([usize; 4], usize) -> f32) -> Materials {
         let (h, bands) = (axes.theta_h.len(), axes.wavelengths_nm.len());
         write(&self.path(), axes, |phi, slab| {
@@ -87,7 +87,7 @@ impl Bench {
     }
 }
 
-/// A pair of directions with cosines of at least `least`.
+/// Returns a pair of directions with cosines of at least `least`.
 fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     let mut draw = || {
         let [u, v] = stream.uniform2();
@@ -96,15 +96,15 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// One lane of the matrix between axes that depend only on the rays.
+/// Returns one lane of the matrix between axes that depend only on the rays.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Root mean square and largest difference of any element between a table and its source, over M00, for pairs
-/// within 60° of the normal (cells that touch the horizon have holes).
+/// Returns the root mean square and largest difference of any element between a table and its
+/// source, over M00, for pairs within 60° of the normal (cells that touch the horizon have holes).
 fn error(counts: [usize; 3]) -> [f64; 2] {
     let (bench, source) = (Bench::new(), metal(0.5));
     let table = bench.of_metal(0.5, counts);

@@ -44,7 +44,7 @@ fn mie(radius: f64, n: f64, k: f64) -> Media {
     media(PhaseOptics::Particles(spheres(&SizeDistribution::Single { radius }, [n, k])))
 }
 
-/// Every phase function that the tests below cover.
+/// Returns every phase function that the tests below cover.
 fn cases() -> &'static [(&'static str, Media)] {
     static CASES: OnceLock<Vec<(&'static str, Media)>> = OnceLock::new();
     CASES.get_or_init(make_cases)
@@ -82,7 +82,8 @@ fn all() -> Lanes {
     Lanes::first(4)
 }
 
-/// Directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 - cosθ.
+/// Returns the directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 -
+/// cosθ.
 fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     let wo = DVec3::new(0.36, -0.48, 0.8);
     let (x, cos) = (wo.any_orthonormal_vector(), 1.0 - forward);

@@ -48,7 +48,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     write("square.gltf", text.as_bytes());
 }
 
-/// The square seen from the front; `more` has its object and materials.
+/// Returns the square seen from the front; `more` has its object and materials.
 fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [16, 16], 30.0);
     let text = head(16, 3, 2).replace("[550]", "[450, 550, 660]") + &camera.keys("camera") + more + LIGHT;

@@ -74,12 +74,12 @@ fn plastic(roughness: Roughness, options: bool) -> Materials {
     materials
 }
 
-/// A direction from outside (cos > 0) or inside.
+/// Returns a direction from outside (cos > 0) or inside.
 fn seen_from(cos: f32, phi: f32) -> Vec3A {
     if cos > 0.0 { toward(cos, phi) } else { -toward(-cos, phi) }
 }
 
-/// Every material and every cosine of `wo` that the tests below cover.
+/// Returns every material and every cosine of `wo` that the tests below cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for distribution in [Ggx, Beckmann] {
@@ -236,7 +236,7 @@ fn g1(distribution: Distribution, cos: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + (erf(a) - 1.0) / 2.0 + (-a * a).exp() / (2.0 * a * PI.sqrt()))
 }
 
-/// Fresnel's power reflectance.
+/// Returns Fresnel's power reflectance.
 fn reflectance(cos: f64, eta: f64) -> f64 {
     let root = eta * eta - 1.0 + cos * cos;
     if root <= 0.0 {
@@ -249,8 +249,8 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-/// Power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible ones, by a
-/// midpoint rule over facet slopes. For facets that only reflect, `through` is false.
+/// Returns the power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible
+/// ones, by a midpoint rule over facet slopes. For facets that only reflect, `through` is false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
     const PHI: u32 = 100;

@@ -22,7 +22,7 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// A camera that sees a point in a mirror, and its viewing direction.
+/// Returns a camera that sees a point in a mirror, and its viewing direction.
 fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
     Device::ray(origin.to_array(), image(plane, point))
 }
@@ -37,8 +37,8 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// The irradiance matrix of light from the lamp over mirrors, in their order, at a point of a wall with
-/// normal `n`, in some frame at the wall; and the path length.
+/// Returns the irradiance matrix of light from the lamp over mirrors, in their order, at a point of
+/// a wall with normal `n`, in some frame at the wall; and the path length.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
@@ -57,14 +57,14 @@ fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64
     (m * e, length)
 }
 
-/// A Lambertian wall.
+/// Returns a Lambertian wall.
 fn wall() -> M {
     let mut m = M::zeros();
     m[(0, 0)] = ALBEDO / PI;
     m
 }
 
-/// The scene's devices, materials and wall, and slices.
+/// Returns the scene's devices, materials and wall, and slices.
 fn text(camera: &Device, lamp: &Device, spp: u32, depth: u32, wall: &str) -> String {
     head(spp, depth, 3)
         + &camera.keys("camera")
@@ -264,8 +264,9 @@ fn mirror_behind_glass() {
     comes_at(&r, 5, &[(optical + back) / C]);
 }
 
-/// A ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at height
-/// 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no `rho`.
+/// Returns a ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at
+/// height 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no
+/// `rho`.
 pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
     let t = b - (b * b - (1.0 - 0.09)).sqrt();

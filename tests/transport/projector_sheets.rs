@@ -28,7 +28,7 @@ fn axis(lamp: &Device, deg: f64) -> DVec3 {
     lamp.right * c - lamp.down * s
 }
 
-/// A point of a white wall at the origin, seen from above and lit from the side through `sheets`.
+/// Returns a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
 fn wall(lamp: &Device, materials: &str, sheets: &str, slices: &str) -> Rendered {
     let camera = Device::ray([0.1, 0.0, 2.0], DVec3::ZERO);
     let text = head(2, 6, 1)
@@ -147,7 +147,7 @@ fn tilted_sheets_between_projector_and_metal() {
     assert!(lit > 0.0 && bins.data.iter().sum::<f32>() == lit, "sheets take no time");
 }
 
-/// A corner of two walls, a projector with or without `sheets`, one camera.
+/// Returns a corner of two walls, a projector with or without `sheets`, one camera.
 fn corner(max_depth: u32, sheets: &str) -> Rendered {
     let camera = Device::look_at([0.5, 0.6, 1.4], DVec3::new(-0.3, 0.0, -0.2), [12, 9], 14.0);
     let text = head(4, max_depth, 3)

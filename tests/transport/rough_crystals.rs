@@ -18,7 +18,7 @@ use sunstone::transport::material::{Lanes, Materials};
 /// Mean of the indices below.
 const MEAN: f64 = 1.55;
 
-/// One crystal with index 0; `keys` are those other than its axis.
+/// Returns one crystal with index 0; `keys` are those other than its axis.
 fn crystal(keys: &str) -> Materials {
     let text = format!(
         "wavelengths_nm = [450, 550, 633, 660]\n[materials]\na.crystal = {{ axis = [1, 2, 2], {keys} }}\n"
@@ -32,7 +32,7 @@ fn of(roughness: f64) -> Materials {
     crystal(&format!("n_o = 1.5, n_e = 1.6, roughness = {roughness}"))
 }
 
-/// Directions from outside and from inside.
+/// Returns the directions from outside and from inside.
 fn seen_from() -> [Vec3A; 4] {
     [toward(0.9, 1.4), toward(0.3, 1.4), -toward(0.9, 1.4), -toward(0.4, 1.4)]
 }

@@ -13,7 +13,7 @@ use sunstone::transport::scene::Integrator;
 /// The mirror in which walls are seen: so small that it reflects no light to the wall.
 const VIEW: Plane = (DVec3::NEG_X, -1.5);
 
-/// A camera that sees a point in that mirror through one pixel, and the mirror.
+/// Returns a camera that sees a point in that mirror through one pixel, and the mirror.
 fn seen(origin: DVec3, point: DVec3, focal: f64, half: f64) -> (Device, String) {
     let to = image(VIEW, point);
     let camera = Device::look_at(origin.to_array(), to, [1, 1], focal);
@@ -48,8 +48,9 @@ fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     (of(r.mean("m")), of(r.std_error("m")))
 }
 
-/// Radiance and optical length of every path to distance `rho` from an axis, of rays in a plane with the axis
-/// that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the axis.
+/// Returns the radiance and optical length of every path to distance `rho` from an axis, of rays in a plane
+/// with the axis that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the
+/// axis.
 fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
     let n = 20_001;
     let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
@@ -147,8 +148,8 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
 }
 
-/// Light subpaths to a piece of wall seen directly, and manifold connections to it seen in the mirror, over
-/// the mirror's reflectance.
+/// Returns the light subpaths to a piece of wall seen directly, and manifold connections to it seen
+/// in the mirror, over the mirror's reflectance.
 fn both(
     objects: &str,
     lamp: &Device,

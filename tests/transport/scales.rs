@@ -9,8 +9,8 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// A white wall at distance `z` from the camera along the rotated z axis, and `front` at distance `gap` in
-/// front of it, both of size `size`.
+/// Returns the scene-file text of a white wall at distance `z` from the camera along the rotated z
+/// axis, and `front` at distance `gap` in front of it, both of size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera =
         Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
@@ -39,7 +39,8 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
         + "[[slices]]\nname = \"m\"\nbounces = true\n"
 }
 
-/// Light that passed the sheet twice, or the pane four times, and was reflected by the wall in between.
+/// Returns the light that passed the sheet twice, or the pane four times, and was reflected by the wall in
+/// between.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
     scene.settings.manifold |= front == "pane";

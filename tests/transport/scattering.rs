@@ -23,7 +23,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Distances, not below 0, between which a ray is inside.
+    /// Returns the distances, not below 0, between which a ray is inside.
     fn inside(self, p: DVec3, dir: DVec3) -> [f64; 2] {
         let [from, to] = match self {
             Self::Ball { centre, radius } => {
@@ -39,7 +39,7 @@ impl Shape {
         [from.max(0.0), to.max(0.0)]
     }
 
-    /// An object of a material, with additional keys.
+    /// Returns the scene-file text of an object of a material, with additional keys.
     fn object(self, material: &str, keys: &str) -> String {
         let list = |p: DVec3| format!("{:?}", p.to_array());
         let shape = match self {
@@ -227,7 +227,7 @@ fn single_scattering_is_a_quadrature() {
     }
 }
 
-/// A rough gold plate below the origin, lit and seen through any object in front of it.
+/// Returns a rough gold plate below the origin, lit and seen through any object in front of it.
 fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     let text = head(64, 6, 5)
         + &camera.keys("camera")

@@ -66,7 +66,7 @@ fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
     room_of(SIZE as u32, slices, seed, spp)
 }
 
-/// The room with a projector of `projector` pixels per row.
+/// Returns the room with a projector of `projector` pixels per row.
 fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
@@ -78,7 +78,7 @@ fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     arrays
 }
 
-/// Means and standard errors of a slice.
+/// Returns the means and standard errors of a slice.
 fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
     [Field::Mean, Field::StdError].map(|f| arrays.get(slice, f).expect("the field"))
 }
@@ -86,7 +86,8 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
 /// Indices along some axes.
 type Index = Vec<(AxisKind, usize)>;
 
-/// The s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own axes.
+/// Returns the s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own
+/// axes.
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],

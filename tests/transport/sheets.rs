@@ -15,7 +15,8 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// A sheet of half width 0.2 about `centre`: its u direction is `u`, its normal `u × v`.
+/// Returns the scene-file text of a sheet of half width 0.2 about `centre`: its u direction is `u`, its
+/// normal `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     let corner = centre - (u + v) * 0.2;
     format!(
@@ -26,8 +27,8 @@ pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     )
 }
 
-/// Camera on the z axis at z = 2 above a white wall at z = 0, which the projector illuminates from the side;
-/// +x is image right, +y image up. `sheets` are between camera and wall.
+/// Returns the camera on the z axis at z = 2 above a white wall at z = 0, which the projector
+/// illuminates from the side; +x is image right, +y image up. `sheets` are between camera and wall.
 fn column(materials: &str, sheets: &str) -> Matrix4x1<f64> {
     let lamp = Device::look_at([-0.8, 0.0, 0.3], DVec3::ZERO, [3, 3], 8.0);
     let wall = format!(

@@ -28,7 +28,7 @@ pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
     ensemble
 }
 
-/// The scattering matrix of spheres per steradian.
+/// Returns the scattering matrix of spheres per steradian.
 pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     |mu| {
         let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
@@ -36,7 +36,7 @@ pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     }
 }
 
-/// The phase function of a medium file: spheres of a diameter, or Rayleigh's.
+/// Returns the phase function of a medium file: spheres of a diameter, or Rayleigh's.
 pub fn phase(diameter_nm: Option<f64>) -> String {
     match diameter_nm {
         None => "phase.rayleigh = {}\n".to_owned(),
@@ -59,8 +59,8 @@ struct View {
     phi: f64,
 }
 
-/// Mean radiance per unit irradiance and its standard errors from the tracer, and the mean from doubling, all
-/// in the frames of camera and projector, which are rotated by `rolls`.
+/// Returns the mean radiance per unit irradiance and its standard errors from the tracer, and the
+/// mean from doubling, all in the frames of camera and projector, which are rotated by `rolls`.
 fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
@@ -256,8 +256,8 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
     }
 }
 
-/// Reflection and transmission of a pane of glass at a cosine, with all inner reflections, from either side.
-/// The two polarizations and their correlation propagate independently.
+/// Returns the reflection and transmission of a pane of glass at a cosine, with all inner reflections, from
+/// either side. The two polarizations and their correlation propagate independently.
 fn pane(mu: f64) -> [M; 2] {
     let [s, p] = amplitudes(mu, nalgebra::Complex::new(1.5, 0.0)).map(|r| r.re);
     let once = [s * s, p * p, s * p];

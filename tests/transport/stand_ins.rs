@@ -16,7 +16,7 @@ fn stand_ins() -> MaterialSet {
     MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Index and name of every stand-in.
+/// Returns the index and name of every stand-in.
 fn likes(set: &MaterialSet) -> Vec<(String, u32)> {
     let all: Vec<_> = set
         .names

@@ -77,7 +77,8 @@ fn room(integrator: Integrator, replicates: u32) {
 /// If all elements have light, as here, almost none may be excluded.
 const LEFT_OUT: f64 = 0.01;
 
-/// Camera and projector in front of a box of 2 m, and slices that resolve time, pixel s' and polarization.
+/// Returns the scene-file text of the camera and projector in front of a box of 2 m, and slices that resolve
+/// time, pixel s' and polarization.
 fn box_of(spp: u32, depth: u32, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nintegrator = \"bidirectional\"\nspp = {spp}\nmax_depth = {depth}\nseed = 0\n\

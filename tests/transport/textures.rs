@@ -3,7 +3,7 @@
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
 
-/// A 4 × 4 picture with no symmetry.
+/// Returns a 4 × 4 picture with no symmetry.
 fn picture() -> image::RgbImage {
     image::RgbImage::from_fn(4, 4, |x, y| {
         let v = |k: u32| ((x * 61 + y * 97 + k * 53 + x * y * 29) % 256) as u8;

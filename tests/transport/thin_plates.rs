@@ -18,14 +18,14 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// A Mueller matrix from amplitudes of s and p, times a factor of power.
+/// Returns a Mueller matrix from amplitudes of s and p, times a factor of power.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {
     let (a, b, c) = ((s * s + p * p) / 2.0, (s * s - p * p) / 2.0, s * p);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c) * factor
 }
 
-/// Reflection and transmission of a plate in s frames: the matrices of the orders, one by one, from Fresnel's
-/// amplitudes.
+/// Returns the reflection and transmission of a plate in s frames: the matrices of the orders, one
+/// by one, from Fresnel's amplitudes.
 fn orders(cos: f64, n: f64) -> [M; 2] {
     let cos_t = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let outer = amplitudes(cos, Complex::new(n, 0.0)).map(|z| z.re);

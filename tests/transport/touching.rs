@@ -24,7 +24,7 @@ fn table(z: f64) -> String {
     )
 }
 
-/// The scene's text, seen from above.
+/// Returns the scene's text, seen from above.
 fn text(objects: &str, more: &str) -> String {
     let camera = Device::ray([0.1, 0.2, 4.0], DVec3::new(0.1, 0.2, 0.0));
     head(60_000, 80, 3) + more + &camera.keys("camera") + MATERIALS + objects + SKY
@@ -37,7 +37,7 @@ fn seen(objects: &str) -> (f64, f64, Vec<String>) {
     (one(render.mean("m")), one(render.std_error("m")), scene.notes.clone())
 }
 
-/// Fresnel's reflectance of unpolarized light, from outside glass of index n.
+/// Returns Fresnel's reflectance of unpolarized light, from outside glass of index n.
 fn fresnel(cos: f64, n: f64) -> f64 {
     let inner = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let (s, p) = ((cos - n * inner) / (cos + n * inner), (n * cos - inner) / (n * cos + inner));
