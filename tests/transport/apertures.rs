@@ -1,6 +1,6 @@
-//! A tank of cloudy water behind glass, without connections. Camera paths hit an emitter of finite size at
-//! random; its size shrinks towards the point light that manifold connections and bidirectional paths connect
-//! to.
+//! Tests a tank of cloudy water behind glass, without connections. Camera paths hit an emitter of
+//! finite size at random; its size shrinks towards the point light that manifold connections and
+//! bidirectional paths connect to.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -54,8 +54,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     })
 }
 
-/// A ball of radius r and constant radiance acts at a distance as a point of intensity π r² times the
-/// radiance; the difference decreases with r².
+/// Tests that a ball of radius r and constant radiance acts at a distance as a point of intensity π
+/// r² times the radiance; the difference decreases with r².
 #[test]
 fn shrinking_lights_become_points() {
     let at = format!("{:?}", LAMP.to_array());

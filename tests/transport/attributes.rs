@@ -1,5 +1,5 @@
-//! Attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo is visible
-//! directly.
+//! Tests attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo
+//! is visible directly.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -33,7 +33,8 @@ fn seen(text: &str, [i, j]: [usize; 2]) -> [f32; 3] {
     [2, 1, 0].map(|l| image.at(&[(Y, j), (X, i), (Wavelength, l), (StokesOut, 0), (StokesIn, 0)]))
 }
 
-/// Colours of vertices are linear over a triangle, so that the mean over a pixel is the value at its centre.
+/// Tests that colours of vertices are linear over a triangle, so that the mean over a pixel is the value at
+/// its centre.
 #[test]
 fn colours_of_vertices_are_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -59,7 +60,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Each face has one colour; a number may be a weight.
+/// Tests that each face has one colour, and that a number can be a weight.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

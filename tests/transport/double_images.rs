@@ -1,5 +1,5 @@
-//! Birefringent crystals: two images with orthogonal polarizations, at the positions of the two rays of wave
-//! theory.
+//! Tests birefringent crystals: two images with orthogonal polarizations, at the positions of the
+//! two rays of wave theory.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
 use crate::support::{Rendered, render_text};
@@ -12,7 +12,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::material::Lanes;
 
-/// Calcite at 550 nm.
+/// Ordinary refractive index of calcite at 550 nm.
 const N_O: f64 = 1.66127;
 const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
@@ -73,8 +73,9 @@ fn faces(n: f64, c: f64, p: bool) -> f64 {
     (1.0 - r * r).powi(2)
 }
 
-/// Normal incidence, the axis at 45° in the plane of x and z: the ordinary image is not shifted, the other
-/// one is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°, calcite's walk-off).
+/// Tests normal incidence with the axis at 45° in the plane of x and z: the ordinary image is not shifted,
+/// and the extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°,
+/// calcite's walk-off).
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();
@@ -95,8 +96,8 @@ fn double_image_of_calcite() {
     }
 }
 
-/// Oblique in the plane of x and z with the axis along y: both rays obey Snell's law, each with its own
-/// index.
+/// Tests oblique rays in the plane of x and z with the axis along y: both rays obey Snell's law,
+/// each with its own index.
 #[test]
 fn slanting_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);
@@ -109,8 +110,8 @@ fn slanting_rays_refract_with_their_own_index() {
     }
 }
 
-/// For any direction: sampled light is realizable and follows Snell's law in its index vector, and both sides
-/// of the face agree on pairs of paths (a ray that entered leaves where it came from).
+/// Tests, for any direction, that sampled light is realizable and follows Snell's law in its index
+/// vector, and both sides of the face agree on pairs of paths (each path and its reverse).
 #[test]
 fn faces_of_a_splitting_crystal() {
     let text = format!(

@@ -1,4 +1,5 @@
-//! Polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's slabs.
+//! Computes polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's
+//! slabs.
 //!
 //! Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma & Hovenier (1987, A&A 183,
 //! 371), with the project's signs. z is the normal of the slab; a direction of travel has cosine ±μ to it and
@@ -144,7 +145,8 @@ pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec
     turn(d, s, x) * matrix * turn(d_in, x_in, s)
 }
 
-/// The same between directions of signed cosine and azimuth, in the frames of their azimuths.
+/// Returns the scattering matrix between directions given by signed cosine and azimuth, in the frames of
+/// these azimuths.
 pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M {
     let [out, into] = [out, into].map(|[mu, phi]| [direction(mu, phi), horizontal(phi)]);
     scattered(scattering, out, into)
@@ -236,7 +238,7 @@ impl Slab {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
-    /// The same slab under a pane that reflects and transmits light of a cosine by these matrices, from
+    /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from
     /// either side; downward light is not computed. Adding, with a layer that keeps directions: between the
     /// two, with upward light U and the light D = P U that the pane returns, U = R (1 + w D).
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
@@ -302,9 +304,9 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
     out
 }
 
-/// A layer so thin that the light inside is the mean of what enters and leaves (Wiscombe 1976, "diamond"):
-/// with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is ((1 - G)/(1 + G) + B w) of
-/// the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
+/// Returns a layer so thin that the light inside is the mean of what enters and leaves (Wiscombe
+/// 1976, "diamond"): with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is
+/// ((1 - G)/(1 + G) + B w) of the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;
@@ -327,8 +329,9 @@ fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: 
     }
 }
 
-/// Two equal layers, each of optical depth `tau`, stacked (Hansen & Travis 1974, eq. 3.10): with downward
-/// light D and upward light U between them, U = R E + R w D, D = T + X R X w U.
+/// Returns the layer that results from stacking two equal layers, each of optical depth `tau` (Hansen &
+/// Travis 1974, eq. 3.10): with downward light D and upward light U between them, U = R E + R w D, D = T + X
+/// R X w U.
 fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     let (r, t) = (&layer.reflect, &layer.transmit);
     let e = |i: usize| (-tau / nodes[i / 4].0).exp();

@@ -1,4 +1,4 @@
-//! Media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
+//! Tests media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;
@@ -28,8 +28,8 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     )
 }
 
-/// exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same in a box of half the
-/// cube, and rotated away from the ray; with nearest-neighbour lookup.
+/// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
+/// in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
 #[test]
 fn what_passes_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -52,7 +52,8 @@ fn what_passes_is_the_exponential_of_the_integral() {
     }
 }
 
-/// A medium that scatters all light shows the surrounding white light, for any density distribution.
+/// Tests that a medium that scatters all light has the radiance of the surrounding white light, for any
+/// density distribution.
 #[test]
 fn furnaces_of_uneven_clouds() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -70,8 +71,8 @@ fn furnaces_of_uneven_clouds() {
     }
 }
 
-/// A grid of equal values is a homogeneous medium, up to rounding along the same paths; the scattering albedo
-/// may also be a grid.
+/// Tests that a grid of equal values is a homogeneous medium, up to rounding along the same paths;
+/// the scattering albedo may also be a grid.
 #[test]
 fn equal_numbers_are_an_even_medium() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -93,7 +94,8 @@ fn equal_numbers_are_an_even_medium() {
     }
 }
 
-/// Both integrators find the same light of a projector in a heterogeneous cloud in front of a wall.
+/// Tests that both integrators find the same light of a projector in a heterogeneous cloud in front of a
+/// wall.
 #[test]
 fn uneven_clouds_are_the_same_from_both_ends() {
     let folder = tempfile::tempdir().expect("a folder");

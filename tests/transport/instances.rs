@@ -1,5 +1,5 @@
-//! Scenes with instances equal those with copies: meshes with smooth normals and textures, metal, filled
-//! glass; rotated, mirrored and stretched, with both integrators.
+//! Tests that scenes with instances equal scenes with copies: meshes with smooth normals and
+//! textures, metal, filled glass; rotated, mirrored and stretched, with both integrators.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;
@@ -159,7 +159,7 @@ fn instances_render_as_copies() {
     compare(&render_scene(&one), &render_scene(&two), 0.02);
 }
 
-/// With bidirectional paths, over mirrors and through glass.
+/// Compares instances with copies by bidirectional paths, over mirrors and through glass.
 #[test]
 fn instances_are_copies_from_both_ends() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Light refracted by smooth interfaces, connected to points behind them: against rays traced in f64, and
-//! against light subpaths.
+//! Tests light that smooth interfaces refract, connected to points behind the interfaces: against
+//! rays traced in f64, and against light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -94,7 +94,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     assert!((bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52, "{bin} {}", time / BIN_PS);
 }
 
-/// A plane-parallel slab between light and wall, at several angles.
+/// Tests a plane-parallel slab between light and wall, at several angles.
 #[test]
 fn flat_slab_bends_light_as_snell_says() {
     for rho in [0.05, 0.5, 1.1] {
@@ -117,7 +117,7 @@ fn flat_slab_bends_light_as_snell_says() {
     }
 }
 
-/// Light through a pane arrives at the right time, to 0.01 ps in scenes of every size.
+/// Tests that light through a pane arrives at the correct time, to 0.01 ps in scenes of every size.
 #[test]
 fn light_through_a_pane_is_on_time() {
     for (scale, rho) in [(1.0, 0.05), (1.0, 0.5), (10.0, 0.05), (10.0, 0.5), (100.0, 0.05), (100.0, 0.5)] {
@@ -194,7 +194,8 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
-/// A ball of glass on the axis between light and wall, weak enough for a single path.
+/// Tests a ball of glass on the axis between light and wall, which refracts so weakly that there is a single
+/// path.
 #[test]
 fn ball_bends_light_as_rays_say() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
@@ -225,8 +226,8 @@ fn walks_agree(text: &str, least: usize) {
     assert!(sharp >= least, "{sharp}");
 }
 
-/// Light subpaths through the same glass, without manifold connections, give the same; also weighted together
-/// with them.
+/// Tests that light subpaths through the same glass, without manifold connections, give the same
+/// light; also weighted together with them.
 #[test]
 fn manifolds_and_walks_agree() {
     let text = head(3000, 8, 5)
@@ -240,7 +241,8 @@ fn manifolds_and_walks_agree() {
     walks_agree(&text, 3);
 }
 
-/// The same through a wave plate of quartz, in front of metal that preserves polarization.
+/// Compares manifold connections with light subpaths through a wave plate of quartz, in front of metal that
+/// preserves polarization.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn manifolds_and_walks_agree_through_crystals() {
@@ -264,7 +266,7 @@ fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Object and light behind the same water: light subpaths cannot connect the path in and out.
+/// Tests an object and a light behind the same water: light subpaths cannot connect the path in and out.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
     // Camera and lamp above the slab; for comparison, the same wall without glass.

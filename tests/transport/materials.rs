@@ -1,5 +1,5 @@
-//! Single materials: samplers follow their densities, weights are values over densities, and light is
-//! reversible.
+//! Tests single materials: samplers follow their densities, weights are values over densities, and
+//! light is reversible.
 
 use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
