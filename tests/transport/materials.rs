@@ -227,8 +227,8 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// The same for matrices between axes, from `value`. Also returns the largest effect of the sign flip, over
-/// M00.
+/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of
+/// the sign flip, divided by M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,

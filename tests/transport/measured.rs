@@ -1,4 +1,5 @@
-//! Measured materials against the material that a table was made from, and properties of their interpolation.
+//! Compares measured materials with the material from which the table was made, and tests properties of their
+//! interpolation.
 
 use crate::materials::{axes, follow_density, is_reciprocal, pair_in_front, surface, toward, weights_agree};
 use crate::optics::M;
@@ -134,7 +135,7 @@ fn tables_converge_to_their_source_at_second_order() {
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
-/// At an entry the table equals its source up to rounding, including frames and cosine.
+/// Tests that at an entry the table equals its source up to rounding, including frames and cosine.
 #[test]
 fn entries_are_the_source() {
     let (bench, source) = (Bench::new(), metal(0.4));
@@ -160,7 +161,7 @@ fn entries_are_the_source() {
     assert!(compared > 300, "{compared}");
 }
 
-/// A table is as reciprocal as its source where both φ_d and φ_d + π are entries.
+/// Tests that a table is as reciprocal as its source where both φ_d and φ_d + π are entries.
 #[test]
 fn reciprocity_is_inherited() {
     let bench = Bench::new();
@@ -168,8 +169,8 @@ fn reciprocity_is_inherited() {
     assert_eq!(is_reciprocal("table", &table, |_| 1.0, pair_in_front, 5e-4), 700);
 }
 
-/// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, with or without
-/// holes at the horizon.
+/// Tests that a table of realizable matrices gives realizable matrices, with or without holes at
+/// the horizon, because interpolation is a convex sum.
 #[test]
 fn realizability_is_inherited() {
     let bench = Bench::new();
@@ -217,8 +218,9 @@ fn the_azimuth_of_the_difference_goes_round() {
     }
 }
 
-/// Holes are left out and the other corners get more weight: a constant stays constant if one corner exists,
-/// and is 0 if none does. An entry with one invalid element is also a hole, only in its own band.
+/// Tests that holes are excluded and the other corners get more weight: a constant stays constant if one
+/// corner exists, and is 0 if none does. An entry with one invalid element is also a hole, only in its own
+/// band.
 #[test]
 fn holes_are_bridged() {
     let bench = Bench::new();

@@ -1,4 +1,5 @@
-//! Polarization optics and devices in f64, written from the project's conventions, independent of the crate.
+//! Implements polarization optics and devices in f64, written from the project's conventions, independent of
+//! the crate.
 
 use crate::support::Rendered;
 use glam::{DVec3, Vec3A};
@@ -17,24 +18,24 @@ pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 /// Vacuum light speed, metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
-/// R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along `d`,
-/// counter-clockwise looking toward the source.
+/// Returns R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along
+/// `d`, counter-clockwise looking toward the source.
 pub fn turn(d: DVec3, from: DVec3, to: DVec3) -> M {
     rotation(to.dot(d.cross(from)).atan2(to.dot(from)))
 }
 
-/// R(θ).
+/// Returns the Mueller matrix R(θ) of a rotation of the basis by θ.
 pub fn rotation(theta: f64) -> M {
     let (s, c) = (2.0 * theta).sin_cos();
     M::new(1., 0., 0., 0., 0., c, s, 0., 0., -s, c, 0., 0., 0., 0., 1.)
 }
 
-/// `axis` projected perpendicular to `d`.
+/// Returns `axis` projected perpendicular to `d`, normalized.
 pub fn project(axis: DVec3, d: DVec3) -> DVec3 {
     (axis - d * axis.dot(d)).normalize()
 }
 
-/// Fresnel amplitudes of reflection (s, p) for the relative index `eta`.
+/// Returns the Fresnel amplitudes of reflection (s, p) for the relative index `eta`.
 pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
     let one = Complex::new(1.0, 0.0);
     let cos_t = (one - Complex::new(1.0 - cos * cos, 0.0) / (eta * eta)).sqrt();
@@ -44,7 +45,7 @@ pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
     [s, p]
 }
 
-/// Fresnel reflection, s-frame on both sides.
+/// Returns the matrix of Fresnel reflection, in s-frames on both sides.
 pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     let [s, p] = amplitudes(cos, eta);
     let (a, b) = ((s.norm_sqr() + p.norm_sqr()) / 2.0, (s.norm_sqr() - p.norm_sqr()) / 2.0);
@@ -72,7 +73,7 @@ pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
 }
 
-/// BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
+/// Returns BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
 pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
     let c = n.dot((wo + wi).normalize());
     let t = c * c * (alpha * alpha - 1.0) + 1.0;
@@ -89,7 +90,7 @@ pub struct Device {
     pub forward: DVec3,
     pub resolution: [u32; 2],
     pub focal: f64,
-    /// k1, k2, k3, p1, p2.
+    /// Distortion coefficients k1, k2, k3, p1, p2.
     pub distortion: [f64; 5],
 }
 
@@ -108,7 +109,7 @@ impl Device {
         Self::look_at(origin, target, [1, 1], 1e7)
     }
 
-    /// Rotated about its axis: image right rotates toward `forward × right` (image down).
+    /// Returns the device rotated about its axis: image right rotates toward `forward × right` (image down).
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
         Self { right, down: self.forward.cross(right), ..self.clone() }
@@ -169,7 +170,7 @@ impl Device {
     }
 }
 
-/// Factor for the samples of tests that use it, from the variable `SAMPLES`.
+/// Returns the factor by which some tests multiply their samples, from the variable `SAMPLES`.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
 }
@@ -238,7 +239,7 @@ pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     assert!(error <= tolerance, "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}");
 }
 
-/// The helper functions reproduce the pinned numbers that fix every sign.
+/// Tests that the helper functions reproduce the pinned numbers that fix every sign.
 #[test]
 fn reflection_has_the_pinned_signs() {
     let gold = reflection(0.5, GOLD);

@@ -1,4 +1,5 @@
-//! Large scenes and small gaps: single precision is exact where it suffices, and other scenes are refused.
+//! Tests large scenes and small gaps: renders are exact if single precision suffices, and other scenes are
+//! refused.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{render_scene, render_text};
@@ -49,9 +50,9 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     image.data.iter().map(|v| f64::from(*v)).sum()
 }
 
-/// A sheet or pane a micrometre in front of a wall transmits as much light as one at a larger distance, at 1,
-/// 10 and 100 m, or the scene is refused with the gap in the message. A sheet slightly farther away than the
-/// message requires works.
+/// Tests that a sheet or pane a micrometre in front of a wall transmits as much light as one at a
+/// larger distance, at 1, 10 and 100 m, or the scene is refused with the gap in the message. A
+/// sheet slightly farther away than the message requires works.
 #[test]
 fn a_micrometre_works_or_is_refused() {
     let straight = DMat3::IDENTITY;
@@ -101,7 +102,8 @@ fn a_micrometre_works_or_is_refused() {
     assert!(works >= 4, "{works}");
 }
 
-/// A rectangle of 200 m under a lamp: radiance to 1e-6 and times to 0.01 ps, wherever the camera looks.
+/// Tests a rectangle of 200 m under a lamp: radiance is accurate to 1e-6 and times to 0.01 ps at all
+/// positions.
 #[test]
 fn two_hundred_metres_are_exact() {
     let lamp = DVec3::new(8.0, -6.0, 48.0);

@@ -1,4 +1,4 @@
-//! Shipped scenes whose light both camera paths and bidirectional paths find: both find the same.
+//! Tests that camera paths and bidirectional paths find the same light in shipped scenes.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples, so that totals reach a given precision.
 

@@ -1,4 +1,4 @@
-//! Multiple scattering in plane-parallel slabs: the tracer against doubling, all 16 elements.
+//! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, all 16 elements.
 //!
 //! The slab is a wide cube with a null boundary, z = -τ to 0, with a mean free path of 1 m. A projector so
 //! far away that its light is parallel illuminates it, and a single ray sees it. Media have index 1; spheres
@@ -16,9 +16,9 @@ use sunstone::transport::medium::size_distribution::SizeDistribution;
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
-/// Half width of the slab, m: light does not return from there.
+/// Half width of the slab in metres, so large that no light returns from its sides.
 const HALF: f64 = 40.0;
-/// Distance of the projector, m.
+/// Distance of the projector in metres.
 const FAR: f64 = 2e4;
 
 pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
@@ -54,7 +54,7 @@ pub fn phase(diameter_nm: Option<f64>) -> String {
 struct View {
     mu_in: f64,
     phi_in: f64,
-    /// Negative: seen from below.
+    /// Signed cosine of the direction of view against z; negative if the slab is seen from below.
     mu: f64,
     phi: f64,
 }
@@ -151,7 +151,7 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
     View { mu_in, phi_in, mu, phi }
 }
 
-/// Oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
+/// Tests oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
 #[test]
 fn rayleigh_slabs_are_as_doubling_says() {
     let light = [0.6, 25.0];
@@ -166,7 +166,8 @@ fn rayleigh_slabs_are_as_doubling_says() {
     }
 }
 
-/// Spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered forward.
+/// Tests spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered
+/// forward.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_are_as_doubling_says() {

@@ -1,4 +1,5 @@
-//! The 25 shipped stand-ins: realizable Mueller matrices and energy conservation.
+//! Tests the 25 built-in substitutes for measured materials: realizable Mueller matrices and energy
+//! conservation.
 
 use crate::optics::surface_at;
 use glam::Vec3A;

@@ -1,5 +1,5 @@
-//! Strategies can be disabled: light that several strategies find stays the same, with less noise if all are
-//! enabled.
+//! Tests disabled strategies: light that several strategies find stays the same, with less noise if
+//! all are enabled.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -110,7 +110,8 @@ fn light_leaves_stones() {
     }
 }
 
-/// Bidirectional paths without one strategy whose paths other strategies also find: weights still sum to one.
+/// Tests bidirectional paths without one strategy whose paths other strategies also find: weights still sum
+/// to one.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn others_take_over() {

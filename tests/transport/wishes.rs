@@ -24,9 +24,9 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the origin, camera
-/// and projector 50 away and 9° to either side, was black under the projector if its material was a measured
-/// table. Here it equals the metal that the table was made from.
+/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the
+/// origin, with camera and projector 50 m away and 9° to either side, was black under the projector
+/// if its material was a measured table. Here it equals the metal that the table was made from.
 #[test]
 fn measured_materials_under_a_projector() {
     let folder = folder();
