@@ -32,7 +32,7 @@ macro_rules! any_of {
 }
 pub(super) use any_of;
 
-/// Implements [`JsonSchema`] for a value: name and schema.
+/// Implements `JsonSchema` for a value: name and schema.
 macro_rules! schema {
     ($value:ident, $name:literal, $schema:expr) => {
         impl JsonSchema for $value {
