@@ -227,7 +227,7 @@ impl Place {
         values.next().is_none().then_some(fit)
     }
 
-    /// Writes the results; an error is only logged. A file with other contents than a cache is not
+    /// Writes the results; an error is only logged. A file that is not a cache file is not
     /// overwritten.
     pub fn write(&self, fit: &mut Fit) {
         let foreign = match std::fs::read(&self.path) {
