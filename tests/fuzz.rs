@@ -1,5 +1,5 @@
-//! No text makes the program panic, hang or request excessive memory. Every scene that builds renders to
-//! finite values.
+//! Tests that no text makes the program panic, hang or request excessive memory, and that every
+//! scene that builds renders to finite values.
 
 mod harness;
 #[path = "fuzz/pbsdf.rs"]
@@ -21,7 +21,7 @@ use sunstone::figure_file::Source;
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 
-/// Allocator that records the largest requested allocation, of all threads and of each.
+/// Allocator that records the largest requested allocation of each thread and of all threads.
 struct Watched;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
@@ -52,10 +52,10 @@ fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Largest allowed allocation: an epipolar table of 2^24 pixels, doubled while it grows.
+/// Largest allowed allocation in bytes: an epipolar table of 2^24 pixels, whose size doubles while it grows.
 const MEMORY: usize = 1 << 30;
 
-/// Time limit for all mutations together; a slow machine tests fewer.
+/// Time limit for all mutations together; a slow machine tests fewer mutations.
 const BUDGET: Duration = Duration::from_secs(30);
 
 /// Time limit for one text.
@@ -85,8 +85,8 @@ name = "photo"
 view.photo = { slice = "conventional" }
 "#;
 
-/// The mirror room with `slices` at 8 × 8 pixels, with a lens and a lamp and without its meshes, which would
-/// be read thousands of times.
+/// Returns the mirror room with `slices` at 8 × 8 pixels, with a lens and a lamp and without its
+/// meshes, which would be read thousands of times.
 fn room() -> String {
     let whole = mirror_room(8, 8, 1, 8, SLICES);
     let mut parts: Vec<&str> = whole.split("[[objects]]").collect();
@@ -149,7 +149,7 @@ fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, I
     }
 }
 
-/// Renders a scene if it is small; returns whether it did.
+/// Renders a scene if it is small, and returns whether the scene was rendered.
 fn render_if_small(mut scene: Scene) -> bool {
     let small = |r: [u32; 2], n: u32| r[0] <= n && r[1] <= n;
     let bins = |s: &sunstone::tensor::slice::Slice| match s.time {
@@ -180,12 +180,12 @@ fn render_if_small(mut scene: Scene) -> bool {
 /// One change to a text. Fractions select among all numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
-    /// Replaces a number by this text.
+    /// Replaces a number by a text.
     Number(f64, &'static str),
-    /// Replaces a line, or a word, by another; the first line by none.
+    /// Replaces a line or a word by another line or word.
     Line(f64, f64),
     Word(f64, f64),
-    /// Replaces characters by this one.
+    /// Replaces a number of characters by one character or by none.
     Cut(f64, usize, Option<char>),
 }
 
@@ -222,8 +222,8 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Byte ranges of the longest runs of characters that satisfy `inside` and begin with one that satisfies
-/// `first`.
+/// Returns the byte ranges of the longest runs of characters that satisfy `inside` and begin with
+/// one that satisfies `first`.
 fn runs(text: &str, inside: impl Fn(char) -> bool, first: impl Fn(char) -> bool) -> Vec<Range<usize>> {
     let mut start = 0;
     let mut out = vec![];
@@ -328,7 +328,7 @@ fn mutated_scenes_build_or_say_why_and_render_finite() {
     assert!(count(drawn) > 30 && count(refused) > 30, "the mutations are too tame or too wild");
 }
 
-/// A template of every kind of parameter.
+/// A table `[vary]` with every kind of parameter.
 const VARY: &str = r#"
 [vary.colour]
 path = "materials.white.diffuse.albedo"
@@ -349,8 +349,8 @@ path = "camera.pose.look_at.origin.1"
 range = { min = 0.9, max = 1.1 }
 "#;
 
-/// After any mutation of a template, every variant is a scene or one message with a location. Equal numbers
-/// give equal scenes.
+/// Tests that after any mutation of `[vary]`, every variant is a scene or gives one message with a
+/// location, and that equal numbers give equal scenes.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mutated_templates_vary_or_say_why() {
@@ -392,7 +392,7 @@ fn mutated_figure_files_are_read_or_say_why() {
     });
 }
 
-/// Sizes that are valid one by one must not multiply to more memory than a machine has.
+/// Tests that sizes that are valid individually do not together request more memory than a machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();
@@ -425,8 +425,8 @@ fn huge_sizes_are_bounded_or_refused() {
     assert!(LARGEST.load(Ordering::Relaxed) < 1 << 27);
 }
 
-/// Replaces every value in the metadata of a store, and its coordinates, one by one. Commands that read
-/// stores give a result or an error message. (Tests of the library cover worse damage.)
+/// Replaces every metadata value and every coordinate of a store, one by one. Tests that commands
+/// that read stores give a result or an error message.
 #[test]
 fn commands_survive_edited_stores() {
     use serde_json::{Value, json};

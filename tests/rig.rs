@@ -1,5 +1,5 @@
-//! Interrupted sessions: runs of the simulated rig that are killed at random times, or disturbed on purpose,
-//! and resumed, are byte-identical to an undisturbed run.
+//! Tests interrupted sessions. Runs of the simulated rig are killed at random times or disturbed on
+//! purpose. After a resume, they are byte-identical to an undisturbed run.
 //!
 //! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24), `SUNSTONE_DAMAGE=10000` the number of damaged runs
 //! (CI: 400); `-- --nocapture` prints the table of faults.
@@ -64,7 +64,7 @@ bin_ps = 25
 laser_power = 0.9
 ";
 
-/// The same scan with time tags.
+/// Returns the same scan with time tags.
 fn tagged() -> String {
     SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
 }
@@ -103,7 +103,7 @@ impl Bench {
         self.command(plan, store, rest).output().expect("runs")
     }
 
-    /// The content of a finished store: all files except the journal, which differs between runs.
+    /// Returns the content of a finished store: all files except the journal, which differs between runs.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
         let verified = program().arg("verify").arg(&root).output().expect("runs");
@@ -149,7 +149,7 @@ fn assert_same(a: &[(PathBuf, Vec<u8>)], b: &[(PathBuf, Vec<u8>)], what: &str) {
     }
 }
 
-/// Numbers of the frames that the journal records as taken.
+/// Returns the numbers of the frames that the journal records as taken.
 fn noted(store: &Path) -> Vec<u32> {
     let text = std::fs::read_to_string(store.join(".session.jsonl")).expect("a journal");
     let events = text.lines().filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
@@ -157,7 +157,8 @@ fn noted(store: &Path) -> Vec<u32> {
     frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
 }
 
-/// Kills at random times, each resumed: no frame is lost, and none is in the store twice.
+/// Kills a run at random times and resumes it. Tests that no frame is lost and that no frame is in the store
+/// twice.
 #[test]
 fn kills_lose_nothing() {
     let kills: u32 = std::env::var("SUNSTONE_KILLS").map_or(24, |n| n.parse().expect("a number"));
@@ -224,7 +225,7 @@ fn kills_lose_nothing() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// Fault, place and time; and whether the session must end, with part of its message.
+/// Fault, instrument, time, and a part of the message if the session must end.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -261,8 +262,8 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
-/// After every fault the session recovers, or ends with one clear error and all data safe. Resumed on an
-/// intact rig, the bytes are equal.
+/// Tests that after every fault the session recovers, or ends with one error without data loss.
+/// After a resume on an intact rig, the bytes are equal.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn faults_lose_nothing() {
@@ -315,8 +316,8 @@ fn faults_lose_nothing() {
     }
 }
 
-/// Histograms of time tags equal those of a counter that makes them itself, bit for bit. The kept files, read
-/// by `sunstone ptu`, also give them.
+/// Tests that histograms of time tags are bit-identical to those of a counter that computes
+/// histograms, and that `sunstone ptu` computes the same histograms from the stored files.
 #[test]
 fn time_tags_have_the_histograms() {
     let bench = Bench::new("");
@@ -365,7 +366,7 @@ fn time_tags_have_the_histograms() {
     refused(&output, 2, "`time_tags` with 40000 bins");
 }
 
-/// Shape and values of an array of unsigned 32-bit integers.
+/// Returns the shape and values of an array of unsigned 32-bit integers.
 fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     let bytes = std::fs::read(path).expect("reads");
     let length = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -378,8 +379,8 @@ fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, words.iter().map(|b| u32::from_le_bytes(*b)).collect())
 }
 
-/// Two sessions on one path, a different plan, and a finished store are refused with a message, and nothing
-/// is changed.
+/// Tests that two sessions on one path, a different plan, and a finished store are refused with a
+/// message, and that no file changes.
 #[test]
 fn what_cannot_be_resumed_is_refused() {
     let bench = Bench::new("");
@@ -399,7 +400,7 @@ fn what_cannot_be_resumed_is_refused() {
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
 
-/// A missing table of a laser, and an invalid one, are reported with the location in the rig file.
+/// Tests that a missing or invalid laser table is reported with the location in the rig file.
 #[test]
 fn a_laser_without_a_table_is_told() {
     let bench = Bench::new("");
@@ -410,8 +411,8 @@ fn a_laser_without_a_table_is_told() {
     assert!(!bench.path("s.zarr").exists());
 }
 
-/// Mirrors behind an analog output card take the same frames as a simulated scanner: the card's 16 bits over
-/// ±10 V, at 0.8 V per degree, are its steps. Faults of the card are survived.
+/// Tests that mirrors behind an analog output card (16 bits over ±10 V, 0.8 V per degree) take the
+/// same frames as a simulated scanner, and that the session recovers from faults of the card.
 #[test]
 fn an_analog_galvo_takes_the_same_frames() {
     let sound = Bench::new("");
@@ -456,8 +457,8 @@ fn an_analog_galvo_takes_the_same_frames() {
     }
 }
 
-/// A counter with a missing library, and settings that no board supports, are reported before anything is
-/// captured.
+/// Tests that a counter with a missing library, and settings that no board supports, are reported
+/// before the first capture.
 #[test]
 fn a_counter_without_its_library_is_told() {
     let bench = Bench::new("");
@@ -474,7 +475,7 @@ fn a_counter_without_its_library_is_told() {
     }
 }
 
-/// A camera without support in this build is reported, with the feature to build.
+/// Tests that the error for a camera without support in this build names the Cargo feature to enable.
 #[cfg(not(feature = "usb3_vision"))]
 #[test]
 fn a_camera_of_another_build_is_told() {
@@ -495,15 +496,15 @@ fn said(words: &[&str], paths: &[&Path]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// A value and its error from a printed line.
+/// Returns a value and its error from a printed line.
 fn stated(message: &str, name: &str) -> [f64; 2] {
     let line = message.lines().find(|l| l.starts_with(name)).unwrap_or_else(|| panic!("{name}: {message}"));
     let words: Vec<f64> = line[name.len()..].split([' ', ',']).filter_map(|w| w.parse().ok()).collect();
     [words[0], words.get(1).copied().unwrap_or(f64::NAN)]
 }
 
-/// A plane scanned with a simulated counter gives its response and its time zero, to 5 sigma; rig files
-/// accept the result.
+/// Tests that the scan of a plane with a simulated counter gives the counter's response and time
+/// zero within 5 sigma, and that rig files accept the result.
 #[test]
 fn a_scanned_plane_calibrates_the_counter() {
     let bench = Bench::new("");
@@ -565,7 +566,8 @@ fn a_scanned_plane_calibrates_the_counter() {
     }
 }
 
-/// Dark and lit frames of a simulated camera give its gain, read noise, black level and dark current.
+/// Tests that dark and lit frames of a simulated camera give the camera's gain, read noise, black level and
+/// dark current.
 #[test]
 fn still_frames_calibrate_the_sensor() {
     let bench = Bench::new("");
@@ -624,7 +626,7 @@ fn still_frames_calibrate_the_sensor() {
     one_file_for_all(&bench, &out);
 }
 
-/// Adds the elements to the file that has the sensor; everything that reads calibrations accepts it.
+/// Adds the elements to the file that has the sensor; tests that all readers of calibrations accept the file.
 fn one_file_for_all(bench: &Bench, file: &Path) {
     let sensor = std::fs::read_to_string(file).expect("reads");
     let plan = CAMERA

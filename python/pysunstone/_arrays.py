@@ -1,4 +1,4 @@
-"""Conversion of arguments to the arrays that the extension accepts."""
+"""Converts arguments to the arrays that the extension accepts."""
 
 from __future__ import annotations
 

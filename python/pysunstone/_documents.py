@@ -1,4 +1,4 @@
-"""Conversion of dicts with the keys of Sunstone's files to JSON for the extension."""
+"""Converts dicts with the keys of Sunstone's files to JSON for the extension."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Transfer of scenes with all their files to workers that do not share a file system."""
+"""Transfers scenes with all their files to workers that do not share a file system."""
 
 # pyright: basic
 from __future__ import annotations
@@ -24,7 +24,7 @@ ATTEMPTS = 20
 
 @dataclass(frozen=True)
 class Luggage:
-    """Text and files of a scene, as they are unpacked into a folder.
+    """Text and files of a scene, to be unpacked into a folder.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Luggage:
 
     @property
     def key(self) -> str:
-        """Hash of the text and all files."""
+        """Return a hash of the text and all files."""
         all_of_it = hashlib.sha256()
         for name, content in [(self.file, self.text.encode()), *sorted(self.files.items())]:
             for piece in (name.encode(), content):
@@ -51,7 +51,7 @@ class Luggage:
         return all_of_it.hexdigest()
 
     def unpack(self, folder: Path) -> None:
-        """Unpack into a new folder, which appears complete or not at all."""
+        """Unpack the scene atomically into a new folder."""
         if folder.exists():
             return
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -99,7 +99,7 @@ def variant_of(scene: Scene) -> int | None:
 
 
 def folder_of(worker: Any, name: str) -> Path:
-    """Return a folder of a worker that is deleted together with the worker."""
+    """Return a folder on a worker that is deleted when the worker ends."""
     return Path(worker.local_directory) / name
 
 

@@ -1,4 +1,4 @@
-"""Progress reports for users."""
+"""Reports progress to users."""
 
 from __future__ import annotations
 

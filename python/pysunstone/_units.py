@@ -1,4 +1,4 @@
-"""Units of work for renders with Dask: what one task renders, and how all units finish although workers may die."""
+"""Units of work for renders with Dask: the work of one task, and retries if workers die."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Made:
-    """Cost of making a unit: zero if it existed already."""
+    """Cost of making a unit; zero if the unit existed already."""
 
     seconds: float
     samples: int
@@ -124,7 +124,7 @@ class Unit:
     threads: int
 
     def __call__(self) -> Made:
-        """Make the unit unless it exists already."""
+        """Make the unit, unless the unit exists already."""
         begun = time.perf_counter()
         if "://" in self.place:
             # A store at an address appears under its final name immediately and is locked while it is written. Resuming keeps the
@@ -205,7 +205,7 @@ class Meter:
 
 
 def finish(client: Any, units: Sequence[Unit], progress: Callable[[int, int], None] | None, meter: Meter) -> None:
-    """Make all units, even if workers die."""
+    """Make all units; repeat units whose worker died."""
 
     def made(finished: int, of: int, made: Any) -> None:
         meter.made(finished, of, made)

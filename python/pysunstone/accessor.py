@@ -89,7 +89,7 @@ class SunstoneArray:
             ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states along a new axis `state`.
             Contracts `stokes_in`; `stokes_out` of the result is the Stokes vector at the camera.
         pulse
-            Full width at half maximum of a Gaussian pulse, picoseconds, or samples of a pulse at the slice's bin width. Light
+            Full width at half maximum of a Gaussian pulse in picoseconds, or samples of a pulse at the slice's bin width. Light
             that the pulse moves out of the bins is lost (a data set keeps it as `shifted_out`).
         sum
             Axes to sum over.
@@ -132,7 +132,7 @@ class SunstoneArray:
         Returns
         -------
         xarray.DataArray
-            Without the axis `stokes_out`; NaN where there is no light. Noise biases it upwards where light is weak.
+            Without the axis `stokes_out`; NaN for pixels without light. Noise biases the degree upwards in dark pixels.
         """
         return _degree(self._data, kind)
 
@@ -206,11 +206,11 @@ class SunstoneArray:
         noise
             Standard deviation of the intensities' noise.
         saturation
-            Intensities at or above this value are left out; NaN intensities always are.
+            Intensities at or above this value are excluded. NaN intensities are always excluded.
         realizable
             Replace each matrix by the nearest realizable one (Cloude).
         errors
-            Propagate errors from `variance` or `noise`, or else from the residuals of the fit, which requires more than 16
+            Propagate errors from `variance` or `noise`; without these, from the residuals of the fit, which requires more than 16
             measurements.
         prior
             Second moment of the expected matrices, (16, 16), or its file; requires `noise`.
@@ -391,7 +391,7 @@ class SunstoneDataset:
 
 @xr.register_datatree_accessor("sunstone")  # type: ignore[no-untyped-call]
 class SunstoneTree(SunstoneDataset):
-    """Operations on the tree node of a slice; equal to those on its data set.
+    """Operations on the tree node of a slice, equal to the operations on the slice's data set.
 
     Parameters
     ----------

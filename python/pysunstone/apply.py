@@ -1,4 +1,4 @@
-"""Applications of the tensor, after Baek & Heide 2021, with baselines; shape reconstruction on your own arrays.
+"""Applications of the tensor (Baek & Heide 2021) with baselines, and shape reconstruction from your own arrays.
 
 `run` renders the scenes of an application, fits every method on the training variants and evaluates it on the test variants, as
 `sunstone apply`. Functions on images alone: codes of structured light (`patterns`, `decode`), triangulation (`depth`), and
@@ -66,7 +66,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Report:
-    """Scores of the methods of an application.
+    """Scores of an application's methods.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Report:
         same renders) and ``difference_std_error``; these are NaN for the first method. Errors are NaN if there is a single
         variant.
     captured
-        The same tables for slices as a rig captures them, by the name of the capture chain.
+        The same tables for slices that a simulated rig captures, by the name of the capture chain.
     notes
         Remarks for the reader.
     pictures
@@ -136,7 +136,7 @@ def run(
     output: Path | None = None,
     progress: bool | Progress | None = None,
 ) -> Report:
-    """Run an application, as `sunstone apply`: minutes as a preview, hours in full.
+    """Run an application, as `sunstone apply` does. A preview takes minutes, a full run hours.
 
     Ctrl-C stops the run; finished renders are kept.
 
@@ -147,7 +147,7 @@ def run(
     scenes
         Folder of the scenes that come with Sunstone; by default ``scenes`` in the working folder or in a folder above it.
     renders
-        Folder of the renders. They are kept, and finished ones are not rendered again.
+        Folder of the renders. Renders are kept, and finished renders are not repeated.
     preview
         Render small, noisy images.
     seeds
@@ -302,7 +302,7 @@ def depth(devices: Devices, column: npt.ArrayLike) -> Array:
 def normals(devices: Devices, depth: npt.ArrayLike, *, radius: int = 2, robust: bool = True) -> Array:
     """Return normals (rows, columns, 3) of depths.
 
-    Each is the normal of a plane through a window of 2·``radius`` + 1 pixels, fitted with Tukey's biweight if ``robust``.
+    Each normal is that of a plane through a window of 2·``radius`` + 1 pixels, fitted with Tukey's biweight if ``robust``.
     """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_depth(native, _image("depth", depth), radius, robust)
@@ -335,7 +335,7 @@ def polarization_cues(
 def polarization_normals(devices: Devices, cues: npt.ArrayLike, guess: npt.ArrayLike) -> Array:
     """Return normals (rows, columns, 3) from `polarization_cues`.
 
-    Of the two normals that the cues allow, the one nearer to ``guess`` is returned, for example normals of a coarse scan.
+    The cues allow two normals. Returns the normal nearer to ``guess``, such as the normal of a coarse scan.
     """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_cues(native, _image("cues", cues, (3,)), _image("guess", guess, (3,)))

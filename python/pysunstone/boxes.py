@@ -1,4 +1,4 @@
-"""Device pixels of each entry of an axis. Coordinates are pixel indices; that of a bin is their mean (CONVENTIONS.md)."""
+"""Computes the device pixels of each axis entry. The coordinate of a bin is the mean of its pixel indices (CONVENTIONS.md)."""
 
 # pyright: basic
 from __future__ import annotations
@@ -18,7 +18,7 @@ def bins(centres: npt.ArrayLike, pixels: int | None = None) -> list[tuple[int, i
         Coordinates of the entries, in pixels, increasing.
     pixels
         Pixels per bin, if known. 1 means that entries are single pixels, even if they are not consecutive. If unknown,
-        consecutive whole coordinates are pixels, and fractional ones are bins that tile the axis from pixel 0.
+        consecutive integer coordinates are pixels, and fractional coordinates are bins that tile the axis from pixel 0.
 
     Raises
     ------

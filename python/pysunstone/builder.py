@@ -50,12 +50,12 @@ class SceneBuilder:
         return self
 
     def camera(self, origin: Any = None, target: Any = None, **keys: Any) -> SceneBuilder:
-        """Set the camera, at ``origin`` and looking at ``target`` (metres), or with a ``pose`` among its keys."""
+        """Set the camera, with ``origin`` and ``target`` (metres), or with the key ``pose``."""
         self._document["camera"] = _posed(origin, target, keys)
         return self
 
     def projector(self, origin: Any = None, target: Any = None, **keys: Any) -> SceneBuilder:
-        """Set the projector, placed like the camera."""
+        """Set the projector, with the same arguments as for the camera."""
         self._document["projector"] = _posed(origin, target, keys)
         return self
 
@@ -81,7 +81,7 @@ class SceneBuilder:
         return self.object(shape={"ply": {"file": name}}, **keys)
 
     def image(self, name: str, pixels: Any) -> SceneBuilder:
-        """Add an image for the textures and slices that name it; see `Scene.from_dict`."""
+        """Add an image under a name that textures and slices use; see `Scene.from_dict`."""
         self._images[name] = pixels
         return self
 

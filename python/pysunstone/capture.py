@@ -26,7 +26,7 @@ class Scheme:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scheme:
-        """Read a scheme file: CSV if the file name says so, else TOML."""
+        """Read a scheme file: CSV if the name ends in ``.csv``, else TOML."""
         return cls(_native.Scheme.load(path))
 
     @classmethod
@@ -55,7 +55,7 @@ class Scheme:
 
     @property
     def name(self) -> str:
-        """Short name."""
+        """Name of the scheme."""
         return self._native.name
 
     @property
@@ -70,7 +70,7 @@ class Scheme:
 
     @property
     def bound(self) -> float:
-        """Lowest error variance that this number of captures allows."""
+        """Lower bound of the error variance for the scheme's number of captures."""
         return self._native.bound
 
     def quality(self, wavelength_nm: float = 550.0) -> dict[str, float]:
@@ -146,7 +146,7 @@ def simulate(
         Horizontal field of view of a pinhole: light passes plates and mirrors in the direction of each pixel. By default all
         light passes along the axis.
     bin_ps
-        Width of time bins, which are then the third axis. A ``spad`` needs it.
+        Width of the time bins in picoseconds; time is then the third axis. Required for a ``spad``.
     variance
         Also return variances, as a camera reports them (infinite where saturated).
 
@@ -236,7 +236,7 @@ def reconstruct(
     variance
         Variances of the intensities, of the same shape, used as weights.
     wavelengths_nm
-        One wavelength for all, or one for each entry of the last axis.
+        One wavelength for all intensities, or one for each entry of the last axis.
     noise
         Standard deviation of the intensities, for errors, if there are no variances.
     saturation

@@ -12,7 +12,7 @@ __all__ = ["CommandError", "find", "run"]
 
 
 class CommandError(ValueError):
-    """The command failed or was not found; the text is the command's message."""
+    """Error if the command failed or was not found; the text is the command's message."""
 
 
 def find() -> str:
@@ -34,7 +34,7 @@ def run(*words: object, command: str | None = None, tied: bool = False) -> str:
     words
         Arguments of the command.
     command
-        The command; by default the result of `find`.
+        Path of the command; by default the result of `find`.
     tied
         End the command when this process ends, where the operating system supports it.
 

@@ -1,7 +1,7 @@
 """Contraction of slices of T with projector patterns and Stokes states, I = Σ T P over s' and p', and convolution with a pulse
 along t.
 
-The theory is that of Baek & Heide 2021 (`eq:general_light_transport`). The sums equal those of `sunstone probe`, on xarray
+The theory is that of Baek & Heide 2021 (`eq:general_light_transport`). The sums equal the results of `sunstone probe`, on xarray
 arrays. They are lazy for lazy arrays and use double precision; results are float32, as in stores.
 
 **Standard errors.** The elements of one camera pixel are estimated from the same samples and may have any correlation. A weighted
@@ -138,7 +138,7 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     pulse
         Full width at half maximum of a Gaussian, picoseconds, or samples at the slice's bin width, the first without delay.
     bin_ps
-        Width of a bin, picoseconds.
+        Width of a bin in picoseconds.
     """
     shape = real("pulse", pulse, np.float64)
     if shape.ndim == 0:
@@ -180,7 +180,7 @@ def _smear(pulse: float | npt.ArrayLike, data: xr.DataArray) -> tuple[xr.DataArr
 
 
 def _dot(data: xr.DataArray, weights: xr.DataArray, dims: Sequence[Hashable], errors: Errors | None) -> xr.DataArray:
-    """Return Σ w x over dimensions, or its error."""
+    """Return Σ w x over dimensions, or the standard error of the sum."""
     data = data.astype(float)
     result: xr.DataArray
     if errors == "independent":

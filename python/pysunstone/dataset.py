@@ -42,7 +42,7 @@ _UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad"
 
 
 class DatasetError(StoreError):
-    """A data set cannot be made or read; the text gives the reason and the fix."""
+    """Error if a data set cannot be made or read; the text gives the reason and the fix."""
 
 
 def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def make(
     spp
         Samples per pixel, instead of the scene's.
     seed
-        Variant K is rendered with the seed `seed` + K, so that no two samples have the same noise.
+        Variant K is rendered with the seed `seed` + K, so that all samples have different noise.
     std_error
         Also keep standard errors.
     threads
@@ -187,7 +187,7 @@ def _make(
 
 
 def _sweep(path: Path) -> None:
-    """Remove files that a killed Zarr process left: it writes under names like these and then renames them."""
+    """Remove the temporary files that a killed Zarr process left."""
     for file in path.rglob("*.partial"):
         if re.fullmatch(r".*\.[0-9a-f]{32}\.partial", file.name):
             file.unlink(missing_ok=True)
@@ -251,7 +251,7 @@ def _rendered(
 
 
 def _value(text: str) -> Any:
-    """Parse a value of a scene file: numbers and lists of numbers as such, anything else as text."""
+    """Parse a value of a scene file to a number or a list of numbers; other values stay text."""
     try:
         return json.loads(text)
     except ValueError:
@@ -345,7 +345,7 @@ def _grown(group: zarr.Group, field: str, values: xr.DataArray, samples: int) ->
 
 
 def _finish(path: Path, content: dict[str, Any]) -> None:
-    """Write the coordinates of the samples, all of which are known now, and the consolidated metadata."""
+    """Write the coordinates of all samples and the consolidated metadata."""
     samples = content["samples"]
     root = _group(path)
     for name in content["settings"]["slices"]:
@@ -406,7 +406,7 @@ def open_dataset(path: str | os.PathLike[str], *, unfinished: bool = False, chun
     path
         Folder of the data set.
     unfinished
-        Also open a data set that lacks samples; missing samples are left out.
+        Also open a data set with missing samples; missing samples are omitted.
     chunks
         ``"auto"``: Dask arrays in pieces of the stored chunks if Dask is installed. ``None``: no Dask.
 

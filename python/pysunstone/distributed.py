@@ -1,4 +1,4 @@
-"""Renders on many processes or machines with Dask.
+"""Distributes renders over processes or machines with Dask.
 
 A unit of work is a part of one render: some of its tiles (``sunstone render --part K/N``). It is a pure function of scene,
 options and part. Retries, dying workers and duplicate runs therefore do not change the result. In a folder, a part is written to
@@ -76,7 +76,7 @@ class Job:
 
     @property
     def store(self) -> str:
-        """Name of its store."""
+        """Name of the render's store."""
         if self.name is not None:
             return f"{self.name}.zarr"
         name = Path(self.scene).resolve().parent.name
@@ -89,7 +89,7 @@ class Job:
         return [str(Path(self.scene).resolve()), *self.choices()]
 
     def choices(self) -> list[str]:
-        """The same arguments without the scene."""
+        """Arguments of ``sunstone render`` without the scene."""
         words = ["--no-figures"]
         for name in ("spp", "seed", "variant", "integrator"):
             value = getattr(self, name)
@@ -199,7 +199,7 @@ def render(
         meter = Meter(on, str(place.path), report, target_error)
 
         def parts_of(options: Sequence[str], into: str) -> list[str]:
-            """Render all parts and return their places."""
+            """Render all parts and return the paths or addresses of their stores."""
             units: list[Unit] = []
             for number in range(1, count + 1):
                 own = [*source.words, *options, "--part", f"{number}/{count}", "--light"]
@@ -248,7 +248,7 @@ class _Folder:
         return self.join(key, "light")
 
     def rounds(self, key: str) -> tuple[str, str]:
-        """Return the folder of the rounds, and the store that they are merged into."""
+        """Return the folder of the rounds, and the store into which the rounds are merged."""
         return self.join(key, "whole.zarr.rounds"), self.join(key, "whole.zarr")
 
     def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
@@ -324,10 +324,10 @@ def _to_error(
     meter: Meter,
     overwrite: bool,
 ) -> None:
-    """Render rounds until no more are needed, and pool them."""
+    """Render rounds until the target error is reached, and pool the rounds."""
 
     def ask(*more: str) -> str:
-        """Ask a worker, which has the scene."""
+        """Run the command on a worker that has the scene, and return the output."""
         return once(client, Command(asked.command, (*asked.words, *more), asked.below))
 
     rounds, whole = place.rounds(key)

@@ -21,7 +21,7 @@ _Numbers = npt.NDArray[np.float64]
 
 
 def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _Numbers, _Numbers]:
-    """Return the axes as columns, centre, focal lengths, principal point."""
+    """Return the axes (columns), centre (metres), focal lengths and principal point (pixels) of a device."""
     if "pixels_per_m" in device:
         raise ValueError(f"the {name} is orthographic: it has no centre, and therefore no epipolar lines")
     if any(device.get("distortion", {}).values()):
@@ -42,7 +42,7 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
     camera, projector
         Devices, as in the root attributes `camera` and `projector` of a store.
     y, x
-        Pixel indices of the camera. Centres of bins give the lines of those centres.
+        Pixel indices of the camera. The centre of a bin gives the line of that centre.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Mueller images for PyTorch from a data set of variants. This module does not import PyTorch."""
+"""Reads Mueller images for PyTorch from a data set of variants. This module does not import PyTorch."""
 
 # pyright: basic
 from __future__ import annotations
@@ -26,7 +26,7 @@ class MuellerImages:
     slice
         The slice to read.
     parameters
-        Names of the parameters to return, in this order; by default all numeric ones.
+        Names of the parameters to return, in this order; by default all numeric parameters.
     wavelength
         Nanometres: return only the nearest wavelength.
     normalized

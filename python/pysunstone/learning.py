@@ -1,4 +1,4 @@
-"""Learned capture schemes: settings that minimize the expected reconstruction error."""
+"""Learns capture schemes: settings that minimize the expected reconstruction error."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Materials:
 
     @classmethod
     def load(cls, path: Path) -> Materials:
-        """Load a prior's file, as `save` and `sunstone learn --save-prior` write it."""
+        """Load a prior from a file of `save` or `sunstone learn --save-prior`."""
         return cls(_native.LearningData.load(path))
 
     def save(self, path: Path, name: str = "materials") -> None:
@@ -94,7 +94,7 @@ class Materials:
 
 @dataclass(frozen=True)
 class Descent:
-    """One search for a scheme.
+    """One search of the optimizer for a scheme.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Descent:
     loss
         The lowest loss found.
     history
-        The loss at every evaluation; infinite where a scheme has none.
+        The loss at every evaluation; infinite for schemes without a finite loss.
     """
 
     name: str
@@ -198,7 +198,7 @@ def learn(
     polarizer_array
         The sensor has polarizers on its pixels.
     template
-        Learn the settings of this scheme, with its optics.
+        Learn the settings of this scheme; the optics of the scheme do not change.
     estimator
         Estimator of the matrices: ``"least-squares"``, or ``"prior"`` (minimum expected error, given the second moment).
     noise

@@ -1,4 +1,4 @@
-"""Import of Mitsuba 3 scenes: dicts as for ``mi.load_dict``, XML and JSON."""
+"""Imports Mitsuba 3 scenes: dicts as for ``mi.load_dict``, XML and JSON."""
 
 # pyright: basic
 from __future__ import annotations

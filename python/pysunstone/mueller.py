@@ -1,4 +1,4 @@
-"""Decomposition of Mueller matrices."""
+"""Decomposes Mueller matrices."""
 
 from __future__ import annotations
 

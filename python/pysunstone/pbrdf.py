@@ -1,4 +1,4 @@
-"""Polarimetric BRDFs of single materials, analytic and measured, over arrays of directions.
+"""Evaluates polarimetric BRDFs of single materials, analytic and measured, over arrays of directions.
 
 The surface's normal is +z and its tangent +x. Directions are vectors of any length that point away from the surface: the incoming
 direction towards the light source, the outgoing direction towards the receiver. The horizontal axis of a Stokes frame is
@@ -99,7 +99,7 @@ class Material:
 
     @property
     def wavelengths_nm(self) -> npt.NDArray[np.float64]:
-        """Wavelengths that the material is built for, nanometres."""
+        """Wavelengths in nanometres for which the material is built."""
         return self._wavelengths
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Phase functions of single participating media: scattering matrices over the scattering angle.
+"""Evaluates scattering matrices of single participating media over the scattering angle.
 
 A matrix maps the Stokes vector before scattering to that after it, per steradian. The integral of its M00 over the sphere is 1.
 The horizontal axis of both frames is perpendicular to the scattering plane ("s" comes first): M01 = M10 is positive if light is
@@ -84,7 +84,7 @@ class Medium:
 
     @property
     def wavelengths_nm(self) -> npt.NDArray[np.float64]:
-        """Wavelengths that the medium is built for, nanometres."""
+        """Wavelengths in nanometres for which the medium is built."""
         return self._wavelengths
 
     @property
@@ -94,12 +94,12 @@ class Medium:
 
     @property
     def scattering(self) -> Any:
-        """Scattering coefficient, 1/m."""
+        """Scattering coefficient in 1/m."""
         return self._column("scattering")
 
     @property
     def absorption(self) -> Any:
-        """Absorption coefficient, 1/m."""
+        """Absorption coefficient in 1/m."""
         return self._column("absorption")
 
     @property
@@ -109,12 +109,12 @@ class Medium:
 
     @property
     def scattering_cross_section(self) -> Any:
-        """Mean scattering cross section per particle, m²; 0 if no particles are defined."""
+        """Mean scattering cross section per particle in m²; 0 if no particles are defined."""
         return self._column("scattering_cross_section")
 
     @property
     def absorption_cross_section(self) -> Any:
-        """Mean absorption cross section per particle, m²; 0 if no particles are defined."""
+        """Mean absorption cross section per particle in m²; 0 if no particles are defined."""
         return self._column("absorption_cross_section")
 
     def _column(self, name: str) -> Any:

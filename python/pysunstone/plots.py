@@ -1,4 +1,4 @@
-"""Plots of slices with matplotlib: Mueller images in the layout of the paper, and time profiles with error bands.
+"""Draws slices with matplotlib: Mueller images in the layout of the paper, and time profiles with error bands.
 
 Matplotlib is imported on the first plot.
 """
@@ -53,7 +53,7 @@ def plot_mueller(
         Values over `stokes_out`, `stokes_in` and two image axes (`y` and `x`, or any others). Select or sum all further axes
         except the wavelength.
     wavelength
-        Nanometres; the nearest one is used. By default the middle one.
+        Wavelength in nanometres; the nearest one is used. Default: the middle wavelength.
     normalized
         Show M00 as intensity and every other element divided by M00; else all sixteen on one signed scale.
     limit

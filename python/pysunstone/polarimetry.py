@@ -1,4 +1,4 @@
-"""Decomposition, capture and reconstruction of Mueller matrices in xarray arrays with named axes.
+"""Decomposes, captures and reconstructs Mueller matrices in xarray arrays with named axes.
 
 The values equal those of `pysunstone.decompose`, `simulate` and `reconstruct`. Lazy Dask arrays are first computed in memory.
 """

@@ -1,4 +1,4 @@
-"""Scenes and their renders."""
+"""Scenes, and renders of scenes."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ class Scene:
         meshes: Mapping[str, Any] | None = None,
         images: Mapping[str, Any] | None = None,
     ) -> Scene:
-        """Make a scene from a dict with the keys of a scene file.
+        """Create a scene from a dict with the keys of a scene file.
 
         Parameters
         ----------
@@ -215,7 +215,7 @@ class Scene:
 
     @property
     def name(self) -> str:
-        """Short name."""
+        """Name of the scene."""
         return self._native.name
 
     @property
@@ -230,22 +230,22 @@ class Scene:
 
     @property
     def notes(self) -> list[str]:
-        """Remarks for the author of the scene."""
+        """Notes about the scene file: unused contents and corrections."""
         return self._native.notes
 
     @property
     def slices(self) -> list[str]:
-        """Names of the slices of T that are kept."""
+        """Names of the slices of T that a render keeps."""
         return self._native.slices
 
     @property
     def wavelengths_nm(self) -> list[float]:
-        """Vacuum wavelengths, nanometres."""
+        """Vacuum wavelengths in nanometres."""
         return self._native.wavelengths_nm
 
     @property
     def resolution(self) -> tuple[int, int]:
-        """Width and height of the camera's image."""
+        """Width and height of the camera's image in pixels."""
         return self._native.resolution
 
     @property
@@ -255,7 +255,7 @@ class Scene:
 
     @property
     def seed(self) -> int:
-        """Random seed."""
+        """Seed of the random numbers."""
         return self._native.seed
 
     def __repr__(self) -> str:

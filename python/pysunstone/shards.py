@@ -59,7 +59,7 @@ def crc32c(data: bytes) -> int:
 
 
 class Tail:
-    """Last bytes of a shard, which describe all others."""
+    """The last bytes of a shard, which locate its chunks."""
 
     def __init__(self, tail: bytes, chunks: int) -> None:
         self.index = tail[-(chunks * _PLACE + _SEAL) :]
@@ -82,14 +82,14 @@ class Tail:
 
 
 class Shards:
-    """Numbers of chunks of the files of a store that are shards."""
+    """The number of chunks of each shard of a store."""
 
     def __init__(self, chunks: Mapping[str, int]) -> None:
         self._chunks = dict(chunks)
 
     @classmethod
     def of(cls, root: Mapping[str, Any]) -> Shards:
-        """Read the root's metadata, which contain those of all arrays."""
+        """Create an object from the root's metadata, which contain the metadata of all arrays."""
         found = {}
         for node, json in root.get("consolidated_metadata", {}).get("metadata", {}).items():
             codec = (json.get("codecs") or [{}])[0]

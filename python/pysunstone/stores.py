@@ -76,7 +76,7 @@ class _Entry:
 class _CheckedStore(WrapperStore[Store]):
     """A store whose files are checked against its manifest.
 
-    Zarr reads a chunk without a file as zeros. Here every file that the manifest lists must exist with its size, and a chunk must
+    Zarr reads a chunk without a file as zeros. This class requires every file of the manifest, with its size, and a chunk must
     end with the checksum of its manifest line. (Zarr's codec checks the bytes against that checksum.) For partial reads of a
     shard, the requested range is checked against the shard's tail, which is fetched once and kept.
     """
@@ -334,7 +334,7 @@ def _root(location: _Location) -> xr.Dataset:
 
 
 def _state(location: _Location, attributes: Mapping[str, Any]) -> str:
-    """Describe the progress of an unfinished store."""
+    """Return a description of the progress of an unfinished store."""
     words = [f"status `{attributes.get('status', 'unknown')}`"]
     try:
         samples = _root(location)["samples"]

@@ -1,4 +1,4 @@
-//! Decomposition of arrays of Mueller matrices.
+//! Decomposes arrays of Mueller matrices.
 
 use crate::error::{bail, input};
 use crate::off_python::off_python;
@@ -13,14 +13,14 @@ pub fn quantities() -> Vec<&'static str> {
     Quantity::ALL.into_iter().map(Quantity::name).collect()
 }
 
-/// An array of either precision.
+/// An array in single or double precision.
 #[derive(FromPyObject)]
 pub enum Either<'py> {
     Single(PyReadonlyArrayDyn<'py, f32>),
     Double(PyReadonlyArrayDyn<'py, f64>),
 }
 
-/// Returns the values of a contiguous array; the Python package always passes contiguous ones.
+/// Returns the values of a contiguous array; the Python package always passes contiguous arrays.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
     a.as_slice().map_err(|_| input(format!("{what}: the array is not contiguous")))
 }

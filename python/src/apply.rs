@@ -1,4 +1,4 @@
-//! Applications.
+//! Runs applications from Python.
 
 use crate::error::{bail, failed, input, located};
 use crate::watch::watched;
@@ -35,7 +35,7 @@ pub fn applications_json() -> String {
     serde_json::Value::from(catalog::all().into_iter().map(of).collect::<Vec<_>>()).to_string()
 }
 
-/// Arguments of an application's run.
+/// Arguments of a run of an application.
 #[derive(FromPyObject)]
 pub struct Asked {
     name: String,

@@ -1,4 +1,4 @@
-//! Capture schemes, simulated captures and their reconstruction.
+//! Provides capture schemes, simulated captures and reconstruction to Python.
 
 use crate::analysis::{Either, slice};
 use crate::error::{bail, input, located};
@@ -75,13 +75,13 @@ impl Scheme {
         self.0.sensor.channels()
     }
 
-    /// Smallest number of captures with rank 16.
+    /// Smallest number of captures for which the scheme's design matrix has rank 16.
     #[getter]
     fn least_captures(&self) -> usize {
         self.0.least_captures()
     }
 
-    /// Lower bound of the error variance for this number of captures (A-optimal).
+    /// Lower bound of the error variance for the scheme's number of captures (A-optimality).
     #[getter]
     fn bound(&self) -> f64 {
         a_optimal_bound(&self.0)
@@ -118,7 +118,7 @@ impl Scheme {
     }
 }
 
-/// Returns axial rays.
+/// Returns rays along the optical axis, one for each wavelength in nanometres.
 pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
     check_wavelengths(nm)?;
     Ok(nm.iter().copied().map(Ray::axial).collect())
@@ -135,7 +135,8 @@ pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     Ok(())
 }
 
-/// Simulate intensities (measurements, pixels) of matrices (pixels, 16); wavelengths repeat cyclically.
+/// Simulate intensities (measurements, pixels) of matrices (pixels, 16). The wavelengths apply to the pixels
+/// cyclically.
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,
@@ -213,7 +214,7 @@ pub fn reconstruct<'py>(
     }
 }
 
-/// Rays per wavelength, or per position and wavelength.
+/// Rays: one per wavelength, or one per pixel position and wavelength.
 #[derive(Clone, Copy)]
 struct Along<'a> {
     rays: &'a [Ray],

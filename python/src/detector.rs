@@ -1,4 +1,5 @@
-//! Captures by an instrument: camera or photon counter, noise relative to the light, and rays of a lens.
+//! Simulates captures with an instrument: a camera or a photon counter, relative noise, and the rays of a
+//! lens.
 
 use crate::analysis::slice;
 use crate::capture::{Scheme, check_wavelengths};
@@ -16,15 +17,16 @@ use sunstone::polarimetry::capture::simulate::Noise;
 /// Instrument that converts light to digital numbers.
 #[derive(FromPyObject)]
 pub struct Instrument {
-    /// Path of a detector file; `detector_text` is the content of one as JSON.
+    /// Path of a detector file. The field `detector_text` is the content of a detector file as JSON.
     detector_file: Option<PathBuf>,
     detector_text: Option<String>,
-    /// Standard deviation of Gaussian noise; `relative_noise` is the same as a fraction of the mean T00.
+    /// Standard deviation of Gaussian noise. The field `relative_noise` is the standard deviation as a
+    /// fraction of the mean T00.
     noise: Option<f64>,
     relative_noise: Option<f64>,
     /// Horizontal field of view, in degrees; None means that all rays are axial.
     fov_x_deg: Option<f64>,
-    /// Width of the time bins; the time axis follows rows and columns.
+    /// Width of the time bins in picoseconds. The time axis follows rows and columns.
     bin_ps: Option<f64>,
     seed: u64,
 }
@@ -32,9 +34,9 @@ pub struct Instrument {
 /// An array of intensities or variances.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
-/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), for a camera
-/// also their variances, and the shape of the pixels, whose rows and columns a sensor may halve. `lanes`
-/// states that the last axis before the matrices is the wavelength.
+/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels),
+/// their variances (only for a camera), and the shape of the pixels. A polarizer-array sensor can
+/// halve rows and columns. `lanes` states that the last axis before the matrices is the wavelength.
 #[pyfunction]
 pub fn capture<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Conversion of Rust errors to Python exceptions.
+//! Converts Rust errors to Python exceptions.
 
 use base::locate::InputError as Fault;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -18,7 +18,7 @@ pyo3::create_exception!(
     "A render failed, for example because the disk is full. Finished work stays on disk and can be resumed."
 );
 
-/// Attributes of an [`InputError`] in addition to its text.
+/// Names of the attributes of Python's `InputError` in addition to its text.
 const PARTS: [&str; 5] = ["file", "line", "column", "message", "fix"];
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -31,7 +31,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("RenderError", py.get_type::<RenderError>())
 }
 
-/// Returns an [`InputError`] with a formatted message.
+/// Returns Python's `InputError` with a formatted message from the calling function.
 macro_rules! bail {
     ($($message:tt)*) => {
         return Err($crate::error::input(format_args!($($message)*)))

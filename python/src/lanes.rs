@@ -1,4 +1,4 @@
-//! Mapping of requested wavelengths (any number and order) to sets of few, increasing wavelengths.
+//! Maps requested wavelengths, in any number and order, to sets of few, increasing wavelengths.
 
 use crate::error::{bail, input};
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 
 /// Wavelength sets and the position of each requested wavelength in them.
 pub struct Lanes {
-    /// Sets to build.
+    /// Wavelength sets for which a material or medium is built.
     pub sets: Vec<Wavelengths>,
     /// For each requested wavelength, the number of its set and its index in the set.
     pub places: Vec<(usize, usize)>,
@@ -32,7 +32,8 @@ impl Lanes {
     }
 }
 
-/// Selects an item by name, or the only item. `what` is its kind, such as `material`, `several` the plural.
+/// Selects an item by name, or the only item. `what` is the noun for an item, such as `material`, and
+/// `several` is the plural.
 pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
     let known = names.join(", ");
     match (name, names) {

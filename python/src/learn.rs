@@ -1,4 +1,4 @@
-//! Learning of capture schemes.
+//! Learns capture schemes.
 
 use crate::capture::{Scheme, rays};
 use crate::error::{bail, failed, input, located};
@@ -16,7 +16,8 @@ use sunstone::polarimetry::reconstruct::pca::data_set::Settings;
 use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMoment};
 use sunstone::transport::material::measured::axes::Axes;
 
-/// Data for learning: the second moment of materials and those of their folds.
+/// Data for learning: the second moment of all materials, and the second moments of the folds for
+/// cross-validation.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct LearningData(cross_validation::LearningData);
 
@@ -26,7 +27,8 @@ fn array<'py>(py: Python<'py>, s: &Moment) -> PyResult<Bound<'py, PyArrayDyn<f64
 
 #[pymethods]
 impl LearningData {
-    /// Create the data from a folder of measured tables, or from the substitutes for the KAIST data set.
+    /// Create the data from a folder of measured tables, or from the built-in substitutes for the KAIST data
+    /// set.
     #[staticmethod]
     fn materials(
         py: Python<'_>,
@@ -59,7 +61,8 @@ impl LearningData {
         cross_validation::LearningData::new(&data, folds, frames).map(Self).map_err(input)
     }
 
-    /// Create the data from a second moment, without folds. `turn` averages it over frames.
+    /// Create the data from a second moment, without folds. `turn` averages the moment over rotations of the
+    /// Stokes frames.
     #[staticmethod]
     fn of_moment(given: PyReadonlyArray2<'_, f64>, turn: bool) -> PyResult<Self> {
         let s = moment(&given)?;
@@ -69,7 +72,7 @@ impl LearningData {
         }))
     }
 
-    /// Create the data from a file of a second moment.
+    /// Create the data from a file that contains a second moment.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         let all = second_moment::load(&path).map_err(located)?;
@@ -101,8 +104,8 @@ pub struct Asked {
     seed: u64,
 }
 
-/// A learned scheme, its errors (on validation materials, their standard error, on training materials) and
-/// its descents: name, loss, and loss of every step.
+/// A learned scheme; its errors (on validation materials, standard error of that value, on training
+/// materials); and its descents (name, final loss, loss of every step).
 type Found<'py> = (Scheme, (f64, f64, f64), Vec<(String, f64, Bound<'py, PyArray1<f64>>)>);
 
 /// Learn the settings of a template that vary between captures.

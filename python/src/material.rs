@@ -1,4 +1,4 @@
-//! Single materials: BRDFs, and specular reflection and transmission.
+//! Evaluates single materials: BRDFs, and specular reflection and transmission.
 
 use crate::error::{bail, input, located};
 use crate::lanes::{Lanes, choose};
@@ -13,13 +13,13 @@ use sunstone::pbrdf::evaluate::{Direction, Specimen};
 use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::material::Lobe;
 
-/// A material, built for some wavelengths.
+/// A material, built for a list of wavelengths.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Material {
     of: Of,
     #[pyo3(get)]
     name: String,
-    /// For each wavelength, the number of its specimen and its index there.
+    /// For each wavelength, the index of its specimen, and the index of the wavelength in that specimen.
     places: Vec<(usize, usize)>,
 }
 
@@ -59,7 +59,7 @@ impl Material {
         })
     }
 
-    /// Calls `then` with the specimens, none if the material does not exist.
+    /// Calls `then` with the specimens of the material. The list is empty if the material does not exist.
     fn with<T>(&self, uv: [f32; 2], then: impl FnOnce(&[Specimen]) -> T) -> T {
         match &self.of {
             Of::Sets(sets) => {

@@ -1,4 +1,4 @@
-//! Single participating media: their scattering.
+//! Evaluates the scattering of single participating media.
 
 use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
@@ -13,13 +13,13 @@ use sunstone::InputError;
 use sunstone::pbrdf::phase::of_set;
 use sunstone::scene::media::{self, MediumSet};
 
-/// A medium, built for some wavelengths.
+/// A medium, built for a list of wavelengths.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Medium {
     sets: Vec<MediumSet>,
     #[pyo3(get)]
     name: String,
-    /// For each wavelength, the number of its set and its index there.
+    /// For each wavelength, the index of its set, and the index of the wavelength in that set.
     places: Vec<(usize, usize)>,
 }
 

@@ -1,4 +1,4 @@
-//! Import of Mitsuba scenes.
+//! Imports Mitsuba scenes.
 
 use crate::off_python::detached;
 use crate::scene::Scene;
@@ -16,8 +16,8 @@ fn fault(e: &InputError) -> Fault {
     (e.file.display().to_string(), line, column, e.message.clone(), e.help.clone())
 }
 
-/// Import a scene. Return the scene and the changes of meaning in the import, or no scene and all errors.
-/// `files` maps names in the text to files in memory.
+/// Import a scene. Return the scene and notes about differences from the Mitsuba scene. If the
+/// import fails, return no scene and all errors. `files` maps names in the text to files in memory.
 #[pyfunction]
 pub fn import_mitsuba(
     py: Python<'_>,

@@ -1,14 +1,14 @@
-//! Work without Python's lock (GIL), also in a forked process.
+//! Runs work without Python's lock (GIL), also in a forked process.
 //!
-//! A fork copies only one thread: the child has the queue of rayon's global pool but no workers, and would
-//! wait forever. In a child, work therefore runs on a separate pool.
+//! A fork copies only one thread: the child process has the queue of rayon's global pool but no
+//! workers, and would wait forever. In a child process, work therefore runs on a separate pool.
 
 use crate::error::failed;
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
 use std::sync::OnceLock;
 
-/// ID of the process that imported the module; its global pool has workers.
+/// ID of the process that imported the module. Only in this process does rayon's global pool have workers.
 static IMPORTER: OnceLock<u32> = OnceLock::new();
 
 /// Records which process imports the module.
@@ -16,24 +16,24 @@ pub fn imported() {
     IMPORTER.get_or_init(std::process::id);
 }
 
-/// Runs work on `threads` new threads (0: one per core).
+/// Runs work on `threads` new threads; 0 means one thread per core.
 fn on_own_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| failed(format!("cannot start threads: {e}")))?;
     Ok(pool.install(work))
 }
 
-/// Runs work that may use rayon's global pool; in a forked process, on new threads.
+/// Runs work that may use rayon's global pool; in a forked process, the work runs on new threads.
 pub fn fork_safe<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     if IMPORTER.get() == Some(&std::process::id()) { Ok(work()) } else { on_own_threads(0, work) }
 }
 
-/// Runs work while other Python threads run; see [`fork_safe`].
+/// Runs work while other Python threads run, with the pool of [`fork_safe`].
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| fork_safe(work))
 }
 
-/// Runs work on new threads (0: one per core) while other Python threads run.
+/// Runs work on `threads` new threads (0 means one per core) while other Python threads run.
 pub fn off_python<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| on_own_threads(threads, work))
 }

@@ -1,4 +1,4 @@
-//! Encoding of arrays as image files that scenes read.
+//! Encodes arrays as image files that scenes read.
 
 use crate::error::{bail, input};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -53,8 +53,8 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
 
 #[derive(FromPyObject)]
 pub enum Values<'py> {
-    /// Values 0 to 255.
+    /// 8-bit values 0 to 255, sRGB-encoded.
     Bytes(PyReadonlyArrayDyn<'py, u8>),
-    /// Linear values.
+    /// Linear values in single precision.
     Single(PyReadonlyArrayDyn<'py, f32>),
 }

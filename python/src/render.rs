@@ -1,4 +1,4 @@
-//! Renders of scenes, into arrays or a store.
+//! Renders scenes into arrays or a store.
 
 use crate::error::{bail, failed, input};
 use crate::scene::Scene;
@@ -14,7 +14,7 @@ use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
 use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord};
 
-/// Parts of a scene that a render changes; restored when it ends.
+/// Parts of a scene that a render changes. They are restored when the render ends.
 struct Changed<'a> {
     scene: &'a mut sunstone::Scene,
     settings: Settings,
@@ -61,7 +61,7 @@ impl Asked {
     }
 }
 
-/// Rendered arrays and their attributes.
+/// Rendered arrays and their attributes, for the conversion to Python.
 #[derive(Default)]
 struct Kept {
     arrays: Arrays,
@@ -155,7 +155,8 @@ pub fn render_store(
     Ok(describe(&summary))
 }
 
-/// Render into arrays. Return each slice's name, attributes and fields; sample counts; attributes; summary.
+/// Render into arrays. Return the name, attributes and fields of each slice, the sample counts, the
+/// attributes of the render, and the summary.
 #[pyfunction]
 pub fn render_arrays<'py>(
     py: Python<'py>,

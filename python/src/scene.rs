@@ -1,4 +1,4 @@
-//! Scenes.
+//! Provides scenes to Python.
 
 use crate::error::{bail, input, located};
 use crate::off_python::detached;
@@ -21,7 +21,7 @@ use sunstone::transport::geometry::mesh::Mesh;
 pub struct Scene {
     built: Mutex<sunstone::Scene>,
     pub figures: Vec<Figure>,
-    /// Path of its file, or the path it would have.
+    /// Path of the scene file. For a scene without a file, the path that the file would have.
     path: PathBuf,
     /// Files that exist only in memory, by name.
     memory: BTreeMap<String, Vec<u8>>,
@@ -44,7 +44,7 @@ pub fn toml_of_json(json: &str) -> PyResult<String> {
 }
 
 impl Scene {
-    /// Locks the scene; a render has exclusive access.
+    /// Locks the scene and waits for a render, which has exclusive access.
     pub fn lock(&self) -> MutexGuard<'_, sunstone::Scene> {
         self.built.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -78,7 +78,7 @@ impl Scene {
         })
     }
 
-    /// Reads the scene; while it is being rendered, waits without Python's lock.
+    /// Calls `at` with the scene. While the scene is rendered, waits without Python's lock.
     fn look<T: Send>(&self, py: Python<'_>, at: impl FnOnce(&sunstone::Scene) -> T + Send) -> T {
         py.detach(|| at(&self.lock()))
     }
@@ -170,7 +170,7 @@ impl Scene {
         &self.path
     }
 
-    /// Number of the variant, if the scene is a variant of its file.
+    /// Number of the variant; None if the scene is not a variant of its file.
     #[getter]
     fn variant(&self, py: Python<'_>) -> Option<u64> {
         self.look(py, |s| s.variant.as_ref().map(|v| v.number))

@@ -1,4 +1,4 @@
-//! Shape from arrays: structured-light codes, triangulation and normals.
+//! Computes shape from arrays: structured-light codes, triangulation and normals.
 
 use crate::analysis::slice;
 use crate::error::{bail, input};
@@ -44,7 +44,7 @@ impl Devices {
         Ok(Self(Rig { camera, projector }))
     }
 
-    /// Return the devices of a scene, as if calibrated without error; None without a projector.
+    /// Return the devices of a scene without calibration error; None if the scene has no projector.
     #[staticmethod]
     fn of_scene(py: Python<'_>, scene: Py<Scene>) -> Option<Self> {
         py.detach(|| truth::rig(&scene.get().lock())).map(Self)
@@ -73,7 +73,7 @@ fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     Ok(Map { width, height, channels, data: slice(what, image)?.to_vec() })
 }
 
-/// Checks that a map has the camera's resolution, which the methods assume.
+/// Checks that a map has the camera's resolution, which all methods require.
 fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
     if [map.width, map.height] == camera.resolution {
         return Ok(());

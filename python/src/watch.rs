@@ -1,4 +1,4 @@
-//! Long-running work that reports progress to Python and stops on Ctrl-C.
+//! Runs long work that reports progress to Python and stops on Ctrl-C.
 
 use crate::off_python::fork_safe;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
@@ -16,7 +16,7 @@ const EVERY: Duration = Duration::from_millis(50);
 #[derive(Default)]
 pub struct Shared {
     stop: AtomicBool,
-    /// Finished and total number of tiles.
+    /// Number of finished tiles and total number of tiles.
     tiles: Mutex<Option<(u32, u32)>>,
     /// Total number of descents in learning.
     descents: AtomicU32,
@@ -54,7 +54,7 @@ impl Onlooker for Shared {
 }
 
 impl Shared {
-    /// Waits a short time for the work to end; returns whether it has ended.
+    /// Waits a short time for the end of the work; returns whether the work has ended.
     fn wait(&self) -> bool {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self.bell.wait_timeout_while(ended, EVERY, |ended| !*ended);
@@ -72,9 +72,9 @@ impl Drop for Ring<'_> {
     }
 }
 
-/// Runs work on another thread, while this one checks signals and calls `progress(done, tiles)` on changes.
-/// An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the work at the next tile and is
-/// returned.
+/// Runs work on another thread. The calling thread checks signals, and calls `progress(done,
+/// tiles)` on changes. An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the
+/// work at the next tile and is returned.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -136,7 +136,8 @@ impl Shared {
         &self.stop
     }
 
-    /// Records that this thread works and calls Python, so that a second Ctrl-C interrupts that call.
+    /// Records that the current thread does the work and calls Python. A second Ctrl-C then interrupts that
+    /// call.
     pub fn calls_python(&self) -> PyResult<()> {
         let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
         *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
@@ -157,7 +158,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Records the progress.
+    /// Records the number of finished tiles and of all tiles.
     pub fn tell(&self, done: u32, all: u32) {
         *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
     }

@@ -151,7 +151,7 @@ pub fn make_renders(folder: &Path) -> Result<(), Failure> {
     })
 }
 
-/// Converts an application's error to a failure of the command.
+/// Converts an error of an application to a failure of the command.
 pub fn failure(e: ApplicationError) -> Failure {
     match e {
         ApplicationError::Studio(e) => e.into(),
@@ -214,7 +214,7 @@ fn table(application: &Application, r: &Report, links: &Links) -> String {
     out
 }
 
-/// Appends the rows of one table, for all metrics or for one.
+/// Appends the rows of one table, for all metrics or only for the metric `only`.
 fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
     let mut metric = "";
     for row in rows.iter().filter(|r| only.is_none_or(|m| m == r.metric)) {

@@ -37,7 +37,8 @@ commands! {
     Sensor(calibrate_detector::Sensor) => calibrate_detector::sensor,
 }
 
-/// Longest square, and longest board, for which the unit may be omitted, in metres.
+/// Longest side of a square, in metres, for which the unit can be omitted. The next constant is the longest
+/// side of a board.
 const LONGEST_SQUARE: f64 = 0.5;
 const LONGEST_BOARD: f64 = 2.0;
 
@@ -176,7 +177,7 @@ struct ProjectorArguments {
     reach: Option<f64>,
 }
 
-/// Parses width and height.
+/// Parses width and height in pixels, such as `912x1140`.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let parts = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parts.ok_or_else(|| "expected width and height in pixels, such as 912x1140".into())
@@ -248,7 +249,7 @@ impl Target {
     }
 }
 
-/// Finds the board in each image. Returns `None` for, and reports, images without a board.
+/// Finds the board in each image. For images without a board, prints a note and returns `None`.
 fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     let found: Vec<_> = images.par_iter().map(|(_, image)| corners::find(image, board)).collect();
     let message = found
@@ -344,7 +345,7 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
     print(&format!("{}: {} patterns", a.output.display(), all.len()))
 }
 
-/// Returns the images of a folder, sorted by name. Skips other files and reports their number.
+/// Returns the images of a folder, sorted by name. Skips other files and prints their number.
 fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let bad =
         |e: std::io::Error| Failure::input(format!("{}: {e}; pass a folder of images", folder.display()));

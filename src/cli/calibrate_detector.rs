@@ -56,7 +56,7 @@ pub struct Sensor {
     output: PathBuf,
 }
 
-/// Longest distance for which the unit may be omitted, in metres.
+/// Longest distance, in metres, for which the unit can be omitted.
 const LONGEST_DISTANCE: f64 = 50.0;
 
 pub fn counter(a: &Counter) -> Result<(), Failure> {
@@ -213,7 +213,7 @@ fn more(found: &Radiometry) -> String {
     text
 }
 
-/// Writes a calibration and the detector's table into a calibration file under a name.
+/// Writes a calibration, and a detector table with a given name, into a calibration file.
 fn write(
     path: &Path,
     part: Part,

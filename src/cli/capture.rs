@@ -71,7 +71,7 @@ pub struct NoiseArguments {
 }
 
 impl NoiseArguments {
-    /// Returns the noise model for these matrices.
+    /// Returns the noise model for captures of the given matrices.
     pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
         let good = |name: &str, sigma: f64| {
             if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {

@@ -1,4 +1,4 @@
-//! Failures of commands: one message and one exit code each.
+//! Defines the failures of commands. Each failure has one message and one exit code.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::fmt;
@@ -7,7 +7,7 @@ use std::path::Path;
 use sunstone::base::locate::InputError;
 use sunstone::scene::mitsuba::import::ImportError;
 
-/// Returns [`Failure::Input`] with a formatted message.
+/// Returns [`Failure::Input`] with a formatted message from the calling function.
 macro_rules! bail {
     ($($message:tt)*) => {
         return Err($crate::Failure::input(format_args!($($message)*)))
@@ -17,13 +17,13 @@ pub(crate) use bail;
 
 /// The reason why a command failed.
 pub enum Failure {
-    /// Errors in a file: exit code 2.
+    /// Errors in a file, with locations. The exit code is 2.
     File(Vec<InputError>),
-    /// Other invalid input: exit code 2.
+    /// Other invalid input. The exit code is 2.
     Input(String),
-    /// A failure during the run (disk full, …): exit code 1.
+    /// A failure during the run, such as a full disk. The exit code is 1.
     Failed(String),
-    /// Interrupted by the user: exit code 130.
+    /// An interruption by the user. The exit code is 130.
     Interrupted(String),
 }
 
@@ -36,22 +36,22 @@ impl Failure {
         Self::Failed(e.to_string())
     }
 
-    /// Converts an error of reading or writing a file.
+    /// Returns a function that converts an error of reading or writing the file at `path`.
     pub fn at<E: fmt::Display>(path: &Path) -> impl Fn(E) -> Self {
         move |e| Self::failed(format_args!("{}: {e}", path.display()))
     }
 
-    /// Converts an error of writing a file.
+    /// Returns a function that converts an error of writing the file at `path`.
     pub fn writing<E: fmt::Display>(path: &Path) -> impl Fn(E) -> Self {
         move |e| Self::failed(format_args!("cannot write {}: {e}", path.display()))
     }
 
-    /// Returns [`Failure::Failed`] for a system error, otherwise [`Failure::Input`].
+    /// Returns [`Failure::Failed`] if `is_of_system` is set, otherwise [`Failure::Input`].
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
         if is_of_system { Self::failed(e) } else { Self::input(e) }
     }
 
-    /// Prints the message and returns the exit code.
+    /// Prints the message to standard error and returns the exit code.
     pub fn report(&self) -> u8 {
         match self {
             Self::File(errors) => {
@@ -89,12 +89,12 @@ impl From<InputError> for Failure {
     }
 }
 
-/// Maximum number of characters that are printed of a line.
+/// Maximum number of printed characters per line.
 const LONGEST: usize = 2000;
-/// Maximum number of errors that are printed for a file.
+/// Maximum number of printed errors per file.
 const MOST: usize = 50;
 
-/// Truncates long lines, and texts of many lines.
+/// Truncates long lines, and texts with many lines.
 fn cut(text: &str) -> String {
     let short = |line: &str| match line.char_indices().nth(LONGEST) {
         Some((at, _)) => format!("{} … ({} more bytes)", &line[..at], line.len() - at),
@@ -107,7 +107,7 @@ fn cut(text: &str) -> String {
     }
 }
 
-/// Prints `file:line:column: message`, the line that editors and scripts parse, then the place in the file.
+/// Prints `file:line:column: message`, which editors and scripts parse, and then the location in the file.
 fn report_error(e: &InputError) {
     eprintln!("{}", cut(&format!("error: {e}")));
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {

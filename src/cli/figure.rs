@@ -149,7 +149,7 @@ fn folder(store: &Path) -> PathBuf {
     }
 }
 
-/// Draws the figures that the scene lists, and prints their paths.
+/// Draws the figures that the scene of a store lists, and prints their paths.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     places::folders([Some(&path.to_owned())], [Some(&out)])?;
@@ -164,7 +164,7 @@ pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Parses the path of a picture; its extension must be a known format.
+/// Parses the path of a picture. The extension must be that of a known format.
 pub fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     Format::of(&path).map_err(|e| e.to_string())?;
@@ -172,7 +172,7 @@ pub fn picture(text: &str) -> Result<PathBuf, String> {
 }
 
 impl From<FigureError> for Failure {
-    /// Write errors and encoding errors are failures; the others are invalid input.
+    /// Converts a figure error: errors of writing and encoding are failures, all others are invalid input.
     fn from(e: FigureError) -> Self {
         match e {
             FigureError::Write { .. } | FigureError::Encode(_) => Self::failed(e),

@@ -64,7 +64,7 @@ fn is_toml(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Draws figures. `output` is a file for one figure and a folder for several.
+/// Draws figures from figure files. `output` is a file for one figure, and a folder for several figures.
 pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extension) -> Result<(), Failure> {
     let files = match &o.all {
         Some(folder) => listed(folder)?,

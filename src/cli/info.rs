@@ -80,7 +80,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(text.trim_end())
 }
 
-/// Formats the target of a render to an error, and its result.
+/// Formats the target error of a render and the error that was reached; `None` for a render without a target.
 fn reached(target: &Value) -> Option<String> {
     let number = |key: &str| target.get(key)?.as_f64();
     let (mean, uniform) = (number("mean_samples_per_pixel")?, number("uniform_samples_per_pixel")?);
@@ -150,7 +150,8 @@ fn scene(scene: &Scene) -> String {
     out
 }
 
-/// Describes what the variants of a scene file vary. Empty if it has no variants.
+/// Describes the values that differ between the variants of a scene file. Returns an empty text if the file
+/// has no variants.
 fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     let file = SceneFile::read(path, text)?;
     if file.vary.is_empty() {
@@ -176,7 +177,7 @@ fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     Ok(out)
 }
 
-/// Describes every emitter except the projector, one phrase each.
+/// Returns one phrase for each emitter except the projector.
 fn emitters(scene: &Scene) -> Vec<String> {
     let lanes = scene.wavelengths.count();
     let values = |s: &Spectral| format!("{:?}", &s.to_array()[..lanes]);

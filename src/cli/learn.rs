@@ -114,7 +114,7 @@ impl EstimatorArgument {
     }
 }
 
-/// A learned scheme's row of the table.
+/// A learned scheme with its row of the table.
 struct LearnedRow {
     kind: String,
     captures: usize,
@@ -211,7 +211,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Returns the path of a learned scheme.
+/// Returns the output path of a learned scheme.
 fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, several: bool) -> PathBuf {
     if !several {
         return a.output.clone();
@@ -221,7 +221,7 @@ fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, sev
     a.output.join(format!("{name}{tail}.toml"))
 }
 
-/// Checks, before hours of learning, that no output is an input and that extensions match the formats.
+/// Checks, before the learning starts, that no output is an input and that extensions match the formats.
 fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<(), Failure> {
     let inputs = [a.template.as_ref(), a.data.folder()];
     if several {
@@ -259,8 +259,8 @@ fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
     Ok(out)
 }
 
-/// Learns one scheme. With folds, and if the error depends on materials, the error is that of the left-out
-/// materials.
+/// Learns one scheme. If the error depends on materials and there are folds, the error is that of
+/// the materials that were not used for learning.
 fn one(
     a: &Arguments,
     template: &Scheme,
@@ -281,7 +281,7 @@ fn one(
     learn_and_validate(template, &objective, &search, folds, &())
 }
 
-/// Returns a scheme's name without its number of captures.
+/// Returns a scheme's name without the number of captures at its end.
 fn kind(scheme: &Scheme) -> String {
     let suffix = format!(" {}", scheme.captures());
     scheme.name.strip_suffix(&suffix).unwrap_or(&scheme.name).to_owned()
@@ -389,7 +389,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
     Ok(sunstone::figure::save(&image, path)?)
 }
 
-/// Returns the lowest bound of the compared sensors: the least error that the chart shows.
+/// Returns the lowest error bound of the compared sensors, which is the smallest error in the chart.
 fn bound_at(most: usize, a: &Arguments) -> f64 {
     let array = a.sensor.contains(&SensorArgument::PolarizerArray);
     let bound = Scheme::quad(most, array).map_or(f64::NAN, |scheme| a_optimal_bound(&scheme));

@@ -1,9 +1,9 @@
-//! The command line: one module for each command and one exit point. It is hidden in the library, only for
-//! the program `sunstone` and the same command in the Python package.
+//! Implements the command line, with one module for each command. Only the program `sunstone` and
+//! the same command in the Python package use this crate.
 // These docs are the text of --help, in which <name> is a placeholder and not an HTML tag.
 #![allow(rustdoc::invalid_html_tags)]
 
-/// Defines the enum of subcommands, each with its arguments, and runs the selected one.
+/// Defines the enum of subcommands with their arguments, and runs the selected subcommand.
 macro_rules! commands {
     ($($(#[$doc:meta])* $name:ident($arguments:ty) => $run:expr,)*) => {
         #[derive(clap::Subcommand)]
@@ -142,8 +142,8 @@ pub fn run() -> ExitCode {
     run_words(std::env::args_os()).into()
 }
 
-/// Does the same as [`run`] with the given arguments, the first of which is the program's name. Only this
-/// function makes exit codes.
+/// Does the same as [`run`] with the given arguments, of which the first is the program's name.
+/// Returns the exit code.
 pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(words) {
         Ok(arguments) => arguments,

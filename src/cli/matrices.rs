@@ -1,4 +1,4 @@
-//! Mueller matrices that commands read: an array, or a slice of a store.
+//! Reads the Mueller matrices that commands use: an array, or a slice of a store.
 
 use crate::{Failure, bail, source};
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ pub struct MatrixSource {
 }
 
 impl MatrixSource {
-    /// Reads all matrices. `rest` ends the example of `command` in error messages.
+    /// Reads all matrices. Error messages contain an example of `command` that ends with `rest`.
     pub fn read(&self, command: &str, rest: &str) -> Result<Matrices, Failure> {
         if let Some(slice) = &self.slice {
             return self.stored(command, slice);
@@ -55,7 +55,8 @@ impl MatrixSource {
     }
 }
 
-/// Converts matrices to the input of captures. `wavelengths` are those of an array's last axis.
+/// Converts matrices to the input of captures. `wavelengths` contains the wavelengths, in nanometres, of an
+/// array's last axis.
 pub fn image(matrices: Matrices, wavelengths: &[f64]) -> Result<MuellerImage, Failure> {
     if matrices.facts.is_some() && !wavelengths.is_empty() {
         bail!(

@@ -35,7 +35,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_path(&a.output)
 }
 
-/// Prints a note on data that inputs of earlier versions lack.
+/// Prints a note about data that is missing in stores of earlier versions.
 fn note_dropped(a: &Arguments) -> Result<(), Failure> {
     for input in &a.inputs {
         let store = TensorStore::open_partial(input).map_err(Failure::input)?;

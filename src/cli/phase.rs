@@ -113,7 +113,7 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     print_path(path)
 }
 
-/// Appends the lines of a medium at one wavelength.
+/// Appends the comment lines and the rows of a medium at one wavelength.
 fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut String) {
     let _ = writeln!(
         head,
@@ -132,7 +132,7 @@ fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut
     }
 }
 
-/// Formats an element in shortest form. Sets rounding noise far below S11 to 0.
+/// Formats an element in shortest decimal form. Rounding errors far below S11 become 0.
 fn plain(element: f32, s11: f32) -> String {
     if element.abs() <= 1e-9 * s11 { "0".into() } else { format!("{element:e}") }
 }

@@ -1,5 +1,5 @@
-//! Checks of the paths that a command reads and writes: no output is an input, no two outputs are one file,
-//! and the extension matches the format.
+//! Checks the paths that a command reads and writes: no output is an input, no two outputs have the
+//! same path, and extensions match the formats.
 
 use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
@@ -8,13 +8,13 @@ use sunstone::base::whole_file::{is_same, real};
 use sunstone::store::place::is_address;
 use sunstone::store::zarr::around;
 
-/// Known extensions of files, which are not intended in the name of a folder or a store.
+/// Known file extensions. A folder or a store with such an extension is assumed to be a mistake.
 const OF_FILES: [&str; 28] = [
     "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat",
     "nc", "npy", "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
 ];
 
-/// Refuses output files that are inputs of the same command, that coincide, or that cannot be files.
+/// Refuses output files that are inputs of the same command, that have equal paths, or that cannot be files.
 pub fn files<'a>(
     inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
     outputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
@@ -77,7 +77,7 @@ fn lies_in(output: &Path, store: &Path) -> Failure {
     ))
 }
 
-/// Refuses files whose extension is not `known`. `what` names the content in the message.
+/// Refuses files whose extension is not `known`. `what` names the content in the error message.
 pub fn extension<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
     what: &str,
@@ -148,12 +148,12 @@ fn check<'a>(
     Ok(())
 }
 
-/// Returns whether a real path lies in a store.
+/// Returns whether a canonical path is inside a store.
 fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
 }
 
-/// Parses a number that satisfies a condition; otherwise returns what is expected.
+/// Parses a number that satisfies a condition; otherwise returns an error message with `expected`.
 pub fn number(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|v| is_good(*v)).ok_or_else(|| expected.to_owned())
 }

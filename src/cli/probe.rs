@@ -97,7 +97,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(summary(&result).trim_end())
 }
 
-/// Prints notes on what the result lacks: light outside the time bins, and unknown values.
+/// Prints notes about light outside the time bins and unknown values, which the result does not contain.
 fn report(r: &ProbeResult) -> Result<(), Failure> {
     for (name, t) in [
         ("arrived outside the stored time bins", &r.overflow),
@@ -133,7 +133,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     places::files(inputs, [Some(path), errors.as_ref()])
 }
 
-/// Reads a drive image as linear brightness, as for masks in a scene.
+/// Reads a projector pattern as linear brightness, 0..1, as for masks in a scene.
 fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     let image = input::open(path)
         .map_err(image::ImageError::from)
@@ -176,7 +176,7 @@ fn csv(r: &ProbeResult) -> String {
     text
 }
 
-/// Formats small results completely, and of large ones the axes and the extremes.
+/// Formats a result: all values of a small result, the axes and the extreme values of a large result.
 fn summary(r: &ProbeResult) -> String {
     let mut text = String::new();
     let axes: Vec<String> =

@@ -1,4 +1,4 @@
-//! Progress of a command's renders, and interruption with Ctrl-C.
+//! Prints the progress of a command's renders, and handles interruption with Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,11 +6,11 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 
-/// Whether the user asked to stop.
+/// Whether the user pressed Ctrl-C.
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Installs the Ctrl-C handler: the first Ctrl-C sets [`INTERRUPTED`], the second exits immediately. `what` is
-/// finished first.
+/// Installs the Ctrl-C handler: the first Ctrl-C sets [`INTERRUPTED`], the second exits
+/// immediately. `what` names, in the message, the work that is finished first.
 pub fn stop_on_interrupt(what: &'static str) {
     // Python runs several commands in one process; the flag of an earlier one must not stop this one.
     INTERRUPTED.store(false, Ordering::Relaxed);
@@ -22,19 +22,19 @@ pub fn stop_on_interrupt(what: &'static str) {
     });
 }
 
-/// Returns a progress bar.
+/// Creates a progress bar.
 pub fn bar(template: &str, length: u64) -> ProgressBar {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(length).with_style(style)
 }
 
-/// Prints the progress of a render every few seconds, and interrupts it on request.
+/// Prints the progress of a render every few seconds, and stops the render if the user pressed Ctrl-C.
 pub struct Progress {
     last: Mutex<Instant>,
 }
 
 impl Progress {
-    /// Returns the progress of renders that Ctrl-C stops after the current tiles.
+    /// Creates the progress of renders. Ctrl-C then stops a render after the current tiles.
     pub fn start() -> Self {
         stop_on_interrupt("running tiles");
         Self { last: Mutex::new(Instant::now()) }

@@ -64,7 +64,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(&out)
 }
 
-/// Reads points, one x,y,z per line.
+/// Reads a file of points with one x,y,z (metres) per line.
 fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
     let fix = "use a text file with x,y,z in metres, one point per line";
     let text = document::read(path, "points", fix)?;

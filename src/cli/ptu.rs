@@ -88,12 +88,12 @@ struct Histogram {
     frame_marker: Option<u8>,
 }
 
-/// Converts an error to a system failure or to invalid input.
+/// Converts an error of a photon file to a system failure or to invalid input.
 fn failed(e: PtuError) -> Failure {
     Failure::of_system(e.of_system, e)
 }
 
-/// Opens a file, and prints a warning if it is truncated.
+/// Opens a photon file, and prints a warning if the file is truncated.
 fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
     let reader = Reader::open(path).map_err(failed)?;
     if let Some(mismatch) = reader.mismatch() {
@@ -193,7 +193,8 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     print_path(&a.output)
 }
 
-/// Returns the number of bins of one laser period, or up to the last photon if it is later (T3).
+/// Returns the number of bins of one laser period, or up to the last photon if that photon is later (T3
+/// mode).
 fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &[u8]) -> usize {
     let period = Plan::period_bins(reader, bin);
     let last = channels.iter().filter_map(|c| {
@@ -211,7 +212,7 @@ fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &
     period
 }
 
-/// Prints notes on photons that are not in the array and header entries that are not used.
+/// Prints notes about photons that are not in the array, and about unused header entries.
 fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &Histograms) {
     let note = |text: String| eprintln!("note: {}: {text}", a.file.display());
     let (header, mode) = (reader.header(), reader.record_type().mode());
@@ -243,7 +244,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
     }
 }
 
-/// Returns the bin width in the file's time counts.
+/// Returns the bin width in units of the file's time resolution.
 fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> {
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
@@ -281,7 +282,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     Ok(Some(Scan { width, height, bidirectional: is_bidirectional(reader.header()), clock }))
 }
 
-/// Returns the scan that the header describes, if it has the requested size.
+/// Returns the scan that the header describes, if the scan has the requested size.
 fn of_header(
     a: &Histogram,
     reader: &Reader<BufReader<File>>,

@@ -1,4 +1,4 @@
-//! The `sunstone reconstruct` command: Mueller matrices from intensities.
+//! The `sunstone reconstruct` command: computes Mueller matrices from intensities.
 
 mod arguments;
 mod of_run;
@@ -61,7 +61,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Returns the shape of the pixels: the axes after captures and channels.
+/// Returns the shape of the pixels: the lengths of the axes after captures and channels.
 fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>, Failure> {
     let (k, channels) = (scheme.captures(), scheme.sensor.channels());
     let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
@@ -85,7 +85,8 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     Ok(pixels)
 }
 
-/// Returns the rays of all wavelengths, and with `--view` of all places.
+/// Returns the rays of all wavelengths. With `--view`, returns the rays of all pixel positions and
+/// wavelengths.
 fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
     let Some(degrees) = a.view else {
         return Ok(Directions::Axial.rays(one_place(a), &a.wavelengths));
@@ -188,7 +189,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     print_paths([Some(&a.output), a.errors.as_ref()].into_iter().flatten())
 }
 
-/// The error if no pixel is determined.
+/// Returns the error if the captures determine no pixel.
 fn nothing_left(source: &Path, pixels: usize) -> Failure {
     Failure::input(format!(
         "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite; no file was written",
@@ -198,7 +199,7 @@ fn nothing_left(source: &Path, pixels: usize) -> Failure {
 
 type Fill<'a> = dyn FnMut(&mut BufWriter<File>, Option<&mut BufWriter<File>>) -> Result<(), Failure> + 'a;
 
-/// Writes one or two files atomically.
+/// Writes the output, and optionally the standard errors, atomically.
 fn write_both(output: &Path, errors: Option<&Path>, fill: &mut Fill) -> Result<(), Failure> {
     // An error of `fill` is returned unchanged, not as an error of writing the file.
     let mut fault = None;

@@ -133,8 +133,8 @@ fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
     }
 }
 
-/// Returns a note on the slice with the largest share of lit pixels whose error estimates are unreliable. The
-/// note is empty if that share is at most 0.1 %.
+/// Returns a note about the slice with the largest share of lit pixels whose error estimates are
+/// unreliable. The note is empty if the share is at most 0.1 %.
 fn in_doubt(path: &Path) -> Result<String, Failure> {
     let store = TensorStore::open(path).map_err(Failure::failed)?;
     let mut most = (0.001, String::new());

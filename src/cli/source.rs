@@ -1,4 +1,4 @@
-//! Sources that commands read: a slice of a store, or an item of a file.
+//! Opens the inputs of commands: a slice of a store, or an item of a file.
 
 use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
@@ -20,14 +20,14 @@ pub struct Source {
     pub partial: bool,
 }
 
-/// Opens a store for reading; an unfinished one only if `partial`.
+/// Opens a store for reading; an unfinished store is an error unless `partial` is set.
 pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
     let open = if partial { TensorStore::open_partial } else { TensorStore::open };
     open(path).map_err(Failure::input)
 }
 
-/// Returns the name of the selected item of a file, or of its only item. `kind` is that of the items,
-/// singular and plural.
+/// Returns the name of the selected item of a file, or of its only item. `kind` is the noun for the
+/// items, singular and plural.
 pub fn choose(file: &Path, kind: [&str; 2], names: &[String], name: Option<&str>) -> Result<String, Failure> {
     let ([one, several], file, known) = (kind, file.display(), names.join(", "));
     match (name, names) {

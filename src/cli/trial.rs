@@ -133,7 +133,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_paths([&a.output, &a.figure, &a.curve].into_iter().flatten())
 }
 
-/// Returns the number of matrices with a non-finite element.
+/// Returns the number of matrices that have a non-finite element.
 fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
     elements.chunks_exact(16).filter(|m| !m.iter().all(&is_finite)).count()
 }

@@ -1,5 +1,5 @@
-//! Angles of rotating elements over the captures of a scheme, one panel per element, as in figure 4(c, d) of
-//! Baek & Heide 2021.
+//! Draws the angles of rotating elements over the captures of a scheme, as in figure 4(c, d) of
+//! Baek & Heide 2021. Each element has a panel.
 //!
 //! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
 
@@ -10,7 +10,7 @@ use super::marker::{Marker, palette};
 use super::text::{INK, LABEL, NAME, TICK, fit, width};
 use super::ticks::{Ticks, brief};
 
-/// Size of a panel, and the space above it for the name, in pixels.
+/// Width and height of a panel in pixels. The next constant is the space above a panel for the name.
 const SIZE: (f64, f64) = (900.0, 140.0);
 const HEAD: f64 = 34.0;
 /// A panel extends by this fraction of the period beyond both ends, so that markers at the ends are not
@@ -19,9 +19,9 @@ const BEYOND: f64 = 0.08;
 /// Maximum number of panels on a page.
 const MOST: usize = 8;
 
-/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and the
-/// period of its angle. `values[capture][element]` holds the angles in that unit. Non-finite angles leave
-/// gaps.
+/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`)
+/// and the period of its angle. `values[capture][element]` contains the angles in the unit of the
+/// label. Non-finite angles leave gaps.
 ///
 /// # Errors
 /// [`FigureError::Option`] if there is no capture, no element or more than eight, if a capture has the wrong
@@ -71,7 +71,7 @@ pub fn draw(
     Ok(page)
 }
 
-/// Returns the position of capture `k` of `n` in its panel.
+/// Returns the position on the page of capture `k` of `n`, at a fraction `part` of the element's period.
 fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
     (panel.x + (k as f64 + 0.5) / n as f64 * panel.w, panel.y + row(part))
 }
@@ -87,7 +87,7 @@ fn row(part: f64) -> f64 {
     (1.0 + BEYOND - part) / (1.0 + 2.0 * BEYOND) * SIZE.1
 }
 
-/// Ticks at the first and at round captures, counted from 1.
+/// Returns ticks at the first capture and at round capture numbers, counted from 1.
 fn captures(n: usize) -> Ticks {
     const MOST_LABELS: usize = 18;
     let step = (0..)
@@ -128,7 +128,8 @@ mod tests {
     const TWO: [(&str, &str, f64); 2] =
         [("polarizer 1", "angle / °", 180.0), ("retarder 2", "angle / °", 180.0)];
 
-    /// Every angle has a marker in its panel, column and row; an angle one period later is the same.
+    /// Tests that every angle has a marker in the correct panel, column and row, and that an angle plus one
+    /// period has the same position.
     #[test]
     fn angles_are_in_their_places() {
         let values = vec![vec![45.0, 0.0], vec![f64::NAN, 90.0], vec![-45.0, 270.0], vec![0.0, 180.0]];

@@ -1,8 +1,8 @@
-//! An x-y chart of named series: lines, markers and error bars over linear or logarithmic axes.
+//! Draws an x–y chart of named series, with lines, markers and error bars on linear or logarithmic axes.
 //!
 //! Series differ in colour and marker, so that the chart is also readable in greyscale. Non-finite points
-//! leave gaps, and so do points at or below zero on a logarithmic axis; a note under the chart counts these.
-//! A horizontal or vertical reference line is a series of two points, a bound a dashed one in [`BLACK`].
+//! leave gaps. Points at or below zero on a logarithmic axis also leave gaps, and a note under the chart
+//! counts these points. A reference line is a series of two points; a bound is a dashed series in [`BLACK`].
 
 use image::Rgb;
 
@@ -24,25 +24,26 @@ mod series;
 #[cfg(test)]
 mod tests;
 
-/// Size of the plot in pixels.
+/// Width of the plot in pixels.
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const HEIGHT: f64 = 520.0;
-/// Number of standard errors and opacity of the bands.
+/// Half width in standard errors, and opacity, of each band.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
-    /// Title; may be empty.
+    /// Title of the chart; may be empty.
     pub title: String,
     pub x: ChartAxis,
     pub y: ChartAxis,
-    /// The series; later ones are drawn over earlier ones.
+    /// The series; later series are drawn over earlier series.
     pub series: Vec<Series>,
     /// Notes under the chart, one paragraph each.
     pub notes: Vec<String>,
 }
 
-/// Adds a point with its standard error to the series of this name, and creates the series if it is missing.
+/// Adds a point with its standard error to the series with the given name. Creates the series if no such
+/// series exists.
 pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error: f64) {
     let found = series.iter().position(|s| s.name == name);
     let at = found.unwrap_or_else(|| {
@@ -63,8 +64,8 @@ pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error:
 /// Draws a chart of 900 × 520 pixels with its axes and legend.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no series, a series without points or with a wrong number of errors,
-/// too many series to distinguish, no point that the axes can show, or an invalid range.
+/// [`FigureError::Option`] if there is no series, a series has no points or a wrong number of errors, there
+/// are too many series to distinguish, the axes can show no point, or a range is invalid.
 pub fn draw(chart: &Chart) -> Result<Drawing, FigureError> {
     check(chart)?;
     Ok(draw_in(chart, &palette)?.0)
@@ -101,7 +102,7 @@ pub(crate) fn draw_in(
     Ok((page, scales))
 }
 
-/// Draws bands, lines and error bars of series within their plot.
+/// Draws bands, lines and error bars of series inside the plot.
 pub(crate) fn curves(
     page: &mut Drawing,
     all: &[Series],
@@ -119,7 +120,7 @@ pub(crate) fn curves(
     });
 }
 
-/// Draws the markers of series within their plot.
+/// Draws the markers of series inside the plot.
 pub(crate) fn markers(
     page: &mut Drawing,
     all: &[Series],
@@ -135,7 +136,7 @@ pub(crate) fn markers(
     }
 }
 
-/// Checks the preconditions of drawing.
+/// Checks that a chart can be drawn, and returns an error with a fix otherwise.
 pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56 (the number of distinguishable styles)";
@@ -163,7 +164,8 @@ fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
 
-/// Returns the points that both axes can show, with their standard errors (0 without one).
+/// Returns the points that both axes can show, with their standard errors (0 for points without a standard
+/// error).
 fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     chart.series.iter().flat_map(|s| {
         let all = s.points.iter().enumerate();
@@ -171,8 +173,8 @@ fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     })
 }
 
-/// Returns scales that contain all points and their error bars; on a logarithmic axis a bar extends down by
-/// at most a decade.
+/// Returns scales that contain all points and their error bars; on a logarithmic axis, an error bar
+/// extends downward by at most one decade.
 pub(crate) fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     let reach = |((_, y), e): ((f64, f64), f64)| {
         let low = if chart.y.log { (y - e).max(y / 10.0) } else { y - e };
@@ -201,7 +203,7 @@ fn left_out(chart: &Chart) -> Option<String> {
     })
 }
 
-/// Draws light lines at the labelled ticks and short ticks at the others.
+/// Draws light lines at the labelled ticks and short ticks at the unlabelled ticks.
 fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     const SHORT: f64 = 3.0;
     let r = page.data;
@@ -222,13 +224,14 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     }
 }
 
-/// Returns the points of a series on the page with their standard errors (0 without one); `None` for a gap.
+/// Returns the page coordinates of a series' points, with their standard errors (0 if there are none); `None`
+/// for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
     let all = series.points.iter().enumerate();
     all.map(move |(i, &p)| scales.point(p).map(|at| (at, [p.0, p.1], series.error(i))))
 }
 
-/// Draws bands between the ends of the standard errors, over each run of points without a gap.
+/// Draws bands of one and two standard errors around each sequence of points without a gap.
 fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
     if series.style != SeriesStyle::Band || series.errors.is_none() {
         return;

@@ -6,7 +6,7 @@ use crate::spec::View;
 use base::spectral_table;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// Checks a number that must be positive.
+/// Checks that an optional number is positive.
 fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError> {
     match value {
         Some(v) if !(v > 0.0 && v.is_finite()) => Err(FigureError::option(option, v, "a positive number")),
@@ -14,11 +14,11 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
     }
 }
 
-/// Checks the options of a view, and that the slice resolves the axes it needs; `nm` are the scene's
-/// wavelengths.
+/// Checks the options of a view, and that the slice resolves the axes that the view needs; `nm` are
+/// the scene's wavelengths.
 ///
 /// # Errors
-/// The same [`FigureError`] as drawing.
+/// The same [`FigureError`] as for drawing the view.
 pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
     let missing = |axis, fix| Err(FigureError::MissingAxis { slice: slice.name.clone(), axis, fix });
     let wavelength = match view {

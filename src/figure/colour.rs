@@ -1,22 +1,23 @@
 //! Maps values to colours: wavelengths to RGB, exposure, and colour maps.
 //!
 //! Wavelength rule: each primary (660 nm red, 550 nm green, 450 nm blue) shows the mean of the wavelengths
-//! that are nearest to it. A primary without any shows the single nearest wavelength. Exactly three
-//! wavelengths are assigned by order instead (lowest blue, middle green, highest red), and a single one is
-//! grey. The weights of each primary sum to 1, so a spectrally flat image is grey.
+//! for which it is the nearest primary. A primary without such wavelengths shows the single nearest
+//! wavelength. Three wavelengths are assigned by order instead (lowest blue, middle green, highest red), and
+//! a single wavelength is grey. The weights of each primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
-/// Colour of undefined values: not finite, or normalized by an M00 that is not positive.
+/// Colour of undefined values: values that are not finite, or that are normalized by an M00 that is not
+/// positive.
 pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
 
 /// Wavelengths in nanometres shown as red, green and blue.
 pub const PRIMARIES_NM: [f64; 3] = [660.0, 550.0, 450.0];
 
-/// Returns the weight of every wavelength in red, green and blue: `weights[channel][wavelength]`. Each row
-/// sums to 1; see the module for the rule.
+/// Returns the weight of every wavelength in red, green and blue: `weights[channel][wavelength]`.
+/// Each row sums to 1. The module documentation states the rule.
 pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
     let n = nm.len();
     let mut weights = [(); 3].map(|()| vec![0.0; n]);
@@ -50,13 +51,14 @@ pub fn primary(nm: f64) -> usize {
     nearest(&PRIMARIES_NM, nm)
 }
 
-/// Returns the index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
+/// Returns the index of the value nearest to `wanted`; if there are several, the first. Returns 0 for an
+/// empty list.
 pub fn nearest(values: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
-/// Returns line colours that are distinct on white: by primary for several wavelengths (the second of one
-/// primary is darker), dark grey for a single one.
+/// Returns line colours that are distinct on white: the primary's colour for several wavelengths
+/// (darker for the second wavelength of a primary), dark grey for a single wavelength.
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
     const SHADES: [[[u8; 3]; 2]; 3] =
         [[[204, 44, 38], [120, 20, 50]], [[40, 140, 60], [10, 82, 70]], [[38, 96, 190], [92, 48, 150]]];
@@ -89,41 +91,43 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     Some(*finite.select_nth_unstable_by(rank, f32::total_cmp).1)
 }
 
-/// Returns the white level of an image: the 99th percentile of its values, or their maximum if that is not
-/// positive.
+/// Returns the white level of an image: the 99th percentile of its values, or the maximum if that
+/// percentile is not positive.
 pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
     percentile(values.clone(), 0.99).filter(positive).or_else(|| percentile(values, 1.0)).into()
 }
 
-/// sRGB transfer function of a linear value, clamped to 0..1.
+/// Encodes a linear value, clamped to 0..1, with the sRGB transfer function.
 pub fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8
 }
 
-/// Returns a linear colour relative to its white level.
+/// Returns the sRGB colour of linear values, relative to the white level `white`.
 pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     if rgb.iter().all(|v| v.is_finite()) { Rgb(rgb.map(|v| srgb(v / white))) } else { UNDEFINED }
 }
 
-/// Diverging map: -1 blue, 0 nearly white, +1 red; values beyond are clamped.
+/// Returns the colour of a value in a diverging colour map: -1 is blue, 0 nearly white, +1 red. Other values
+/// are clamped to -1..1.
 pub fn signed(v: f32) -> Rgb<u8> {
     gradient(colorous::RED_BLUE, v, 0.5 - 0.5 * v.clamp(-1.0, 1.0))
 }
 
-/// Returns the colour of an element divided by M00 on the scale ± `limit`.
+/// Returns the colour of the quotient `element` / `m00` on the scale ± `limit`.
 pub fn quotient(element: f32, m00: f32, limit: f32) -> Rgb<u8> {
     if m00 > 0.0 && m00.is_finite() { signed(element / m00 / limit) } else { UNDEFINED }
 }
 
-/// Perceptually uniform sequential map: 0 black, 1 pale yellow; values beyond are clamped.
+/// Returns the colour of a value in a perceptually uniform sequential colour map: 0 is black, 1 pale yellow.
+/// Other values are clamped to 0..1.
 pub fn sequential(v: f32) -> Rgb<u8> {
     gradient(colorous::INFERNO, v, v.clamp(0.0, 1.0))
 }
 
-/// Returns the colour of a value at its position 0..1 in a map.
+/// Returns the colour at the position `at` (0..1) of a colour map, or [`UNDEFINED`] if `value` is not finite.
 fn gradient(map: colorous::Gradient, value: f32, at: f32) -> Rgb<u8> {
     if !value.is_finite() {
         return UNDEFINED;

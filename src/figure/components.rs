@@ -1,6 +1,8 @@
-//! Matrices of 16 numbers, such as principal components: 4×4 coloured cells with their values, on one scale.
+//! Draws matrices of 16 numbers, such as principal components, as 4×4 coloured cells with printed values, on
+//! one common scale.
 //!
-//! After figure 5 of Baek & Heide 2021. Rows of a map: Stokes out; columns: Stokes in.
+//! The design follows figure 5 of Baek & Heide 2021. Rows of a map are outgoing Stokes elements; columns are
+//! incoming Stokes elements.
 
 use image::Rgb;
 
@@ -16,7 +18,7 @@ pub struct Map {
     pub label: String,
     /// Second line of the name, in a smaller font; may be empty.
     pub caption: String,
-    /// Elements, row-major.
+    /// The 16 elements of the matrix, row-major.
     pub values: [f64; 16],
 }
 
@@ -73,13 +75,13 @@ impl Map {
     }
 }
 
-/// Dark text on light ground, white text on dark ground (luma of ITU-R BT.601).
+/// Returns a dark text colour for a light background, or white for a dark background (luma of ITU-R BT.601).
 fn ink_on(ground: Rgb<u8>) -> Rgb<u8> {
     let [r, g, b] = ground.0.map(f32::from);
     if 0.299 * r + 0.587 * g + 0.114 * b < 120.0 { Rgb([255; 3]) } else { INK }
 }
 
-/// Formats a value to a hundredth of the scale; negative zero becomes 0.
+/// Formats a value to a hundredth of the scale's end `limit`; negative zero becomes 0.
 fn number(v: f64, limit: f64) -> String {
     if !v.is_finite() {
         return "–".into();
@@ -101,7 +103,7 @@ mod tests {
         Map { label: "1st component".into(), caption: "50 %".into(), values }
     }
 
-    /// Cells have the colours of their values on the common scale.
+    /// Tests that cells have the colours of their values on the common scale.
     #[test]
     fn cells_have_their_colours() {
         let mut values = [0.0; 16];
@@ -129,7 +131,7 @@ mod tests {
         }
     }
 
-    /// Empty input, zeros and non-finite values are drawn or rejected without a panic.
+    /// Tests that empty input, zeros and non-finite values are drawn or rejected without a panic.
     #[test]
     fn odd_maps_do_no_harm() {
         assert!(draw("T", &[], 3, "T", &[]).is_err());

@@ -1,8 +1,8 @@
-//! A drawing: an SVG document of a few primitives, from which all output formats are produced.
+//! Defines a drawing: an SVG document of a few primitives, from which all output formats are produced.
 //!
-//! Lengths are in pixels of the PNG; x points right, y down. Text stays text, data are embedded images with
-//! sharp pixels, and everything else is a path. Images are below everything else, as [`super::output`]
-//! rasterizes them.
+//! Lengths are in pixels of the PNG; x points right, y down. Text is SVG text, data are embedded
+//! images with sharp pixels, and all other items are paths. Images are below all other items,
+//! because [`super::output`] draws images first.
 
 use std::fmt::{self, Write as _};
 
@@ -25,7 +25,8 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Returns the rectangle of this size whose upper left corner is at `(dx, dy)` from that of `self`.
+    /// Returns a rectangle of size `(w, h)` whose upper left corner is offset by `(dx, dy)` from that of
+    /// `self`.
     pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
         let (x, y) = (self.x + dx, self.y + dy);
         Self { x, y, w, h }
@@ -35,7 +36,7 @@ impl Rect {
         (self.x + self.w / 2.0, self.y + self.h / 2.0)
     }
 
-    /// Returns whether a point is inside or on the edge.
+    /// Returns whether a point is inside the rectangle or on its edge.
     pub fn holds(self, (x, y): Point) -> bool {
         (self.x..=self.x + self.w).contains(&x) && (self.y..=self.y + self.h).contains(&y)
     }
@@ -55,11 +56,11 @@ pub struct Pen {
     pub colour: Rgb<u8>,
     /// Width in pixels.
     pub width: f64,
-    /// Dashed instead of solid.
+    /// Whether the line is dashed instead of solid.
     pub dashed: bool,
 }
 
-/// Lengths of dashes and gaps, in line widths.
+/// Lengths of dashes and of gaps, as multiples of the line width.
 const DASHES: [f64; 2] = [7.0 / 2.2, 9.0 / 2.2];
 
 /// An image made of paths, text and embedded images; [`Drawing::svg`] returns its SVG.
@@ -70,13 +71,13 @@ pub struct Drawing {
     title: String,
     body: String,
     clips: usize,
-    /// Pixels per inch of a drawing with a physical size.
+    /// Pixels per inch; `None` for a drawing without a physical size.
     per_inch: Option<f64>,
-    /// The rectangle of the data.
+    /// Rectangle of the data on the page.
     pub(crate) data: Rect,
 }
 
-/// Rounds a length to a thousandth of a pixel, to avoid needless digits.
+/// Rounds a length to a thousandth of a pixel, so that the SVG contains no needless digits.
 fn n(v: f64) -> f64 {
     (v * 1000.0).round() / 1000.0
 }
@@ -135,8 +136,8 @@ impl Drawing {
         self.per_inch
     }
 
-    /// Returns the SVG document. Its text requests DejaVu Sans, with fallback fonts of nearly the same
-    /// widths.
+    /// Returns the SVG document. The document requests the font DejaVu Sans, with fallback fonts of
+    /// nearly the same widths.
     pub fn svg(&self) -> String {
         let (w, h) = (self.width(), self.height());
         match self.per_inch {
@@ -167,7 +168,7 @@ impl Drawing {
         self.width = self.width.max(width);
     }
 
-    /// Appends one element; writing to a string does not fail.
+    /// Appends one element; writing to a string cannot fail.
     fn put(&mut self, element: fmt::Arguments) {
         let _ = writeln!(self.body, "{element}");
     }
@@ -178,7 +179,7 @@ impl Drawing {
         self.put(format_args!("<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
     }
 
-    /// Draws a frame of one pixel just outside a rectangle.
+    /// Draws a frame of one pixel around a rectangle, directly outside its edge.
     pub(crate) fn frame(&mut self, r: Rect, colour: Rgb<u8>) {
         let (r, colour) = (r.within((-0.5, -0.5), (r.w + 1.0, r.h + 1.0)), hex(colour));
         self.put(format_args!("<rect {r} fill=\"none\" stroke=\"{colour}\"/>"));
@@ -193,7 +194,7 @@ impl Drawing {
         self.put(format_args!("<path d=\"M{x} {y}l{dx} {dy}\" stroke=\"{colour}\"/>"));
     }
 
-    /// Draws lines through points. A missing point leaves a gap, and a point between two gaps is a dot.
+    /// Draws lines through points. A missing point leaves a gap, and a point between two gaps becomes a dot.
     pub(crate) fn line(&mut self, points: &[Option<Point>], pen: Pen) {
         let mut path = String::new();
         let mut joined = false;
@@ -238,7 +239,7 @@ impl Drawing {
         ));
     }
 
-    /// Draws a text; `y` is the middle of its capitals.
+    /// Draws a text; `y` is at half the height of the capital letters.
     pub(crate) fn text(&mut self, text: &str, (x, y): Point, align: Align, style: Style) {
         let baseline = y + CAP_PER_EM * style.em / 2.0;
         let place = format!("x=\"{}\" y=\"{}\"", n(x), n(baseline));
@@ -281,7 +282,7 @@ impl Drawing {
         ));
     }
 
-    /// Draws with a clip rectangle.
+    /// Draws the output of `paint`, clipped to a rectangle.
     pub(crate) fn clipped(&mut self, r: Rect, paint: impl FnOnce(&mut Self)) {
         self.clips += 1;
         let id = self.clips;
@@ -315,7 +316,7 @@ mod tests {
     }
 
     proptest! {
-        /// For any text, the document is valid XML and contains the text.
+        /// Tests that, for any text, the document is valid XML and contains the text.
         #[test]
         fn any_text_is_escaped(text in "\\PC{0,30}", odd in ".{0,30}") {
             let mut d = Drawing::new(90.0, 90.0, &odd);

@@ -1,4 +1,5 @@
-//! Single elements of Mueller matrices by the names of the paper: `(0,1)`, `-(3,3)`, `±(0,2)`.
+//! Draws single elements of Mueller matrices, named as in the paper by Baek & Heide 2021: `(0,1)`, `-(3,3)`,
+//! `±(0,2)`.
 //!
 //! A name with one sign shows only values of that sign, as intensity; other values are black. `±` and
 //! normalized elements use the diverging colour map.
@@ -15,11 +16,11 @@ use serde::Deserialize;
 use std::str::FromStr;
 use tensor::axes::AxisKind;
 
-/// An element with the displayed sign.
+/// A Mueller element with the displayed sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Element {
-    /// +1 or -1; 0 for both.
+    /// Displayed sign: +1 or -1; 0 for both signs.
     pub sign: i8,
     /// Row (Stokes out) and column (Stokes in), 0 to 3.
     pub at: [usize; 2],
@@ -58,21 +59,22 @@ impl TryFrom<String> for Element {
     }
 }
 
-/// One element of a slice, summed over all its projector pixels and times.
+/// One element of a slice, summed over all projector pixels and times.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ElementView {
     pub slice: String,
     pub element: Element,
-    /// Wavelength to draw (nearest). `None` combines all as a colour; signed values then use the middle one.
+    /// Wavelength to draw, in nanometres; the nearest one is used. `None` combines all wavelengths to a
+    /// colour, or selects the middle wavelength for signed values.
     pub wavelength_nm: Option<f64>,
-    /// Divide by M00, which makes the values signed.
+    /// Whether to divide the element by M00. The values are then signed.
     #[serde(default)]
     pub normalized: bool,
-    /// The single time bin to draw contains this time, picoseconds; `None` sums all bins.
+    /// Time in picoseconds that selects the time bin to draw; `None` sums all bins.
     pub time_ps: Option<f64>,
-    /// Value shown as white, or at the ends of the signed scale; `None` is 1 if normalized, otherwise the
-    /// 99th percentile.
+    /// Value shown as white, or at the ends of the signed scale. `None` selects 1 if normalized,
+    /// otherwise the 99th percentile.
     pub limit: Option<f32>,
 }
 
@@ -82,7 +84,7 @@ impl ElementView {
     }
 }
 
-/// Returns the index of the bin that contains a time.
+/// Returns the index of the bin that contains a time in picoseconds.
 fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
     let times = source.need(AxisKind::T)?;
     let half = match times {
@@ -184,7 +186,8 @@ mod tests {
         tile.cells[0].0.pixels().map(|p| p.0).collect()
     }
 
-    /// Each sign shows its values, both show all values, and the quotient has the requested sign.
+    /// Tests that a name with one sign shows only values of that sign, that `±` shows all values, and that a
+    /// quotient has the requested sign.
     #[test]
     fn signs_are_those_of_the_name() {
         let with = |m00: f32, m23: f32| {
@@ -205,7 +208,7 @@ mod tests {
     }
 
     proptest! {
-        /// Invalid names are rejected, and valid names are parsed as written.
+        /// Tests that invalid names are rejected and valid names are parsed.
         #[test]
         fn names_of_elements(text in "\\PC{0,8}", sign in 0..3_usize, i in 0..9_usize, j in 0..9_usize) {
             let _ = text.parse::<Element>();

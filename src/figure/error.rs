@@ -1,4 +1,4 @@
-//! Errors of drawing and saving figures.
+//! Defines the errors of drawing and saving figures.
 
 /// Description of valid wavelengths.
 pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometres";
@@ -9,7 +9,7 @@ pub enum FigureError {
     #[error("slice `{slice}` has no {axis} axis; draw a slice with `{fix}`")]
     MissingAxis {
         slice: String,
-        /// The missing axis in words.
+        /// Name of the missing axis.
         axis: &'static str,
         /// The line of a slice definition that adds the axis.
         fix: &'static str,
@@ -28,7 +28,7 @@ pub enum FigureError {
         /// Axes and their lengths.
         axes: String,
     },
-    /// A row or element that the slice does not have.
+    /// An index of a row or an element that the slice does not have.
     #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; use 0 to {}", len.saturating_sub(1))]
     Index {
         slice: String,

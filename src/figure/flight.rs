@@ -1,8 +1,8 @@
-//! Light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
+//! Draws light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
 //!
-//! The frames are spread evenly over the bins between 0.1% and 99.9% of the cumulative light (positive M00,
-//! over pixels and wavelengths). All frames share one exposure: white is the 99.5th percentile of the
-//! positive channel values.
+//! The frames are distributed evenly over the time bins between 0.1% and 99.9% of the cumulative
+//! light (positive M00, summed over pixels and wavelengths). All frames share one exposure: white
+//! is the 99.5th percentile of the positive channel values.
 
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
@@ -18,12 +18,12 @@ use super::white::White;
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
-/// Fraction of the light before the first and after the last frame.
+/// Fraction of the light that is before the first frame, and fraction that is after the last frame.
 const TAIL: f64 = 0.001;
 /// Maximum number of frames on a sheet.
 pub(crate) const MOST: usize = 400;
 
-/// Returns the bins to show in ascending order: `frames` of them, or fewer if fewer contain light.
+/// Returns the indices of the bins to show, ascending: `frames` bins, or fewer if fewer bins contain light.
 pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
     let total: f64 = light.iter().map(|v| f64::from(*v)).sum();
     let bins = light.len();
@@ -48,8 +48,8 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the number of columns that brings a sheet of `n` frames of `w` × `h` closest to 4:3; full rows are
-/// preferred.
+/// Returns the number of columns for which a sheet of `n` frames of `w` × `h` pixels is closest to
+/// the aspect ratio 4:3. Full rows are preferred.
 fn columns(n: usize, w: usize, h: usize) -> usize {
     let cost = |c: usize| {
         let rows = n.div_ceil(c);
@@ -65,7 +65,7 @@ pub(super) struct Frames<'a> {
     ys: &'a [f64],
     /// Description of the frames' contents.
     note: String,
-    /// The value shown as white.
+    /// Value shown as white, in the camera's unit.
     pub white: White,
     /// Time label and unscaled image of every frame.
     pub shown: Vec<(String, Raster<3>)>,

@@ -1,5 +1,5 @@
-//! One plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with margins that fit
-//! them.
+//! Lays out one plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with
+//! fitting margins.
 
 use image::{Rgb, RgbImage};
 
@@ -9,26 +9,27 @@ use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap}
 use super::ticks::{Ticks, brief};
 use super::white::White;
 
-/// Unit of camera values.
+/// Unit of camera values: spectral radiance.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
 /// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-/// Minimum width of a page, so that titles and notes fit.
+/// Minimum width of a page in pixels, so that titles and notes fit.
 const PAGE_LEAST: f64 = 480.0;
-/// Plots up to this width have text of the nominal size; on wider ones it grows, up to [`LARGEST`] times.
+/// Maximum plot width, in pixels, for text of the nominal size. On wider plots the text is larger, by a
+/// factor of at most [`LARGEST`].
 const NOMINAL: f64 = 900.0;
 const LARGEST: f64 = 1.6;
-/// Margin of the page.
+/// Margin of the page in pixels.
 const EDGE: f64 = 18.0;
 /// Number of colours in a colour bar.
 pub const BAR_STEPS: u32 = 256;
 
-/// Returns the scale factor of text and distances for a plot of this width.
+/// Returns the scale factor of text and distances for a plot of width `plot_width`, in pixels.
 pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
 
-/// Describes the value shown as white, in the camera's unit, and its origin.
+/// Describes for a note the value shown as white, in the camera's unit, and the origin of that value.
 pub fn white_words(white: White, origin: &str) -> String {
     match white {
         White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
@@ -38,11 +39,11 @@ pub fn white_words(white: White, origin: &str) -> String {
 
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
-    /// Label with unit; may be empty.
+    /// Label of the axis, with unit; may be empty.
     pub label: String,
-    /// Ticks; positions are from the left or from the bottom.
+    /// Ticks of the axis; positions are measured from the left or from the bottom.
     pub ticks: Ticks,
-    /// Positions are from the top instead.
+    /// Whether positions are measured from the top instead of the bottom.
     pub downward: bool,
 }
 
@@ -57,25 +58,25 @@ impl Axis {
 /// A colour bar to the right of the plot.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// Label with unit.
+    /// Label of the colour bar, with unit.
     pub label: String,
-    /// Ticks; positions are from the bottom.
+    /// Ticks of the colour bar; positions are measured from the bottom.
     pub ticks: Ticks,
     /// Returns the colour at a position 0..1 from the bottom.
     pub colour: fn(f32) -> Rgb<u8>,
 }
 
-/// Everything around the data.
+/// A page: all items around the data.
 #[derive(Default)]
 pub struct Page<'a> {
-    /// Title; may be empty.
+    /// Title of the page; may be empty.
     pub title: &'a str,
     pub x: Axis,
     pub y: Axis,
     pub bar: Option<Bar>,
     /// Notes under the plot, one paragraph each.
     pub notes: Vec<String>,
-    /// Omit the frame around the plot.
+    /// Whether to omit the frame around the plot.
     pub frameless: bool,
 }
 
@@ -86,9 +87,9 @@ struct Measure {
     tick: Style,
     note: Style,
     tick_length: f64,
-    /// Between ticks and their labels.
+    /// Distance between ticks and their labels, in pixels.
     gap: f64,
-    /// Between tick labels and the label of the axis.
+    /// Distance between tick labels and the label of the axis, in pixels.
     space: f64,
     bar_gap: f64,
     bar_width: f64,
@@ -113,21 +114,21 @@ impl Measure {
         }
     }
 
-    /// Returns the width of a column of ticks with their labels.
+    /// Returns the width in pixels of a column of ticks with labels.
     fn beside(&self, ticks: &Ticks) -> f64 {
         let widest = ticks.marks.iter().map(|m| width(&m.1, self.tick).ceil());
         widest.reduce(f64::max).map_or(0.0, |w| self.tick_length + self.gap + w)
     }
 
-    /// Returns the space for the label of an axis.
+    /// Returns the space in pixels for the label of an axis; 0 for an empty label.
     fn name(&self, label: &str) -> f64 {
         if label.is_empty() { 0.0 } else { self.label.em.floor() + self.space }
     }
 }
 
 impl Page<'_> {
-    /// Lays the page out around a plot of `w` × `h` pixels and draws everything except the data. The returned
-    /// drawing contains the rectangle of the data.
+    /// Lays out the page around a plot of `w` × `h` pixels, and draws all items except the data.
+    /// The returned drawing contains the rectangle of the data.
     pub fn draw(&self, w: f64, h: f64) -> Drawing {
         let m = Measure::of(w);
         let (y_ticks, y_label) = (m.beside(&self.y.ticks), m.name(&self.y.label));
@@ -197,18 +198,18 @@ impl Page<'_> {
 }
 
 impl Bar {
-    /// Creates a bar of signed values between ± `limit`; its label may depend on the ticks.
+    /// Creates a colour bar for signed values between ± `limit`. The label can depend on the ticks.
     pub fn signed(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
         let ticks = Ticks::linear(-limit, limit, 8);
         Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
     }
 
-    /// Returns an image of the colours, one pixel wide, upper end first.
+    /// Returns an image of the bar's colours, one pixel wide, upper end first.
     pub fn colours(&self, steps: u32) -> RgbImage {
         RgbImage::from_fn(1, steps, |_, y| (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32))
     }
 
-    /// Draws the bar into its rectangle, with ticks and label to its right.
+    /// Draws the bar into a rectangle, with ticks and label to the right of the rectangle.
     fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
         let steps = (r.h as u32).clamp(1, BAR_STEPS);
         page.image(r, &self.colours(steps));
@@ -224,26 +225,26 @@ impl Bar {
     }
 }
 
-/// Panels of equal size in rows, each under its name.
+/// A grid of panels of equal size, with a name above each panel.
 pub struct Panels {
     pub size: (f64, f64),
-    /// Space for the name above a panel.
+    /// Space for the name above a panel, in pixels.
     pub head: f64,
-    /// Space between panels.
+    /// Space between panels, in pixels.
     pub gap: f64,
-    /// Panels per row, at least 1.
+    /// Number of panels per row, at least 1.
     pub columns: usize,
 }
 
 impl Panels {
-    /// Returns the size of a plot with `count` panels, at least one.
+    /// Returns the width and height in pixels of a plot with `count` panels, at least one.
     pub fn extent(&self, count: usize) -> (f64, f64) {
         let (across, _) = self.corner(count.min(self.columns) - 1);
         let (_, down) = self.corner(count - 1);
         (across + self.size.0, down + self.size.1)
     }
 
-    /// Returns the upper left corner of a panel relative to that of the plot.
+    /// Returns the upper left corner of a panel relative to the upper left corner of the plot.
     pub fn corner(&self, i: usize) -> Point {
         let (column, row) = ((i % self.columns) as f64, (i / self.columns) as f64);
         (column * (self.size.0 + self.gap), self.head + row * (self.size.1 + self.gap + self.head))
@@ -261,7 +262,7 @@ impl Panels {
         page.draw(w, h)
     }
 
-    /// Draws the lines of a panel's name above it, each with its style.
+    /// Draws the lines of a panel's name above the panel, each line with its own style.
     pub fn name(&self, page: &mut Drawing, i: usize, lines: &[(&str, Style)]) {
         let place = self.place(page, i);
         let line = self.head / lines.len().max(1) as f64;

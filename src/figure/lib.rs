@@ -1,4 +1,4 @@
-//! Publication-quality drawings of tensors in memory, one file per kind of [`View`].
+//! Draws publication-quality figures of tensors in memory. Each kind of [`View`] has its own module.
 //!
 //! Every image is drawn once, as a [`Drawing`]. [`save`] converts its SVG to the format of the path's
 //! extension: `.png`, `.svg` or `.pdf`. [`save_animation`] writes light in flight as `.gif` or `.apng`. Data
@@ -6,8 +6,9 @@
 //!
 //! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
 //! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.
-//! Magnitudes use a perceptually uniform colour map, signed values a diverging one ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
-//! ([`colour::UNDEFINED`]). The same input gives the same bytes.
+//! Magnitudes use a perceptually uniform colour map, signed values use a diverging colour map ([`colour`]).
+//! Non-finite values, and normalized elements where M00 is not positive, are grey ([`colour::UNDEFINED`]).
+//! The same input gives the same bytes.
 
 use crate::spec::{FlightView, View};
 
@@ -69,7 +70,7 @@ pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureEr
 /// Draws the frames of a light-in-flight view under a title, one page each, for an animation.
 ///
 /// # Errors
-/// As [`draw`].
+/// The same errors as [`draw`].
 pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Drawing>, FigureError> {
     flight::animate(view, title, panel)
 }

@@ -1,8 +1,9 @@
-//! Two-dimensional maps of one camera scanline: against the projector (s–s') and against travel time (x–t).
+//! Draws two-dimensional maps of one camera scanline: against projector pixels (s–s') and against travel time
+//! (x–t).
 //!
 //! Camera columns run to the right; projector pixels and time run upward. M00 has a square-root scale, or a
-//! logarithmic one if its positive values span more than [`LOG_FROM`]; the colour bar states which. Other
-//! elements are signed and divided by M00 (the quotient of sums).
+//! logarithmic scale if its positive values span a ratio of more than [`LOG_FROM`]. The colour bar states the
+//! kind of scale. Other elements are signed and divided by M00 (the quotient of sums).
 
 use image::{Rgb, RgbImage};
 
@@ -18,8 +19,8 @@ use super::ticks::Ticks;
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 
-/// A logarithmic scale is used if the ratio of the 99.9th to the 5th percentile of positive values exceeds
-/// this.
+/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is
+/// logarithmic.
 const LOG_FROM: f32 = 300.0;
 /// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;
@@ -32,8 +33,8 @@ pub(super) enum Scale {
 }
 
 impl Scale {
-    /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio` times the
-    /// 5th.
+    /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio`
+    /// times the 5th percentile; otherwise a square-root scale.
     pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
@@ -46,7 +47,7 @@ impl Scale {
         }
     }
 
-    /// Returns the position of a value on the bar.
+    /// Returns the position, 0..1, of a value on the colour bar.
     pub(super) fn place(self, v: f32) -> f32 {
         match self {
             _ if v.is_nan() => v,
@@ -67,7 +68,7 @@ impl Scale {
         }
     }
 
-    /// Returns the kind of scale.
+    /// Returns the name of the kind of scale, for labels.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Sqrt { .. } => "square-root",
@@ -97,9 +98,9 @@ impl Scale {
 
 /// The contents of a map, before scaling.
 pub(super) struct Content<'a> {
-    /// Camera columns, to the right.
+    /// Camera column coordinates, drawn to the right.
     pub xs: &'a [f64],
-    /// Projector pixels or times, upward.
+    /// Projector pixels or times in picoseconds, drawn upward.
     pub ups: &'a [f64],
     /// Label of the upward axis.
     pub label: &'static str,
@@ -108,7 +109,7 @@ pub(super) struct Content<'a> {
     pub bar: Bar,
 }
 
-/// Values and their scale.
+/// Values of a map and their scale.
 enum Values {
     /// Red, green and blue of M00.
     Colour(Raster<3>, Scale),
@@ -126,7 +127,7 @@ fn rising<const C: usize>(
 }
 
 impl Content<'_> {
-    /// Returns the image after averaging by the factors, without repetition; rows run upward.
+    /// Returns the image after averaging by the factors. Pixels are not repeated, and rows run upward.
     pub fn image(&self, factors: (Factor, Factor)) -> RgbImage {
         match &self.values {
             Values::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),

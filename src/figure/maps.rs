@@ -1,5 +1,5 @@
-//! Adjacent maps of one number per pixel with names and one common scale: errors of several methods, or signed
-//! quantities.
+//! Draws adjacent maps of one number per pixel with names and one common scale, such as errors of
+//! several methods or signed quantities.
 
 use super::colour::{sequential, signed};
 use super::drawing::Drawing;
@@ -16,15 +16,15 @@ pub struct Map {
     /// Second line of the name, in a smaller font; may be empty.
     pub caption: String,
     pub width: usize,
-    /// Values, rows from the top, `width` columns; non-finite ones are grey.
+    /// Values, row-major from the top, with `width` columns. Non-finite values are drawn grey.
     pub data: Vec<f32>,
 }
 
 /// The kind of the values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Positive magnitudes on a square-root scale, or on a logarithmic one if the values of all maps have a
-    /// large range.
+    /// Positive magnitudes on a square-root scale, or on a logarithmic scale if the values of all
+    /// maps have a large range.
     Size,
     /// Signed values between ± `limit`, with a diverging colour map.
     Signed {
@@ -33,12 +33,12 @@ pub enum Quantity {
     },
 }
 
-/// Range of the values from which the scale is logarithmic. Methods differ by a factor of ten or more, and
-/// the structure of each should be visible.
+/// Ratio of the values' percentiles above which the scale is logarithmic. The threshold is low
+/// because methods can differ by a factor of ten or more, and all maps should show structure.
 const LOG_FROM: f32 = 30.0;
-/// Target and maximum length of a map's longer side in pixels.
+/// Target length and maximum length of a map's longer side, in pixels.
 const SIDE: (usize, usize) = (420, 640);
-/// Minimum width of a panel, for names above a narrow map.
+/// Minimum width of a panel in pixels, so that names fit above a narrow map.
 const LEAST: f64 = 180.0;
 
 /// Draws maps, `columns` per row, on one common scale; `name` labels the colour bar.
@@ -113,7 +113,8 @@ mod tests {
         img.pixels().filter(|p| **p == c).count()
     }
 
-    /// All maps share one scale: only the overall maximum is bright; undefined pixels are grey.
+    /// Tests that all maps have one common scale, so that only the overall maximum is bright, and that
+    /// undefined pixels are grey.
     #[test]
     fn maps_share_a_scale() {
         let mut low = vec![0.25; 12];

@@ -1,16 +1,16 @@
-//! Markers of data points, and the colours of series.
+//! Defines the markers of data points and the colours of series.
 
 use image::Rgb;
 
 /// Index of black in the palette, for bounds and reference lines.
 pub const BLACK: usize = 6;
 
-/// The colour-blind-safe palette of Okabe and Ito, without the yellow that is too pale on white.
+/// The colour-blind-safe palette of Okabe and Ito, without yellow, which is too pale on white.
 const PALETTE: [[u8; 3]; 7] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233], [0, 0, 0]];
 
-/// Outlines with a radius of about 1, scaled to look equally large: disc, square, triangle up, diamond,
-/// triangle down, ring, cross and plus.
+/// SVG outlines of the markers with a radius of about 1, scaled so that they appear equally large:
+/// disc, square, triangle up, diamond, triangle down, ring, cross and plus.
 const OUTLINES: [&str; 8] = [
     "M1 0A1 1 0 1 1-1 0A1 1 0 1 1 1 0Z",
     "M-.88-.88H.88V.88H-.88Z",
@@ -34,13 +34,13 @@ pub fn palette(index: usize) -> Rgb<u8> {
 pub struct Marker(usize);
 
 impl Marker {
-    /// Returns the marker for an index. The numbers of markers and colours have no common factor, so their
-    /// pair repeats only after [`DISTINCT`].
+    /// Returns the marker for an index. The numbers of markers and of colours have no common factor. A
+    /// combination of marker and colour therefore repeats only after [`DISTINCT`] indices.
     pub fn of(index: usize) -> Self {
         Self(index % OUTLINES.len())
     }
 
-    /// Returns the outer edge of [`Marker::path`].
+    /// Returns the outer edge of [`Marker::path`] as SVG path data, for a white rim.
     pub fn rim(self) -> &'static str {
         self.path().split_inclusive('Z').next().unwrap_or_default()
     }

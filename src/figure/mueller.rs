@@ -1,7 +1,9 @@
-//! The sixteen Mueller elements at one wavelength as a 4×4 grid: rows Stokes out, columns Stokes in.
+//! Draws the sixteen Mueller elements at one wavelength as a 4×4 grid. Rows are outgoing and columns are
+//! incoming Stokes elements.
 //!
-//! If normalized, M00 is shown as intensity and every other element is divided by it; elements are undefined
-//! (grey) where M00 is not positive. Otherwise all sixteen share the signed scale.
+//! If normalized, M00 is shown as intensity, and every other element is divided by M00. Elements are
+//! undefined (grey) for pixels at which M00 is not positive. If not normalized, all sixteen elements have the
+//! same signed scale.
 
 use image::Rgb;
 
@@ -21,7 +23,7 @@ use tensor::axes::AxisKind;
 /// Colour of lines around panels.
 const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 
-/// Returns the sixteen panels of a grid with panels of this size, `gap` apart.
+/// Returns the sixteen panels of a grid with panels of `size` pixels, separated by `gap` pixels.
 pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     Panels { size, head: 0.0, gap, columns: 4 }
 }
@@ -30,11 +32,11 @@ pub fn panels(size: (f64, f64), gap: f64) -> Panels {
 pub(super) struct Grid<'a> {
     source: Source<'a>,
     lane: usize,
-    /// Sixteen elements per pixel.
+    /// The sixteen Mueller elements of each pixel.
     pub raster: Raster<16>,
-    /// M00 shown as white, if normalized.
+    /// Value of M00 shown as white, if normalized.
     pub white: White,
-    /// The value at the ends of the scale.
+    /// Value at the ends of the signed scale.
     pub limit: White,
 }
 
@@ -59,7 +61,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     Ok(Grid { source, lane, raster, white, limit })
 }
 
-/// Returns the colour bar of a grid.
+/// Returns the colour bar of a Mueller grid.
 pub(super) fn bar(normalized: bool, limit: f32) -> Bar {
     Bar::signed(limit.into(), |ticks| {
         if normalized { "Mij / M00".to_owned() } else { format!("Mij [{}]", ticks.unit(CAMERA_UNIT)) }
@@ -108,7 +110,7 @@ pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) 
     }
 }
 
-/// Draws the name of an element on a light ground in the upper left corner of its panel.
+/// Draws the name of an element on a light background in the upper left corner of its panel.
 fn tag(page: &mut Drawing, place: Rect, text: &str, style: Style) {
     let (w, h) = (width(text, style) + 8.0, style.em + 5.0);
     let ground = place.within((0.0, 0.0), (w.min(place.w), h.min(place.h)));

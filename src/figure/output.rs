@@ -1,7 +1,7 @@
-//! Figures as files: PNG, SVG and PDF of a drawing; GIF and APNG of several.
+//! Writes figures to files: PNG, SVG and PDF of one drawing; GIF and APNG of several drawings.
 //!
-//! Every format comes from the drawing's SVG and from built-in fonts, so the same drawing gives the same
-//! bytes on every machine.
+//! Every format is produced from the drawing's SVG and from built-in fonts. The same drawing
+//! therefore gives the same bytes on every machine.
 
 use std::io::{Cursor, Write as _};
 use std::path::Path;
@@ -19,9 +19,9 @@ use super::drawing::Drawing;
 use super::error::FigureError;
 use super::text::font;
 
-/// Pixels of a drawing per inch of a PDF page, which makes tick labels 7.5 points.
+/// Pixels of a drawing per inch of a PDF page. At this value tick labels are 7.5 points high.
 const PER_INCH: f32 = 144.0;
-/// Duration of an animation frame, milliseconds.
+/// Duration of an animation frame in milliseconds.
 const FRAME_MS: u16 = 150;
 /// The speed of colour quantization to 256 colours per frame, from 1 (best) to 30.
 const GIF_SPEED: i32 = 10;
@@ -29,11 +29,11 @@ const GIF_SPEED: i32 = 10;
 /// Formats of a still image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Pixels.
+    /// PNG: pixels.
     Png,
-    /// Vectors, with data as embedded images.
+    /// SVG: vectors, with data as embedded images.
     Svg,
-    /// Vectors on a page of the drawing's size, with embedded fonts.
+    /// PDF: vectors on a page of the drawing's size, with embedded fonts.
     Pdf,
 }
 
@@ -64,7 +64,8 @@ fn extension(path: &Path) -> String {
 /// Writes a drawing atomically in the format of the path's extension. Creates missing folders.
 ///
 /// # Errors
-/// [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`].
+/// [`FigureError::Extension`] for an unknown extension, [`FigureError::Encode`] if the drawing cannot be
+/// encoded, [`FigureError::Write`] if the file cannot be written.
 pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
     let bytes = match Format::of(path)? {
         Format::Png => drawing.png()?,
@@ -78,8 +79,8 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
 /// 256 colours per frame. Creates missing folders.
 ///
 /// # Errors
-/// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large,
-/// [`FigureError::Write`].
+/// [`FigureError::Extension`] for an unknown extension, [`FigureError::Encode`] if there is no
+/// frame or a frame is too large, [`FigureError::Write`] if the file cannot be written.
 pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
     let first = frames.first().ok_or_else(|| encode("there are no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
@@ -136,10 +137,10 @@ impl Drawing {
         Tree::from_str(&self.in_pixels(), &options).map_err(encode)
     }
 
-    /// Rasterizes the drawing.
+    /// Rasterizes the drawing to an RGB image.
     ///
     /// # Errors
-    /// [`FigureError::Encode`] if it is too large.
+    /// [`FigureError::Encode`] if the drawing is too large.
     pub fn pixels(&self) -> Result<RgbImage, FigureError> {
         let tree = self.tree()?;
         let (w, h) = (self.width(), self.height());
@@ -155,7 +156,7 @@ impl Drawing {
     /// Returns the drawing as a PNG file.
     ///
     /// # Errors
-    /// [`FigureError::Encode`] if it is too large.
+    /// [`FigureError::Encode`] if the drawing is too large.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
         let mut bytes = Cursor::new(Vec::new());
         let pixels = self.pixels()?;
@@ -172,7 +173,7 @@ impl Drawing {
     /// Returns the drawing as a PDF file of one page with searchable text.
     ///
     /// # Errors
-    /// [`FigureError::Encode`] if it is too large.
+    /// [`FigureError::Encode`] if the drawing is too large.
     pub fn pdf(&self) -> Result<Vec<u8>, FigureError> {
         self.pdf_with(true)
     }
@@ -185,7 +186,8 @@ impl Drawing {
     }
 }
 
-/// Sorts the entries of a PDF's resources by name, because svg2pdf writes them in the order of a hash map.
+/// Sorts the entries of a PDF's resources by name, because svg2pdf writes the entries in the random order of
+/// a hash map.
 fn in_order(pdf: &[u8]) -> Vec<u8> {
     // Entries are lines such as `/xo12 34 0 R`; sorting does not move any other bytes of the file.
     let is_entry = |line: &&[u8]| {
@@ -200,9 +202,9 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Paints the embedded images below everything else: every page pixel shows the image pixel under its centre.
-/// Resvg's own image support is not used, because it includes decoders of three formats that no drawing
-/// contains.
+/// Draws the embedded images below all other items. Every page pixel shows the image pixel at its
+/// centre. The image support of resvg is not used, because it includes decoders of three formats
+/// that no drawing contains.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
     for node in group.children() {
         match node {

@@ -1,4 +1,4 @@
-//! The data of a slice to draw.
+//! Defines the data of a slice to draw.
 
 use tensor::array::Tensor;
 
@@ -6,8 +6,8 @@ use tensor::array::Tensor;
 #[derive(Clone, Copy, Debug)]
 pub struct Panel<'a> {
     pub mean: &'a Tensor,
-    /// Standard error of every mean, with the same axes: the band of a profile.
+    /// Standard error of every mean, with the same axes. Profiles draw it as a band.
     pub std_error: Option<&'a Tensor>,
-    /// Light outside the time bins, with the same axes except time: the note of a profile.
+    /// Light outside the time bins, with the same axes except time. Profiles print it in a note.
     pub overflow: Option<&'a Tensor>,
 }

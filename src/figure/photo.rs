@@ -1,4 +1,4 @@
-//! Colour photograph of M00: all axes except camera pixels and wavelengths are summed.
+//! Draws a colour photograph of M00, summed over all axes except camera pixels and wavelengths.
 
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
@@ -16,9 +16,9 @@ use tensor::axes::AxisKind;
 pub(super) struct Photo<'a> {
     pub xs: &'a [f64],
     pub ys: &'a [f64],
-    /// Linear red, green and blue.
+    /// Linear red, green and blue of each pixel.
     pub raster: Raster<3>,
-    /// The value shown as white.
+    /// Value shown as white, in the camera's unit.
     pub white: White,
 }
 
@@ -77,7 +77,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
     Ok(page)
 }
 
-/// Returns the axes of a camera image.
+/// Returns the horizontal and the vertical axis of a camera image.
 pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
     let across = Ticks::coordinates(xs, fx.length(xs.len()), true);
     let down = Ticks::coordinates(ys, fy.length(ys.len()), false);

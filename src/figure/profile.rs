@@ -1,5 +1,5 @@
-//! Time profile of one camera pixel: a chart with a line per wavelength and bands of one and two standard
-//! errors.
+//! Draws the time profile of one camera pixel: a chart with one line per wavelength, and bands of
+//! one and two standard errors.
 //!
 //! Standard errors of summed values (projector pixels, bounces, components) add in quadrature, as for
 //! independent values.
@@ -17,10 +17,10 @@ use super::ticks::brief;
 use crate::spec::ProfileView;
 use tensor::axes::AxisKind;
 
-/// Maximum number of lines with a legend.
+/// Maximum number of lines for which a legend is drawn.
 const MOST_NAMED: usize = 18;
 
-/// Returns a series for every wavelength, with bands if there are standard errors.
+/// Returns a series for every wavelength, with bands if the panel has standard errors.
 pub(super) fn read(
     view: &ProfileView,
     source: Source,
@@ -74,8 +74,8 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
     (bottom - below, top + margin)
 }
 
-/// Returns whether a pixel is at most half a spacing (at least one pixel) outside the kept pixels. A single
-/// kept pixel accepts any position, because it may stand for its neighbours.
+/// Returns whether a pixel is within the kept pixels, with a tolerance of half their spacing and at least one
+/// pixel. A single kept pixel accepts any position, because it may represent adjacent pixels.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;
@@ -85,7 +85,7 @@ fn is_inside(kept: &[f64], pixel: f64) -> bool {
     pixel >= -0.5 && (first - slack..=last + slack).contains(&pixel)
 }
 
-/// Returns the indices of the kept pixel nearest to the requested one, and of the element.
+/// Returns the indices that select the element and the kept pixel nearest to the requested pixel.
 fn picks(
     view: &ProfileView,
     source: Source,

@@ -1,4 +1,4 @@
-//! Images of values before they have colours, and their scaling by whole factors.
+//! Defines images of values without colours, and their scaling by integer factors.
 
 use image::{Rgb, RgbImage};
 
@@ -6,28 +6,28 @@ use super::drawing::{Drawing, Point};
 use super::error::FigureError;
 use super::reduce::Reduced;
 
-/// `w` × `h` pixels of `C` values, row-major from the top.
+/// An image of `w` × `h` pixels with `C` values each, row-major from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster<const C: usize> {
-    /// Columns, at least 1.
+    /// Number of columns, at least 1.
     pub w: usize,
-    /// Rows, at least 1.
+    /// Number of rows, at least 1.
     pub h: usize,
     pub data: Vec<[f32; C]>,
 }
 
-/// Whole factors from data pixels to image pixels along one direction.
+/// Integer factors from data pixels to image pixels along one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Factor {
-    /// Number of data pixels averaged into one (1: none).
+    /// Number of data pixels that are averaged into one pixel; 1 means no averaging.
     pub down: usize,
     /// Number of image pixels per (averaged) data pixel.
     pub up: usize,
 }
 
 impl Factor {
-    /// Returns the factor that brings `n` data pixels as close below `target` as possible by repetition, or
-    /// below `most` by averaging if there are more than `most`.
+    /// Returns the factor for `n` data pixels. Repetition gives a length as close as possible to
+    /// `target` from below; averaging limits the length to `most`.
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
         if n > most {
@@ -37,19 +37,19 @@ impl Factor {
         }
     }
 
-    /// Returns the number of image pixels of `n` data pixels.
+    /// Returns the number of image pixels for `n` data pixels.
     pub fn length(self, n: usize) -> f64 {
         (n.div_ceil(self.down) * self.up) as f64
     }
 
-    /// Returns the factor enlarged until `n` data pixels are at least `least` image pixels.
+    /// Returns a factor with more repetition, so that `n` data pixels give at least `least` image pixels.
     pub fn at_least(self, least: usize, n: usize) -> Self {
         let length = n.div_ceil(self.down) * self.up;
         Self { up: self.up * least.div_ceil(length.max(1)), ..self }
     }
 
-    /// Returns factors that keep pixels square, with the longer side close to `target`. A strip thinner than
-    /// `least` is stretched across to remain visible.
+    /// Returns factors that keep pixels square, with the longer side close to `target`. An image
+    /// thinner than `least` is stretched in that direction, so that it remains visible.
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
@@ -74,10 +74,10 @@ impl Raster<3> {
 }
 
 impl<const C: usize> Raster<C> {
-    /// Builds a raster of `w` columns.
+    /// Builds a raster of `w` columns; `name` is the slice's name for messages.
     ///
     /// # Errors
-    /// [`FigureError::Damaged`] with this name if there is no value, or if the values do not fill the rows.
+    /// [`FigureError::Damaged`] with the name if there is no value, or if the values do not fill the rows.
     pub fn new(name: &str, w: usize, data: Vec<[f32; C]>) -> Result<Self, FigureError> {
         let h = data.len() / w.max(1);
         if h == 0 || h * w != data.len() {
@@ -90,7 +90,7 @@ impl<const C: usize> Raster<C> {
         Ok(Self { w, h, data })
     }
 
-    /// Averages over boxes; a box with a non-finite value is undefined.
+    /// Averages the raster over boxes. A box that contains a non-finite value becomes undefined.
     pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
             return self;

@@ -14,10 +14,10 @@ pub struct Source<'a> {
     pub tensor: &'a Tensor,
 }
 
-/// Sums over all axes except the kept ones.
+/// Sums of a tensor over all axes except the kept axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduced {
-    /// Row-major over the kept axes, in the requested order.
+    /// Sums, row-major over the kept axes in the requested order.
     pub data: Vec<f32>,
     /// Lengths of the kept axes; 1 for axes that the tensor does not have.
     pub shape: Vec<usize>,
@@ -71,7 +71,7 @@ impl<'a> Source<'a> {
         self.coords(AxisKind::Wavelength).unwrap_or(&[])
     }
 
-    /// Returns the index of the wavelength nearest to `nm`, by default the middle one.
+    /// Returns the index of the wavelength nearest to `nm`, or of the middle wavelength if `nm` is `None`.
     pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
         match nm {
@@ -83,7 +83,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Returns the picks that select a Mueller element. M00 needs no Stokes axes.
+    /// Returns the axes and indices that select a Mueller element. M00 needs no Stokes axes.
     pub fn element(&self, [out, inn]: [usize; 2]) -> Result<[(AxisKind, usize); 2], FigureError> {
         for (kind, i) in [(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)] {
             if i > 0 || self.coords(kind).is_some() {
@@ -100,9 +100,10 @@ impl<'a> Source<'a> {
         Err(FigureError::Index { slice: self.slice.to_owned(), what, index, len })
     }
 
-    /// Sums `f(value)` in f64 over every axis that is neither kept nor picked.
+    /// Sums `f(value)` in f64 over every axis that is not in `keep` or `pick`.
     ///
-    /// Picks must exist (see [`Self::index`]); kinds that the tensor does not have are ignored.
+    /// The indices in `pick` must exist ([`Self::index`] checks an index). Axes that the tensor does not have
+    /// are ignored.
     pub fn sum(&self, keep: &[AxisKind], pick: &[(AxisKind, usize)], f: impl Fn(f32) -> f64) -> Reduced {
         let shape: Vec<usize> = keep.iter().map(|&k| self.tensor.extent(k)).collect();
         let mut out = vec![0.0_f64; shape.iter().product()];
@@ -125,7 +126,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Adds `f` of every value along the remaining steps, from a source offset to a target offset.
+/// Adds `f(value)` of all values along the remaining axes to the target, recursively from a source offset and
+/// a target offset.
 fn add(
     out: &mut [f64],
     data: &[f32],

@@ -1,4 +1,4 @@
-//! A contact sheet: many small named 4×4 Mueller grids on one scale.
+//! Draws a contact sheet of many small 4×4 Mueller grids with names, on one scale.
 
 use super::colour::exposure;
 use super::drawing::Drawing;
@@ -12,10 +12,10 @@ use super::text::NAME;
 pub struct Grid {
     /// Name above the grid.
     pub label: String,
-    /// Columns of each of its sixteen images.
+    /// Number of columns of each of the sixteen images.
     pub width: usize,
-    /// Mueller matrices, rows of Stokes out first; row-major from the top, `width` columns. M00 is shown as
-    /// intensity; the other elements are divided by it.
+    /// Mueller matrices (row-major, rows are outgoing Stokes elements) of all pixels, row by row from the
+    /// top, with `width` columns. M00 is shown as intensity; the other elements are divided by M00.
     pub data: Vec<[f32; 16]>,
 }
 
@@ -25,7 +25,7 @@ const PICTURE: usize = 72;
 /// Draws the sheet, `columns` grids per row.
 ///
 /// # Errors
-/// [`FigureError`] if there is no grid, or if the data of one do not fill its rows.
+/// [`FigureError`] if there is no grid, or if the data of a grid do not fill its rows.
 pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Result<Drawing, FigureError> {
     let mut pictures = vec![];
     let mut size = (0.0_f64, 0.0_f64);
@@ -69,7 +69,7 @@ mod tests {
         Grid { label: label.into(), width: 3, data: vec![m; 6] }
     }
 
-    /// The image contains the colours of every element and no colours of other values.
+    /// Tests that the image contains the colours of every element and no other colours.
     #[test]
     fn elements_are_painted() {
         let mut m = [0.0; 16];

@@ -1,4 +1,5 @@
-//! Views: which image to draw of which slice. Plain data shared by scene files, stores and the command line.
+//! Defines views: which image to draw of which slice. Scene files, stores and the command line use these
+//! types.
 
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ pub struct Figure {
     pub view: View,
 }
 
-/// Adds the syntax of figures to the schema of scene files, which leaves it undefined.
+/// Adds the syntax of figures to the JSON schema of scene files, in which it is otherwise undefined.
 pub fn describe_in(scene: &mut Schema) {
     let mut figure = schemars::schema_for!(Figure);
     figure.remove("$schema");
@@ -34,15 +35,15 @@ pub fn describe_in(scene: &mut Schema) {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum View {
-    /// Colour photograph of M00 (time, bounces and components summed).
+    /// Colour photograph of M00, summed over time, bounces and components.
     Photo(PhotoView),
     /// 4×4 grid of signed images of the Mueller elements at one wavelength.
     Mueller(MuellerView),
-    /// s–s' map: camera scanline against projector column (or row).
+    /// An s–s' map: one camera scanline against projector columns or rows.
     SpaceSpace(MapView),
-    /// x–t map: camera scanline against travel time.
+    /// An x–t map: one camera scanline against travel time.
     SpaceTime(MapView),
-    /// Light in flight: a contact sheet of frames of a time-resolved image.
+    /// Light in flight: a contact sheet, or an animation, of frames of a time-resolved image.
     Flight(FlightView),
     /// Time profile of one camera pixel with its error band.
     Profile(ProfileView),
@@ -61,7 +62,7 @@ impl View {
     }
 }
 
-/// See [`View::Photo`].
+/// Options of [`View::Photo`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoView {
@@ -71,16 +72,17 @@ pub struct PhotoView {
     pub white: Option<f32>,
 }
 
-/// See [`View::Mueller`].
+/// Options of [`View::Mueller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MuellerView {
-    /// Slice to draw (polarization `mueller`).
+    /// Slice to draw; its polarization must be `mueller`.
     pub slice: String,
-    /// Wavelength to draw (nearest); default: the middle one.
+    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default: the middle
+    /// wavelength.
     pub wavelength_nm: Option<f64>,
-    /// Divide every element by M00 of its pixel (M00 itself is not divided, but scaled to its 99th
-    /// percentile).
+    /// Whether to divide every element by the M00 of its pixel. M00 itself is not divided, but
+    /// scaled to its 99th percentile.
     #[serde(default = "yes")]
     pub normalized: bool,
     /// Value at the ends of the symmetric colour scale; default: 1 if normalized, otherwise the 99th
@@ -88,16 +90,16 @@ pub struct MuellerView {
     pub limit: Option<f32>,
 }
 
-/// See [`View::SpaceSpace`] and [`View::SpaceTime`].
+/// Options of [`View::SpaceSpace`] and of [`View::SpaceTime`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MapView {
     /// Slice to draw.
     pub slice: String,
-    /// Wavelength to draw (nearest); default: colour from all wavelengths for M00, the middle one for other
-    /// elements.
+    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default:
+    /// colour from all wavelengths for M00, the middle wavelength for other elements.
     pub wavelength_nm: Option<f64>,
-    /// Index into the slice's camera rows (0: its first row); drawn along x.
+    /// Index of the camera row to draw along x, from 0 for the slice's first row.
     #[serde(default)]
     pub row: usize,
     /// Mueller element [out, in] to draw; elements other than [0, 0] are signed and normalized by M00.
@@ -105,26 +107,26 @@ pub struct MapView {
     pub element: [usize; 2],
 }
 
-/// See [`View::Flight`].
+/// Options of [`View::Flight`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FlightView {
-    /// Slice to draw (camera pixels and time bins resolved).
+    /// Slice to draw; it must resolve camera pixels and time bins.
     pub slice: String,
-    /// Number of frames, spread evenly over the bins that contain light.
+    /// Number of frames, distributed evenly over the bins that contain light.
     #[serde(default = "twelve")]
     pub frames: usize,
 }
 
-/// See [`View::Profile`].
+/// Options of [`View::Profile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProfileView {
-    /// Slice to draw (time bins resolved).
+    /// Slice to draw; it must resolve time bins.
     pub slice: String,
-    /// Camera pixel [x, y] in full-resolution pixels (nearest kept pixel).
+    /// Camera pixel [x, y] in full-resolution pixels; the nearest kept pixel is used.
     pub pixel: [f64; 2],
-    /// Mueller element [out, in].
+    /// Mueller element [out, in] to draw.
     #[serde(default)]
     pub element: [usize; 2],
 }

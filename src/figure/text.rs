@@ -1,15 +1,15 @@
-//! Metrics of DejaVu Sans text: measures, shrinks and wraps it.
+//! Measures, shrinks and wraps text in the font DejaVu Sans.
 
 use std::sync::OnceLock;
 
 use image::Rgb;
 use ttf_parser::Face;
 
-/// Height of capitals and digits over the em.
+/// Height of capital letters and digits divided by the em.
 pub const CAP_PER_EM: f64 = 0.729;
 
-/// Returns the font of all text. There is only one, because svg2pdf's output with several fonts is not
-/// reproducible.
+/// Returns the font of all text. Drawings use only one font, because svg2pdf's output with several
+/// fonts is not reproducible.
 pub fn font() -> &'static [u8] {
     dejavu::sans::regular()
 }
@@ -24,7 +24,7 @@ pub enum Align {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Style {
-    /// Em in pixels.
+    /// Font size (em) in pixels.
     pub em: f64,
     pub colour: Rgb<u8>,
 }
@@ -34,7 +34,7 @@ impl Style {
         Self { em, colour }
     }
 
-    /// Returns the style scaled by `k`.
+    /// Returns the style with its font size multiplied by `k`.
     pub fn scaled(self, k: f64) -> Self {
         let em = self.em * k;
         Self { em, ..self }
@@ -64,8 +64,8 @@ pub fn width(text: &str, style: Style) -> f64 {
     text.chars().map(|c| advance(c, style)).sum()
 }
 
-/// Returns the text and style that fit into `room`: first the style shrinks, then the text is cut with an
-/// ellipsis.
+/// Returns the text and the style that fit into `room` pixels: first the font size is reduced, then
+/// the text is cut with an ellipsis.
 pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     let wide = width(text, style);
     if wide <= room {
@@ -84,7 +84,7 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     (kept.trim_end().to_owned() + "…", style)
 }
 
-/// Wraps a text into lines no wider than `room`; a wider word has its own line.
+/// Wraps a text into lines of at most `room` pixels; a wider word has its own line.
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

@@ -3,18 +3,18 @@
 use super::reduce::ruler;
 use super::text::{TICK, width};
 
-/// Ticks of an axis: positions (0..1 from its low end), labels, and the power of ten factored out of the
-/// labels.
+/// Ticks of an axis: positions (0..1 from the low end of the axis), labels, and the power of ten
+/// that is factored out of the labels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ticks {
-    /// Position along the axis and label.
+    /// Position (0..1 along the axis) and label of each tick.
     pub marks: Vec<(f64, String)>,
     /// Power of ten that multiplies the labels.
     pub exponent: i32,
 }
 
 impl Ticks {
-    /// Returns ticks at 1, 2 or 5 times powers of ten between `low` and `high`, about `most` at most.
+    /// Returns ticks at 1, 2 or 5 times powers of ten between `low` and `high`, at most about `most` ticks.
     pub fn linear(low: f64, high: f64, most: usize) -> Self {
         let span = high - low;
         if !(span.is_finite() && span > 0.0) {
@@ -71,7 +71,7 @@ impl Ticks {
         ticks(most)
     }
 
-    /// Returns whether the labels fit side by side into `length` pixels without overlap.
+    /// Returns whether the labels fit next to each other into `length` pixels without overlap.
     pub fn fit_side_by_side(&self, length: f64) -> bool {
         self.marks.iter().map(|m| width(&m.1, TICK) + 16.0).sum::<f64>() <= length
     }
@@ -106,7 +106,7 @@ fn nice_step(raw: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * base).find(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(raw)
 }
 
-/// Formats a number with a true minus sign.
+/// Formats a number with the Unicode minus sign.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {

@@ -1,4 +1,5 @@
-//! The contents of one panel of a composite, before scaling: images or a chart, with axes and a colour bar.
+//! Defines the contents of one panel of a composite, before scaling: images or a chart, with axes and a
+//! colour bar.
 //!
 //! Images have one pixel per value, so that the composite determines their size.
 
@@ -20,16 +21,16 @@ use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
 /// The contents of a panel.
 #[derive(Clone, Debug)]
 pub struct Tile {
-    /// Images of one size with their corner labels, row by row; empty for a chart.
+    /// Images of equal size with the labels in their corners, row by row; empty for a chart.
     pub(crate) cells: Vec<(RgbImage, String)>,
-    /// Images per row.
+    /// Number of images per row.
     pub(crate) columns: usize,
-    /// Axes to the right and upward, or downward.
+    /// The horizontal axis and the vertical axis; the vertical axis points up or down.
     pub(crate) axes: Option<[Scaled; 2]>,
     pub bar: Option<Bar>,
-    /// Chart instead of images.
+    /// Chart to draw instead of images.
     pub(crate) chart: Option<Lines>,
-    /// Ratio of height to width of a map or a chart; images have their own.
+    /// Ratio of height to width of a map or a chart; images have their own ratio.
     pub aspect: Option<f64>,
     /// The value shown as white, or at the end of a signed scale, if the tile has such a scale.
     pub white: Option<White>,
@@ -58,7 +59,7 @@ pub(crate) struct Lines {
 const UPWARD: usize = 5;
 
 impl Lines {
-    /// Returns the ticks of the horizontal axis, about `most` labelled ones at most.
+    /// Returns the ticks of the horizontal axis, with at most about `most` labels.
     pub fn across(&self, most: usize) -> Marks {
         marks(&self.chart.x, &self.x, |x| x.marks(most))
     }
@@ -83,18 +84,18 @@ impl Lines {
 /// The kind of a map's values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
-    /// Values between two ends.
+    /// Values on a linear scale between two ends.
     Linear {
-        /// Value at the dark end.
+        /// Value at the dark end of the scale.
         low: f32,
-        /// Value at the bright end.
+        /// Value at the bright end of the scale.
         high: f32,
     },
     Signed {
-        /// Value at the upper end.
+        /// Value at the upper end of the scale; the lower end is its negative.
         limit: f32,
     },
-    /// Indices of objects, from 0 on; negative ones mean no object.
+    /// Indices of objects, from 0; negative values mean no object.
     Things,
 }
 
@@ -116,10 +117,10 @@ impl Tile {
     }
 }
 
-/// Returns the tile of a view of a slice.
+/// Returns a view of a slice as a tile.
 ///
 /// # Errors
-/// As [`crate::draw`].
+/// The same errors as [`crate::draw`].
 pub fn of_view(view: &View, panel: &Panel) -> Result<Tile, FigureError> {
     match view {
         View::Photo(v) => of_photo(v, panel),
@@ -182,11 +183,11 @@ fn of_profile(view: &ProfileView, panel: &Panel) -> Result<Tile, FigureError> {
     lines(chart, profile::colours(source), false)
 }
 
-/// Returns a chart as a tile, without its title and notes. If `legend` is set, the names of its series are
-/// listed under it.
+/// Returns a chart as a tile, without its title and notes. If `legend` is set, the names of the
+/// chart's series are listed under the chart.
 ///
 /// # Errors
-/// As [`chart::draw`].
+/// The same errors as [`chart::draw`].
 pub fn of_chart(chart: Chart, legend: bool) -> Result<Tile, FigureError> {
     chart::check(&chart)?;
     lines(chart, (0..DISTINCT).map(palette).collect(), legend)
@@ -198,8 +199,8 @@ fn lines(chart: Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Figu
     Ok(Tile { aspect: Some(0.7), chart, ..Tile::images(vec![], 1) })
 }
 
-/// Returns a map of one value per pixel, `width` columns, rows from the top; `name` labels its colour bar.
-/// Non-finite values are grey.
+/// Returns a map of one value per pixel, row-major from the top with `width` columns. `name` labels
+/// the colour bar. Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if the ends of the
@@ -236,11 +237,11 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
     Ok(Tile { white: white.map(White::Value), bar, ..Tile::image(image) })
 }
 
-/// Returns an image of linear colours, red, green and blue per pixel; `white` is shown as white.
+/// Returns an image of linear colours, red, green and blue per pixel; the value `white` is shown as white.
 ///
 /// # Errors
-/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if white is not a
-/// positive number.
+/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if `white`
+/// is not a positive number.
 pub fn of_colours(
     name: &str,
     width: usize,
@@ -255,8 +256,8 @@ pub fn of_colours(
     Ok(Tile { white: Some(white), ..Tile::image(image) })
 }
 
-/// Returns the common white level of several images: the 99th percentile of all values, or their maximum if
-/// that is not positive.
+/// Returns the common white level of several images: the 99th percentile of all values, or the
+/// maximum if that percentile is not positive.
 pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> White {
     colour::exposure(values)
 }

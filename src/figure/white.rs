@@ -1,16 +1,17 @@
-//! The value shown as white.
+//! Defines the value that is shown as white.
 
 /// The value shown as white, or at the ends of a signed scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum White {
-    /// This value; positive and finite.
+    /// A positive, finite value.
     Value(f32),
-    /// No value: nothing in the image is positive, so it is all black, or at the middle of a signed scale.
+    /// No value, because the image has no positive values: all pixels are black, or at the middle of a signed
+    /// scale.
     Nothing,
 }
 
 impl White {
-    /// Returns the value; 1 if there is none.
+    /// Returns the value, or 1 for [`Self::Nothing`].
     pub fn value(self) -> f32 {
         match self {
             Self::Value(v) => v,
@@ -20,7 +21,7 @@ impl White {
 }
 
 impl From<Option<f32>> for White {
-    /// Returns `Nothing` unless there is a finite positive number.
+    /// Converts a finite positive number; other values become [`Self::Nothing`].
     fn from(v: Option<f32>) -> Self {
         v.filter(|v| *v > 0.0 && v.is_finite()).map_or(Self::Nothing, Self::Value)
     }

@@ -1,9 +1,9 @@
 //! Checked access to glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
 //!
-//! The crate `gltf` decodes the container and the JSON. Its accessor readers and its validation are not used
-//! because they panic on invalid files (a `POSITION` index out of range, an empty accessor, an unsuitable
-//! component type, a percent-encoded URI that is not UTF-8). Here every index, offset and count is checked
-//! against the available bytes.
+//! The crate `gltf` decodes the container and the JSON. Its accessor readers and its validation are
+//! not used because they panic on invalid files (a `POSITION` index out of range, an empty
+//! accessor, an unsuitable component type, a percent-encoded URI that is not UTF-8). This module
+//! checks every index, offset and count against the available bytes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -34,8 +34,8 @@ pub(super) struct Data<'a> {
 type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
-    /// Loads all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below it. A buffer
-    /// that is too short is noted, since accessors are checked separately.
+    /// Loads all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below that folder.
+    /// For a buffer that is too short, only a note is added, because accessors are checked separately.
     pub fn new(
         root: &'a Root,
         blob: Option<&'a [u8]>,
@@ -195,7 +195,7 @@ impl<'a> Data<'a> {
         Ok(values)
     }
 
-    /// Returns the bytes of a buffer view, if its buffer contains them all.
+    /// Returns the bytes of a buffer view, or `None` if the buffer is too short.
     fn view(&self, index: usize) -> Option<&[u8]> {
         let view = self.root.buffer_views.get(index)?;
         if let Some(decoded) = self.views.get(&index) {
@@ -206,7 +206,7 @@ impl<'a> Data<'a> {
         self.buffers.get(view.buffer.value())?.get(start..end)
     }
 
-    /// Returns the bytes of `count` elements of `size` bytes, if the view and its buffer contain them all.
+    /// Returns `count` elements of `size` bytes each, or `None` if the view or its buffer is too short.
     fn elements(
         &self,
         view: usize,
@@ -230,8 +230,8 @@ fn compression(view: &View) -> Option<(&'static str, &Value)> {
     MESHOPT.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
 }
 
-/// Decompresses a view; returns `None` if that fails. Filters of colours, which are not used, are not
-/// reversed.
+/// Decompresses a buffer view; returns `None` on invalid data. Colour filters are not reversed
+/// because colours are not used.
 fn decompressed(extension: &Value, buffers: &[Cow<[u8]>]) -> Option<Vec<u8>> {
     let number = |key: &str| usize::try_from(extension[key].as_u64()?).ok();
     let start = extension.get("byteOffset").map_or(Some(0), |_| number("byteOffset"))?;
@@ -259,7 +259,8 @@ fn component(json: &Accessor) -> Option<ComponentType> {
     }
 }
 
-/// Decodes little-endian bytes of a type to a float; normalized integers map to 0..1 or -1..1.
+/// Decodes little-endian bytes of a component type to a float. Normalized integers map to 0..1, or to -1..1
+/// if signed.
 fn decode_float(t: ComponentType, normalized: bool, b: &[u8]) -> f32 {
     let scaled = |x: f32, full: f32| if normalized { (x / full).max(-1.0) } else { x };
     match (t, b) {

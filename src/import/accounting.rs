@@ -1,5 +1,5 @@
-//! Tests that everything in a glTF file is used, noted by name or refused, with files that contain one random
-//! unused item.
+//! Tests that each item of a glTF file is used, noted by name or refused. Each test file contains
+//! one random unused item.
 
 use super::{ImportError, Model, gltf_tests, parse_gltf};
 use rand::seq::IndexedRandom;

@@ -1,4 +1,4 @@
-//! Material descriptions in mesh files: glTF's metallic-roughness model, and MTL libraries of OBJ files.
+//! Represents the materials of mesh files: glTF's metallic-roughness model, and MTL libraries of OBJ files.
 
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
@@ -14,10 +14,10 @@ pub struct Appearance {
     pub coat: Option<Coat>,
     /// Share of metal, 0..1.
     pub metallic: f64,
-    /// Roughness α (the square of glTF's roughness) of coat, metal and glass.
+    /// GGX roughness α of coat, metal and glass; α is the square of glTF's roughness.
     pub alpha: f64,
-    /// An image whose green multiplies roughness (the root of α) and whose blue multiplies the share of
-    /// metal.
+    /// An image. Its green channel multiplies the roughness (the square root of α), and its blue
+    /// channel multiplies the share of metal.
     pub metallic_roughness: Option<Picture>,
     /// Reflectance of a mirror blended with the base: red, green, blue.
     pub mirror: [f64; 3],
@@ -31,41 +31,41 @@ pub struct Appearance {
     /// An image that multiplies `opacity`.
     pub opacity_image: Option<(Picture, Opacity)>,
     pub normals: Option<(Picture, f64)>,
-    /// Keys that are not used, by their names in the file's format.
+    /// Names of the keys that are not used, as spelled in the file.
     pub unused: Vec<String>,
-    /// Sentences about keys that are used differently from the format's definition.
+    /// Notes for the user about keys that are interpreted differently from the format's definition.
     pub notes: Vec<String>,
 }
 
 /// Model that defines the parameters of an [`Appearance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
-    /// glTF 2.0, appendix B: the diffuse part is attenuated by the coat's reflection.
+    /// glTF 2.0, appendix B: the coat's reflection attenuates the diffuse part.
     Gltf,
-    /// MTL: the colour is that of the whole surface, including the coat.
+    /// MTL: the colour describes the whole surface, including the coat.
     Mtl,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coat {
     pub ior: f64,
-    /// Factor of the reflected light: red, green, blue.
+    /// Linear red, green and blue factors of the light that the coat reflects.
     pub colour: [f64; 3],
 }
 
-/// Part of an image that is opacity.
+/// Source of opacity in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Opacity {
     First,
     Alpha,
-    /// 1 where the alpha channel (times the factor) is at least this value, otherwise 0.
+    /// Opacity is 1 where the alpha channel times the factor is at least this value, otherwise 0.
     Cut(f64),
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     pub source: Source,
-    /// Map from Sunstone's texture coordinates to the image.
+    /// Map from Sunstone's texture coordinates to image coordinates.
     pub uv: Option<UvRows>,
     pub wrap: Wrap,
     pub filter: Filter,
@@ -73,14 +73,15 @@ pub struct Picture {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
-    /// A file, relative to the mesh file.
+    /// Path of an image file, relative to the mesh file.
     File(String),
-    /// Embedded in the mesh file: its index, and the bytes of a PNG or JPEG.
+    /// An image embedded in the mesh file: the index of the image, and the bytes of a PNG or JPEG file.
     Embedded(usize, Vec<u8>),
 }
 
 impl Appearance {
-    /// Returns whether the file gives only a name: the default material of glTF, or a grey of an MTL library.
+    /// Returns whether the file describes nothing but a name: glTF's default material, or a grey material of
+    /// an MTL library.
     pub fn is_plain(&self) -> bool {
         let plain = Self {
             alpha: self.alpha,
@@ -109,7 +110,7 @@ impl Appearance {
         .flatten()
     }
 
-    /// Creates the appearance of a material that has only a name.
+    /// Creates the default appearance for a material name.
     pub(super) fn new(name: String, model: Model) -> Self {
         Self {
             name,

@@ -1,4 +1,5 @@
-//! Attributes of a PLY mesh: values of vertices or faces besides positions, normals and texture coordinates.
+//! Reads attributes of a PLY mesh: values of vertices or faces other than positions, normals and texture
+//! coordinates.
 //!
 //! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`): `vertex_NAME` or
 //! `face_NAME`, with one column `NAME_0`, or three columns `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or
@@ -11,9 +12,9 @@ use transport::geometry::mesh::Mesh;
 /// Attribute values at the corners of each triangle of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Corners {
-    /// Three numbers per triangle corner: red, green, blue, or one number three times.
+    /// Three numbers per triangle corner: red, green and blue, or the same number three times.
     pub values: Vec<[[f32; 3]; 3]>,
-    /// Whether it has three columns in the file instead of one.
+    /// Whether the attribute has three columns in the file instead of one.
     pub coloured: bool,
 }
 
@@ -24,7 +25,7 @@ pub(super) enum Wanted<'a> {
 }
 
 impl<'a> Wanted<'a> {
-    /// Parses a full name; returns `None` if it is not an attribute's.
+    /// Parses an attribute's full name; returns `None` for other names.
     pub fn new(name: &'a str) -> Option<Self> {
         let vertex = name.strip_prefix("vertex_").map(Self::Vertex);
         vertex.or_else(|| name.strip_prefix("face_").map(Self::Face))
@@ -64,7 +65,7 @@ pub(super) fn columns(element: &Element, name: &str) -> Option<([usize; 3], f32)
     Some((found, full))
 }
 
-/// Removes degenerate triangles and their values; there must be one value per triangle.
+/// Removes degenerate triangles and their values; `corners` must have one value per triangle.
 pub(super) fn drop_degenerate(mesh: &mut Mesh, corners: &mut Corners) {
     let kept: Vec<bool> = (0..mesh.indices.len()).map(|i| !mesh.is_degenerate(i)).collect();
     let keep = || {

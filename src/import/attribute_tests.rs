@@ -3,7 +3,8 @@
 use super::attribute::Corners;
 use super::{Model, parse_ply, parse_ply_attribute};
 
-/// A quadrilateral, a degenerate triangle and a triangle, with colours and weights of vertices and faces.
+/// Returns a PLY file with a quadrilateral, a degenerate triangle and a triangle. Vertices and faces have
+/// colours and weights.
 fn file(vertex: &str, face: &str) -> String {
     format!(
         "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n{vertex}\
@@ -25,7 +26,8 @@ fn corners(text: &str, name: &str) -> Corners {
     part.corners.clone()
 }
 
-/// Degenerate triangles are dropped with their values; polygons pass their value to all their triangles.
+/// Tests that degenerate triangles are dropped with their values, and that each triangle gets the value of
+/// its polygon.
 #[test]
 fn values_stay_with_their_triangles() {
     let text = file(VERTEX, FACE);

@@ -1,17 +1,17 @@
-//! Computes the albedo of the body below a coat from another model's base colour, so that directional albedos
-//! agree.
+//! Computes the albedo of the body below a coat from another model's base colour. The two models
+//! then have the same directional albedo at normal incidence.
 //!
 //! Other models add a diffuse part of albedo `base` to the coat's reflection E(θ), attenuated by their own
-//! approximation. Sunstone's body receives what the coat does not reflect, so that a body of albedo ρ returns
-//! E(θ) + ρ (1 - E(θ)). The factor ρ / base makes both equal for light that exits along the normal.
-//! `validation/import_albedo.py` prints the remaining difference at other angles.
+//! approximation. Sunstone's body receives the light that the coat does not reflect: with a body albedo ρ,
+//! the directional albedo is E(θ) + ρ (1 - E(θ)). The factor ρ / base makes both albedos equal for light that
+//! exits along the normal. `validation/import_albedo.py` prints the remaining difference at other angles.
 
 use glam::Vec3A;
 use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 use optics::spectrum::Spectral;
 use transport::material::coat;
 
-/// Samples per dimension of the integral over facets.
+/// Number of samples per dimension of the integral over facet normals.
 const DRAWN: u32 = 48;
 
 /// Returns the directional albedo at normal incidence of a coat of GGX facets of roughness `alpha` and
@@ -22,20 +22,20 @@ pub fn coat_albedo(eta: f64, alpha: f64, masking: Masking) -> f64 {
     f64::from(coat::reflected(&model, eta, Vec3A::Z.z, DRAWN).to_array()[0])
 }
 
-/// Returns ∫ 2 cosθ f(cosθ) d(cosθ) over 0..1.
+/// Returns the integral of 2 cosθ f(cosθ) over cosθ from 0 to 1.
 fn cosine_mean(f: impl Fn(f64) -> f64) -> f64 {
     const STEPS: u32 = 1000;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
     (0..STEPS).map(|i| 2.0 * at(i) * f(at(i))).sum::<f64>() / f64::from(STEPS)
 }
 
-/// Schlick's weight (1 - c)⁵.
+/// Returns Schlick's weight (1 - c)⁵ for the cosine c.
 fn schlick(cos: f64) -> f64 {
     (1.0 - cos).powi(5)
 }
 
-/// Returns ρ / base colour for glTF's dielectric, whose diffuse part is base (1 - F(v·h)) / π (glTF 2.0,
-/// appendix B.3).
+/// Returns the ratio of body albedo ρ to base colour for glTF's dielectric. The diffuse part of
+/// that model is base (1 - F(v·h)) / π (glTF 2.0, appendix B.3).
 pub fn gltf(eta: f64, alpha: f64) -> f64 {
     let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
     let diffuse = cosine_mean(|cos| {
@@ -46,9 +46,9 @@ pub fn gltf(eta: f64, alpha: f64) -> f64 {
     diffuse / (1.0 - coat_albedo(eta, alpha, Masking::Correlated))
 }
 
-/// Returns ρ / base colour for Disney's `principled` as in Mitsuba 3: (1 - Fo/2)(1 - Fi/2) and
-/// retro-reflection by `roughness` (Burley 2012, sect. 5.3). The latter adds energy, so the factor can exceed
-/// 1.
+/// Returns the ratio of body albedo ρ to base colour for Disney's `principled` as in Mitsuba 3. The
+/// model has the factor (1 - Fo/2)(1 - Fi/2) and a retro-reflection by `roughness` (Burley 2012,
+/// sect. 5.3). Retro-reflection adds energy, so the ratio can exceed 1.
 pub fn principled(eta: f64, roughness: f64) -> f64 {
     let diffuse = cosine_mean(|cos| {
         let fo = schlick(cos);
@@ -61,8 +61,8 @@ pub fn principled(eta: f64, roughness: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Base 0.2, 0.5 and 0.8 at roughness 1: values of glTF's specification and of Mitsuba, from separate
-    /// scripts.
+    /// Compares base colours 0.2, 0.5 and 0.8 at roughness 1 with values of glTF's specification
+    /// and of Mitsuba, which separate scripts computed.
     #[test]
     fn base_colours_keep_their_directional_albedo() {
         let specified = [0.204, 0.492, 0.780];

@@ -1,4 +1,4 @@
-//! Checks of closed meshes: whether they are closed, their orientation, and whether points are inside.
+//! Checks whether meshes are closed, how they are oriented, and whether points are inside.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ pub struct Inside {
 }
 
 impl Inside {
-    /// Creates the inside test of all `meshes` together.
+    /// Creates one inside test for all `meshes` together.
     pub fn new(meshes: &[&mut Mesh]) -> Self {
         let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
         let triangles: Vec<[DVec3; 3]> =
@@ -27,14 +27,15 @@ impl Inside {
         (self.low, self.high)
     }
 
-    /// Returns up to `most` points of the surface: centroids of triangles.
+    /// Returns at most `most` points on the surface (centroids of triangles) in metres.
     pub fn points(&self, most: usize) -> Vec<DVec3> {
         let step = self.triangles.len().div_ceil(most.max(1)).max(1);
         let some = self.triangles.iter().step_by(step);
         some.map(|[a, b, c]| (a + b + c) / 3.0).collect()
     }
 
-    /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.
+    /// Returns whether a point (metres, world space) is inside, or `None` if the point is too close to the
+    /// surface to decide.
     pub fn holds(&self, p: DVec3) -> Option<bool> {
         let near = 1e-4 * (self.high - self.low).max_element();
         // A direction that is unlikely to be parallel to an edge.
@@ -55,7 +56,7 @@ impl Inside {
 /// Vertex ids by mesh; vertices at the same position have the same id.
 struct Welded {
     ids: Vec<Vec<u32>>,
-    /// A position for each id.
+    /// Position of each id, in metres.
     places: Vec<DVec3>,
 }
 
@@ -92,7 +93,7 @@ impl Welded {
         Self { ids: ids.collect(), places }
     }
 
-    /// Returns the triangles of all meshes except those that merging makes degenerate.
+    /// Returns the triangles of all meshes, without triangles that became degenerate by merging vertices.
     fn triangles<'a>(&'a self, meshes: &'a [&mut Mesh]) -> impl Iterator<Item = [u32; 3]> + 'a {
         let all = meshes.iter().zip(&self.ids);
         let triangles = all.flat_map(|(m, ids)| m.indices.iter().map(|t| t.map(|i| ids[i as usize])));
@@ -100,8 +101,8 @@ impl Welded {
     }
 }
 
-/// Returns a message about the first error of a surface that should be closed, or `None`. Vertices within
-/// 1e-6 of its extent are merged, since coordinates at seams are rounded.
+/// Returns a message about the first error of a surface that should be closed, or `None`. Vertices closer
+/// than 1e-6 times the surface's extent are merged, because coordinates at seams are rounded.
 pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let all = meshes.iter().flat_map(|m| &m.positions);
     let low = all.clone().copied().fold(Vec3::INFINITY, Vec3::min);
@@ -131,13 +132,13 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     ))
 }
 
-/// Returns the bits of a position, with -0 as 0.
+/// Returns the bits of a position's coordinates, with -0 replaced by 0.
 fn key(p: Vec3) -> [u32; 3] {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-/// Reverses components of a closed surface whose normals point inward, except cavities inside others. Returns
-/// whether there were any.
+/// Reverses the components of a closed surface whose normals point inward, except cavities inside
+/// other components. Returns whether any component was reversed.
 pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
     let mut ids: HashMap<[u32; 3], usize> = HashMap::new();
     let mut parents: Vec<usize> = vec![];
@@ -207,7 +208,8 @@ pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
     !inward.is_empty()
 }
 
-/// Returns the signed distance along `dir` to a triangle (Möller & Trumbore 1997).
+/// Returns the signed distance from `p` along `dir` to a triangle, or `None` if the line misses the triangle
+/// (Möller & Trumbore 1997).
 fn met([a, b, c]: &[DVec3; 3], p: DVec3, dir: DVec3) -> Option<f64> {
     let (e1, e2) = (b - a, c - a);
     let h = dir.cross(e2);

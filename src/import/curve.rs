@@ -1,8 +1,9 @@
 //! Converts curves with a radius at each point (Mitsuba 3's `bsplinecurve` and `linearcurve`) to triangle
 //! meshes.
 //!
-//! A tube is swept along a uniform cubic B-spline, or cones join spheres at the points. Texture coordinates
-//! are Mitsuba's: u around the tube from a frame defined by the z axis, v along all segments of the file.
+//! The surface is a tube along a uniform cubic B-spline, or a sequence of spheres at the points joined by
+//! cones. Texture coordinates are Mitsuba's. u runs around the tube, from a frame defined by the z axis; v
+//! runs along all segments of the file.
 
 use super::error::{ImportError, ImportProblem};
 use super::text;
@@ -14,7 +15,7 @@ use transport::geometry::mesh::Mesh;
 pub enum Kind {
     /// A uniform cubic B-spline with open ends.
     BSpline,
-    /// Cones that touch a sphere at each point.
+    /// A sphere at each point, joined by cones that touch the spheres.
     Linear,
 }
 
@@ -22,28 +23,29 @@ pub enum Kind {
 pub struct Tubes {
     /// Triangles that face outward, with normals and Mitsuba's texture coordinates.
     pub mesh: Mesh,
-    /// Number of corners of a cross-section, whose circumference equals the circle's.
+    /// Number of corners of a polygonal cross-section. The polygon has the same circumference as the circle.
     pub sides: u32,
-    /// Upper bound of the distance between the mesh and the curves' surface, in metres.
+    /// Upper bound of the distance between the mesh and the surface of the curves, in metres.
     pub deviation: f64,
 }
 
 const MOST: usize = 4_000_000;
-/// Corners of a cross-section; the first value that satisfies [`MOST`] is used.
+/// Possible numbers of corners of a cross-section. The first number for which the mesh satisfies [`MOST`] is
+/// used.
 const SIDES: [u32; 3] = [24, 12, 6];
 const PIECES: f64 = 64.0;
-/// Tolerances for another piece: chord distance relative to the radius, and rotation of the tangent in
-/// radians.
+/// Tolerances above which a curve is split into more pieces: chord distance relative to the radius,
+/// and rotation of the tangent in radians.
 const CHORD: f64 = 0.01;
 const TURN: f64 = TAU / 36.0;
 const FIX: &str = "write one point per line as x y z radius, with an empty line between curves";
 
-/// Parses curves: one point per line (x, y, z, radius), empty lines between curves. `place` transforms points
-/// but not radii.
+/// Parses curves: each line is one point (x, y, z, radius), and empty lines separate curves.
+/// `place` transforms points but not radii.
 ///
 /// # Errors
-/// [`ImportError`] with the line if a number is missing, not finite or a negative radius, if a curve has too
-/// few points or no extent, if all radii are 0, or if more than 4 million triangles are needed.
+/// [`ImportError`] with the line number, if a number is missing or not finite, a radius is negative, a curve
+/// has too few points or no extent, all radii are 0, or more than 4 million triangles are needed.
 pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
     let curves = points(bytes, kind, place)?;
     let least = if kind == Kind::BSpline { 3 } else { 1 };
@@ -110,7 +112,8 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     }
 }
 
-/// A cross-section. At an outward direction `e`, the normal is along (q - w·e) e - s.
+/// A cross-section of a tube. In the outward direction `e`, the surface normal is parallel to (q - w·e) e -
+/// s.
 #[derive(Clone, Copy)]
 struct Ring {
     center: DVec3,
@@ -122,7 +125,8 @@ struct Ring {
     s: DVec3,
 }
 
-/// Returns Mitsuba's axes perpendicular to a tangent: u is 0 at the second and 1/4 at the first.
+/// Returns Mitsuba's two axes perpendicular to a tangent. u is 1/4 along the first axis and 0 along the
+/// second axis.
 fn across(tangent: DVec3) -> [DVec3; 2] {
     let rotated = (DVec3::Z - tangent * tangent.z).try_normalize();
     let rotated = rotated.unwrap_or(DVec3::Y);
@@ -134,7 +138,7 @@ struct Sweep {
     deviation: f64,
     sides: u32,
     segments: f64,
-    /// Radius of a corner divided by that of the circle of the same circumference.
+    /// Distance of a corner from the axis, divided by the radius of the circle with the same circumference.
     corner: f64,
 }
 
@@ -150,7 +154,8 @@ impl Sweep {
         }
     }
 
-    /// Adds the corners of a ring, starting at corner `shift`.
+    /// Adds the corners of a ring as vertices, starting at corner `shift`, and returns the index of the first
+    /// vertex.
     fn ring(&mut self, ring: &Ring, shift: i64) -> u32 {
         let first = self.mesh.positions.len() as u32;
         let [rotated, radial] = across(ring.tangent);
@@ -167,7 +172,7 @@ impl Sweep {
         first
     }
 
-    /// Joins rings. Triangles whose normals are all `hidden` are omitted.
+    /// Joins consecutive rings by triangles. A triangle is omitted if all its normals are `hidden`.
     fn join(&mut self, rings: &[Ring], hidden: impl Fn(DVec3) -> bool) {
         let Some(first) = rings.first() else { return };
         let mut near = self.ring(first, 0);
@@ -307,7 +312,7 @@ impl Sweep {
     }
 }
 
-/// Returns the B-spline's point at v in 0..1 of a segment.
+/// Returns the point (x, y, z, radius) of a B-spline segment at the parameter v, 0..1.
 fn position(p: &[DVec4; 4], v: f64) -> DVec4 {
     let (v2, v3) = (v * v, v * v * v);
     (p[0] * (1.0 - 3.0 * v + 3.0 * v2 - v3)
@@ -317,7 +322,7 @@ fn position(p: &[DVec4; 4], v: f64) -> DVec4 {
         / 6.0
 }
 
-/// Returns the first and second derivative of [`position`].
+/// Returns the first and the second derivative of [`position`] with respect to v.
 fn derivatives(p: &[DVec4; 4], v: f64) -> [DVec4; 2] {
     let v2 = v * v;
     let first = p[0] * (2.0 * v - 1.0 - v2)

@@ -9,7 +9,7 @@ fn text(points: &[[f64; 4]]) -> String {
     points.iter().map(|[x, y, z, r]| format!("{x} {y} {z} {r}\n")).collect()
 }
 
-/// Returns the area, and the volume if the mesh is closed.
+/// Returns the area and the volume of a mesh. The volume is meaningful only for a closed mesh.
 pub fn measures(mesh: &Mesh) -> [f64; 2] {
     let (mut area, mut volume) = (0.0, 0.0);
     for corners in &mesh.indices {
@@ -51,7 +51,8 @@ fn a_straight_spline_is_a_cylinder_or_a_cone() {
     }
 }
 
-/// Pappus: the area of a torus is (2πR)(2πr). A closed B-spline of 64 points approximates a circle to 1e-5.
+/// Tests a circular tube against the area of a torus by Pappus, (2πR)(2πr). A closed B-spline of 64 points
+/// approximates a circle to 1e-5.
 #[test]
 fn a_circle_is_a_torus() {
     let ring: Vec<[f64; 4]> = (0..67)

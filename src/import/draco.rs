@@ -13,19 +13,20 @@ use gltf::json::{Root, Value};
 use super::error::{ImportError, broken};
 use super::gltf_notes::DRACO;
 
-/// An accessor's elements, tightly packed and little-endian.
+/// Elements of an accessor, tightly packed and little-endian.
 pub(super) struct Elements {
     pub component: ComponentType,
     pub count: usize,
     pub bytes: Vec<u8>,
 }
 
-/// Maximum number of triangles or points per stream. A stream of under a kilobyte can describe millions, so
-/// its length is no bound.
+/// Maximum number of triangles or points per stream. A stream of less than a kilobyte can describe
+/// millions, so the stream's length is no bound.
 const MOST: u64 = 1 << 26;
 
-/// Returns the values of the accessors of all compressed primitives. If a file also contains a primitive's
-/// values uncompressed, those are exact and are used instead. `view` returns the bytes of a buffer view.
+/// Returns the values of the accessors of all compressed primitives. If a file also contains the uncompressed
+/// values of a primitive, the uncompressed values are used because they are exact. `view` returns the bytes
+/// of a buffer view.
 pub(super) fn decode<'a>(
     root: &Root,
     view: impl Fn(usize) -> Option<&'a [u8]>,
@@ -97,7 +98,7 @@ fn number(value: &Value) -> Option<usize> {
     usize::try_from(value.as_u64()?).ok()
 }
 
-/// Returns the values of an attribute in the order of the points.
+/// Returns the values of an attribute, one per point, or `None` if the attribute is invalid.
 fn elements(attribute: &PointAttribute, points: usize) -> Option<Elements> {
     let component = match attribute.data_type() {
         DataType::Int8 => ComponentType::I8,

@@ -7,15 +7,15 @@ use super::gltf_notes::DRACO;
 use super::gltf_tests::glb;
 use super::{ImportError, Model, parse_gltf};
 
-/// Positions of 14 bits, normals of 10 and texture coordinates of 12 in the original order, with sequential
-/// triangles.
+/// A stream with sequential triangles in the original order: positions of 14 bits, normals of 10
+/// bits, texture coordinates of 12 bits.
 const SEQUENTIAL: &str = "\
     445241434f020201000000050601000104010204020304030004010502010303090201000109030001000903000202030200\
     0101000d03ad0a27553503a3a283fc3f00f83f000a4000fefffff93f000200000000ff0f0000000301000b235535ad0a03de\
     5a8300feff07f01fc0fffffe0308e03fff030000ff010000000101000f03ad0a2f553503a3a283f8ff0100000000000001a0\
     ff1f00f87f00c0ff07000e000180ff1700000000ff3f000000000000000000000000803f0c0a000000000000000000000000\
     000000410e";
-/// The same mesh in the order of its connectivity.
+/// A stream of the same mesh with Edgebreaker connectivity.
 const EDGEBREAKER: &str = "\
     445241434f0202010100000006050205010002ef03ff0111ff025540ff02554003ff00010000000100000100090300020201\
     03090201000201010903000103010101000f3301200120030018900020000400ff7f00d0ff0b00fe3f0000000180fff7ff03\
@@ -41,7 +41,8 @@ pub fn stream(hex: &str) -> Vec<u8> {
     digits.as_chunks().0.iter().map(|[a, b]| a << 4 | b).collect()
 }
 
-/// Returns a document for a stream; `ids` are those of positions, normals and texture coordinates in it.
+/// Returns a glTF document for a stream. `ids` are the stream's ids of positions, normals and texture
+/// coordinates.
 fn document(length: usize, ids: [u32; 3]) -> Value {
     json!({
         "asset": {"version": "2.0"},

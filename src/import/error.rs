@@ -1,4 +1,4 @@
-//! Errors of mesh files.
+//! Errors of the mesh readers.
 
 use std::path::PathBuf;
 use transport::geometry::mesh::MeshError;
@@ -7,7 +7,7 @@ use transport::geometry::mesh::MeshError;
 #[derive(Debug)]
 pub struct ImportError {
     pub file: Option<PathBuf>,
-    /// Line number from 1 in text formats, if known.
+    /// Line number, from 1, if known. Binary formats have no line numbers.
     pub line: Option<usize>,
     pub problem: ImportProblem,
 }
@@ -15,7 +15,7 @@ pub struct ImportError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportProblem {
-    /// The file, or a file that it refers to, cannot be read.
+    /// The mesh file, or a file to which the mesh file refers, cannot be read.
     #[error("cannot read {what} ({cause}); check that it exists and is readable")]
     Read { what: String, cause: std::io::Error },
     /// The extension is not a known mesh format.
@@ -29,7 +29,7 @@ pub enum ImportProblem {
     /// The file is valid but has no triangle with an area.
     #[error("the file has no triangles of non-zero area{notes}; {fix}")]
     NoArea {
-        /// Contents that were omitted, each after a semicolon.
+        /// Names of omitted contents, separated by semicolons.
         notes: String,
         fix: &'static str,
     },

@@ -28,7 +28,7 @@ fn ply_binary() -> Vec<u8> {
     b
 }
 
-/// Valid files from which mutants are made.
+/// Valid files that the tests mutate.
 static SEEDS: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
     [
         OBJ.into(),
@@ -61,7 +61,7 @@ enum Edit {
     Cut(Index),
     Delete(Index, usize),
     Insert(Index, usize),
-    /// Replaces the first number at or after a position.
+    /// Replaces the first number at or after a position in the file.
     Number(Index, usize),
 }
 

@@ -2,9 +2,9 @@
 //! `KHR_mesh_quantization`, `KHR_node_visibility`, `KHR_draco_mesh_compression`, `EXT_meshopt_compression`
 //! and `KHR_meshopt_compression`.
 //!
-//! The node tree is traversed in double precision. Every mesh is baked to world space once per node that uses
-//! it, in the rest pose: morph targets by their default weights, skins by their joints' nodes. Like Sunstone,
-//! glTF is right-handed with +y up and uses metres.
+//! Transforms of the node tree are multiplied in double precision. Every mesh is transformed to world space
+//! once per node that uses the mesh, in the rest pose: morph targets with default weights, skins with the
+//! transforms of their joints. Like Sunstone, glTF is right-handed with +y up and uses metres.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -25,12 +25,13 @@ use transport::geometry::mesh::Mesh;
 /// Maximum number of triangles after instancing of one file (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Parses a glTF document or GLB container. Uses the default scene, otherwise the first one, otherwise all
-/// nodes, otherwise all meshes. Each primitive of each node with a mesh becomes a part named after the node,
-/// baked to world space.
+/// Parses a glTF document or GLB container. Uses the default scene, otherwise the first one,
+/// otherwise all nodes, otherwise all meshes. Each primitive of each node with a mesh becomes a
+/// part in world space, named after the node.
 ///
-/// `base_dir` is the folder of external buffers; without it they are an error. Materials without a name are
-/// named `material_` and their index. Points, lines and everything else that is not used are noted.
+/// `base_dir` is the folder of external buffers; without `base_dir`, external buffers are an error. Materials
+/// without a name are named `material_` and their index. Notes list points, lines and all other contents that
+/// are not used.
 ///
 /// # Errors
 /// [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported geometry
@@ -75,7 +76,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     importer.parts.end("export a scene whose nodes have triangle meshes")
 }
 
-/// Returns the file names of a document's external buffers, as far as the document is readable.
+/// Returns the file names of a document's external buffers. Unreadable parts of the document are skipped.
 pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
     let root = container(bytes).ok().and_then(|(json, _)| Root::from_slice(&json).ok());
     let buffers = root.map(|root| root.buffers).unwrap_or_default();
@@ -83,7 +84,7 @@ pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
     uris.filter(|uri| !uri.contains(':')).filter_map(percent_decoded).collect()
 }
 
-/// Bytes of a file, or decoded from it.
+/// Bytes that are part of a file, or that were decoded from the file.
 type Bytes<'a> = Cow<'a, [u8]>;
 
 /// Returns a file's JSON and the binary chunk of a GLB.
@@ -133,9 +134,9 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
 struct Importer<'a> {
     data: Data<'a>,
     materials: Vec<String>,
-    /// Node-to-world transforms, for nodes that belong to a tree.
+    /// Node-to-world transforms; `None` for nodes that do not belong to a tree.
     worlds: Vec<Option<DAffine3>>,
-    /// Primitives of each mesh in its own space with its default weights, once read.
+    /// Primitives of each mesh in the mesh's own space with default weights; `None` before the mesh is read.
     primitives: Vec<Option<Vec<Local>>>,
     parts: Parts,
     triangles: usize,
@@ -185,7 +186,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Adds the mesh of a node to the parts.
+    /// Adds the primitives of a node's mesh to the parts.
     fn node(&mut self, node: &Node, index: usize, mesh: usize) -> Result<(), ImportError> {
         let name = node.name.as_deref();
         let pose = Pose {
@@ -218,7 +219,8 @@ impl Importer<'_> {
         Ok(read)
     }
 
-    /// Returns the transforms of `EXT_mesh_gpu_instancing`, or only the identity.
+    /// Returns a node's instance transforms (`EXT_mesh_gpu_instancing`), or the identity if the node has
+    /// none.
     fn instances(&self, node: &Node) -> Result<Vec<DAffine3>, ImportError> {
         let extension = node.extensions.as_ref().and_then(|e| e.others.get(INSTANCING));
         let Some(attributes) = extension.map(|e| e.get("attributes")) else {
@@ -254,7 +256,7 @@ impl Importer<'_> {
             .collect()
     }
 
-    /// Adds a mesh's primitives to the parts, once per transform to world space.
+    /// Adds the primitives of a mesh to the parts, once for each mesh-to-world transform.
     fn place(
         &mut self,
         mesh: usize,
@@ -288,7 +290,7 @@ impl Importer<'_> {
     }
 }
 
-/// Returns the transforms of all nodes to world space; `None` for those in a cycle.
+/// Returns the node-to-world transforms of all nodes; `None` for nodes in a cycle.
 fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     let mut out = vec![None; root.nodes.len()];
     let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();
@@ -318,7 +320,7 @@ fn tops(root: &Root) -> Vec<usize> {
     (0..root.nodes.len()).filter(|&n| !is_child[n]).collect()
 }
 
-/// Returns the root nodes to import.
+/// Returns the indices of the root nodes to import.
 fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     if root.scenes.is_empty() {
         return Ok(tops(root));
@@ -333,7 +335,7 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     Ok(nodes.iter().map(Index::value).collect())
 }
 
-/// Returns a node's transform to its parent.
+/// Returns the transform from a node to its parent.
 fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
     let Some(m) = node.matrix else {
         return trs(

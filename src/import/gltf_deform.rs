@@ -1,4 +1,5 @@
-//! Applies glTF's morph targets and skins in the rest pose (specification, sections 3.7.2.2 and 3.7.3).
+//! Applies the morph targets and skins of glTF meshes in the rest pose (specification, sections 3.7.2.2 and
+//! 3.7.3).
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use gltf::json::Index;
@@ -12,9 +13,9 @@ use transport::geometry::mesh::Mesh;
 /// Deformation of a node's mesh.
 #[derive(Default)]
 pub(super) struct Pose<'a> {
-    /// Weights of its morph targets, or `None` for the mesh's own.
+    /// Weights of the morph targets; `None` uses the weights of the mesh.
     pub weights: Option<&'a [f32]>,
-    /// Mesh-to-world transforms of its skin's joints.
+    /// Mesh-to-world transforms of the skin's joints; `None` without a skin.
     pub joints: Option<Vec<DAffine3>>,
 }
 
@@ -74,7 +75,7 @@ pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh
     Ok(())
 }
 
-/// Transforms vertices to world space by the joints that influence them.
+/// Transforms vertices to world space with the weighted transforms of their joints.
 pub(super) fn skin(
     data: &Data,
     p: &Primitive,

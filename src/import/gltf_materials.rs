@@ -1,6 +1,6 @@
 //! Reads glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`,
-//! `_volume` only to decide whether a surface refracts, `_pbrSpecularGlossiness`, `_unlit`;
-//! `KHR_texture_transform`). All other keys of a material are listed as unused.
+//! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` only decides whether a
+//! surface refracts. All other keys of a material are listed as unused.
 //!
 //! glTF's texture coordinates start at the image's upper left corner, with v downward; Sunstone's start at
 //! the lower left. Colour factors are linear, colours of images are sRGB-encoded.
@@ -13,7 +13,7 @@ use gltf::json::Value;
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
 
-/// Returns the materials of a glTF document or GLB container, named as in its parts.
+/// Returns the materials of a glTF document or GLB container, with the names that the parts of the mesh use.
 ///
 /// # Errors
 /// [`ImportError`] if the file is invalid.
@@ -63,7 +63,8 @@ fn colour(value: &Value, missing: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
 }
 
-/// Sets a reflectance at normal incidence: a coat if it is within the range of glass, otherwise a mirror.
+/// Sets the reflectance at normal incidence, `f0`: as a coat if `f0` is within the range of glass, otherwise
+/// as a mirror.
 fn specular(f0: [f64; 3], out: &mut Appearance) {
     const MOST: f64 = 0.16;
     let strongest = f0.into_iter().fold(0.0, f64::max);
@@ -217,7 +218,7 @@ impl File<'_> {
     }
 }
 
-/// Returns the map of `KHR_texture_transform` for coordinates with v in the opposite direction.
+/// Returns the map of `KHR_texture_transform` for texture coordinates whose v points up instead of down.
 fn turned(t: &Value) -> Option<UvRows> {
     if t.is_null() {
         return None;
@@ -253,7 +254,7 @@ mod tests {
         assert_eq!(red.unused, ["emissiveFactor", "KHR_materials_clearcoat"]);
     }
 
-    /// Every key is used or listed as unused.
+    /// Tests that every key is used or listed as unused.
     #[test]
     fn every_key_is_accounted_for() {
         let bare = read(&json!({"materials": [{}]})).remove(0);
@@ -289,7 +290,8 @@ mod tests {
         }
     }
 
-    /// The extension's example: an upright image rotated by a quarter turn about its upper left corner.
+    /// Tests the example of the extension's specification: an upright image rotated by a quarter turn about
+    /// the upper left corner.
     #[test]
     fn texture_transforms_are_those_of_the_upright_image() {
         let t = json!({"offset": [0.1, 0.2], "scale": [2, 3], "rotation": 0.5});

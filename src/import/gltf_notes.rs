@@ -8,11 +8,11 @@ use super::notes::Notes;
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
-/// Extensions that are read, here or with the materials.
+/// Extensions that this importer or the material reader supports.
 const READ: [&str; 7] =
     [DRACO, INSTANCING, VISIBILITY, MESHOPT[0], MESHOPT[1], "KHR_mesh_quantization", "KHR_texture_transform"];
 
-/// Compression of buffer views, and of meshes.
+/// Extensions that compress buffer views.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
@@ -34,8 +34,8 @@ const NO_GEOMETRY: [&str; 14] = [
     "AGI_",
 ];
 
-/// Keys of each kind of object that are read, or that do not affect surfaces (names, and bounds that follow
-/// from the data). `extras` are application-specific.
+/// Known keys of each kind of object: keys that are read, and keys that do not affect surfaces
+/// (names, bounds of the data, and the application-specific `extras`).
 const KEYS: [(&str, &[&str]); 7] = [
     ("scenes", &["name", "nodes"]),
     ("nodes", &["name", "children", "mesh", "skin", "weights", "matrix", "translation", "rotation", "scale"]),
@@ -60,7 +60,7 @@ const KEYS: [(&str, &[&str]); 7] = [
     ("skins", &["name", "joints", "inverseBindMatrices", "skeleton"]),
 ];
 
-/// Keys of the document. Materials and their parts are checked separately.
+/// Known top-level keys of the document. Materials and their parts are checked separately.
 const TOP: [&str; 13] = [
     "asset",
     "scene",
@@ -77,7 +77,7 @@ const TOP: [&str; 13] = [
     "samplers",
 ];
 
-/// Attributes of morph targets. Tangents follow from the others.
+/// Attributes of morph targets. Tangents follow from the other attributes.
 const TARGET: [&str; 3] = ["POSITION", "NORMAL", "TANGENT"];
 
 const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];

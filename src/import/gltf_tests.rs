@@ -23,8 +23,8 @@ pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Returns the buffer of a tetrahedron's corner: 4 positions, 4 normals +z, 4 uvs as u16, indices as u8, u16
-/// and u32, and two translations.
+/// Returns a buffer with a tetrahedron's corner: 4 positions, 4 normals along +z, 4 texture
+/// coordinates as u16, indices as u8, u16 and u32, and two translations.
 fn bin() -> Vec<u8> {
     let mut b = Vec::new();
     for x in [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1.0_f32] {
@@ -49,8 +49,8 @@ fn bin() -> Vec<u8> {
     b
 }
 
-/// Returns a document with two nodes that instance one mesh: one translated by its parent, rotated and
-/// scaled, one mirrored by a matrix.
+/// Returns a document with two nodes that instance one mesh: the first is rotated, scaled and
+/// translated by its parent, and the second is mirrored by a matrix.
 fn document() -> Value {
     json!({
         "asset": {"version": "2.0"}, "scene": 0,
@@ -82,7 +82,7 @@ pub fn sample_glb() -> Vec<u8> {
     glb(&document(), &bin())
 }
 
-/// Returns the sample as JSON with a data URI.
+/// Returns the sample document as JSON with a data URI.
 pub fn sample_gltf() -> Vec<u8> {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut uri = String::from("data:application/octet-stream;base64,");
@@ -266,7 +266,7 @@ fn what_is_left_out_is_noted() {
     noted("/meshes/0/primitives/0/indices", json!(4), "surplus index");
 }
 
-/// Displacements weighted by the mesh's own weights and by a node's.
+/// Tests displacements with the weights of the mesh and with the weights of a node.
 #[test]
 fn morph_targets_are_applied() {
     let mut d = document();
@@ -281,7 +281,8 @@ fn morph_targets_are_applied() {
     assert!(parts[1].mesh.normals[1].abs_diff_eq(vec3(-2.0, 0.0, 1.0).normalize(), 1e-6));
 }
 
-/// v = Σ weight · joint transform · inverse bind matrix · p, independent of the node's own transform.
+/// Tests skinning: v = Σ weight · joint transform · inverse bind matrix · p, independent of the node's own
+/// transform.
 #[test]
 fn skins_are_applied() {
     let mut d = document();
@@ -345,8 +346,8 @@ fn containers_are_read_as_the_specification_asks() {
     assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }
 
-/// Triangle in buffer views of `EXT_meshopt_compression` and `KHR_meshopt_compression`; the uncompressed
-/// buffer has no bytes.
+/// Tests a triangle in buffer views compressed with `EXT_meshopt_compression` and
+/// `KHR_meshopt_compression`. The uncompressed buffer has no bytes.
 #[test]
 fn compressed_views_are_read() {
     let view = |start: u32, length: u32, stride: u32, mode: &str| json!({"buffer": 0, "byteOffset": start, "byteLength": length, "byteStride": stride, "count": 3, "mode": mode});

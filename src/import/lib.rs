@@ -1,16 +1,16 @@
-//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`.
-//! Also contains other per-triangle and per-pixel work on scene files: closed surfaces, images, transforms of
+//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's
+//! `serialized`. The crate also checks closed surfaces, reads images and reads the transforms of
 //! many copies.
 //!
 //! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
-//! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's length. All
-//! parsers finish a mesh in the same way:
+//! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's
+//! length. All parsers finish a mesh with the same steps:
 //!
 //! - degenerate triangles and then unused vertices are dropped;
-//! - normals are normalized, and those of zero length are replaced;
+//! - normals are normalized, and normals of zero length are replaced;
 //! - the result is validated.
 //!
-//! Everything in a file is used, noted or refused.
+//! Each item of a file is used, noted or refused.
 
 mod accessor;
 pub mod appearance;
@@ -73,8 +73,8 @@ pub use self::serialized::parse_serialized;
 /// `.serialized` (first mesh only), in any case.
 ///
 /// # Errors
-/// [`ImportError`] with the file's name if it cannot be read, has another format, is invalid or has no usable
-/// triangles.
+/// [`ImportError`] with the file's name, if the file cannot be read, has another format, is invalid
+/// or has no usable triangles.
 pub fn load(path: &Path) -> Result<Model, ImportError> {
     let mut model = load_unnamed(path).map_err(|mut error| {
         error.file = Some(path.to_owned());

@@ -1,7 +1,7 @@
 //! Decodes buffer views compressed with `EXT_meshopt_compression` and `KHR_meshopt_compression` (Khronos glTF
 //! extensions, appendix A: bitstreams; appendix B: filters), with versions 0 and 1 of the attribute stream.
 
-/// Encoding of the elements.
+/// Encoding of the elements in a compressed buffer view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
     Attributes,
@@ -9,7 +9,7 @@ pub(super) enum Mode {
     Indices,
 }
 
-/// Unread bytes of a view.
+/// Unread bytes of a buffer view.
 struct Stream<'a> {
     bytes: &'a [u8],
 }
@@ -25,7 +25,7 @@ impl<'a> Stream<'a> {
         self.take(1).map(|b| b[0])
     }
 
-    /// Reads an integer of seven bits per byte, the lowest first.
+    /// Reads an integer that is stored as seven bits per byte, lowest bits first.
     fn number(&mut self) -> Option<u32> {
         let mut value = 0_u32;
         for shift in (0..35).step_by(7) {
@@ -39,7 +39,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// Decodes a signed number whose lowest bit is the sign.
+/// Decodes a signed number that stores its sign in the lowest bit (zigzag encoding).
 fn unfolded(v: u32) -> u32 {
     (v >> 1) ^ (v & 1).wrapping_neg()
 }
@@ -118,7 +118,8 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// Decodes one byte per element, in groups of 16; each group's header selects its number of `bits`.
+/// Decodes one byte per element, in groups of 16. The header of each group selects the number of bits per
+/// element from `bits`.
 fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8>> {
     let count = elements.div_ceil(16);
     let headers = stream.take(count.div_ceil(4))?;
@@ -162,7 +163,7 @@ fn sequence(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
         .collect()
 }
 
-/// The last 16 entries.
+/// Ring buffer of the last 16 entries.
 struct Recent<T> {
     entries: [T; 16],
     next: usize,
@@ -178,7 +179,7 @@ impl<T: Copy + Default> Recent<T> {
         self.next = (self.next + 1) % 16;
     }
 
-    /// Returns the entry pushed `back` pushes ago, from 1.
+    /// Returns the entry that was pushed `back` pushes ago; `back` is at least 1.
     fn get(&self, back: usize) -> T {
         self.entries[(self.next + 32 - back) % 16]
     }
@@ -263,7 +264,8 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// Reverses a filter on elements of `stride` bytes; returns `None` if no such filter exists for them.
+/// Reverses a filter on elements of `stride` bytes; returns `None` if the filter does not exist for this
+/// size.
 pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<()> {
     let int16 = |b: &[u8], i: usize| f32::from(i16::from_le_bytes([b[2 * i], b[2 * i + 1]]));
     match (filter, stride) {
@@ -304,7 +306,8 @@ pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<
     Some(())
 }
 
-/// Decodes a unit vector in octahedral form, in which `one` represents 1, and multiplies it by `full`.
+/// Decodes a unit vector in octahedral form, in which `one` represents 1, and multiplies the vector by
+/// `full`.
 fn octahedral([x, y, one]: [f32; 3], full: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);

@@ -1,15 +1,17 @@
 //! Computes the refractive index of a metal with a given reflectance, for models that use a colour and
 //! Schlick's approximation.
 
-/// n and k of a metal that reflects all light except a fraction of 2e-6.
+/// Refractive index n and extinction coefficient k of a metal that reflects all light except a fraction of
+/// 2e-6.
 pub const PERFECT: [f64; 2] = [1e-6, 1.0];
 
 /// Angles of incidence in degrees at which reflectances are compared.
 const ANGLES: [f64; 5] = [0.0, 30.0, 45.0, 60.0, 70.0];
 
-/// Returns n and k of the metal that reflects `r` (0..1) at normal incidence and is closest to
-/// r + (1 - r)(1 - cosθ)⁵ (Schlick 1994) at angles up to 70°: within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5.
-/// n of all such metals is between (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
+/// Returns the refractive index n and the extinction coefficient k of a metal with reflectance `r` (0..1) at
+/// normal incidence. Up to 70°, its reflectance is as close as possible to r + (1 - r)(1 - cosθ)⁵ (Schlick
+/// 1994): within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5. For all such metals, n is between (1 - r)/(1 + r) and (1
+/// + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
 pub fn metal(r: f64) -> [f64; 2] {
     const STEPS: u32 = 400;
     let r = r.clamp(0.0, 1.0);
@@ -35,7 +37,7 @@ pub fn metal(r: f64) -> [f64; 2] {
     best.unwrap_or([least, 0.0])
 }
 
-/// Fresnel reflectance of a conductor for unpolarized light (Born & Wolf 1999, sect. 14.2).
+/// Returns the Fresnel reflectance of a conductor for unpolarized light (Born & Wolf 1999, sect. 14.2).
 fn reflectance(cos: f64, n: f64, k: f64) -> f64 {
     let sin2 = 1.0 - cos * cos;
     let t0 = n * n - k * k - sin2;

@@ -2,13 +2,13 @@
 //!
 //! Meaning of the keys:
 //!
-//! - `Kd` is the albedo of the whole surface; `map_Kd` multiplies it, or is the albedo if `Kd` is absent.
-//! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as in Blender's importer,
-//!   with the roughness of `Ns`. With `illum` 3 to 9 except 6 (ray-traced reflection) and without
-//!   transparency, it is the reflectance of a mirror.
+//! - `Kd` is the albedo of the whole surface; `map_Kd` multiplies `Kd`, or is the albedo if `Kd` is absent.
+//! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as in Blender's
+//!   importer. `Ns` gives the coat's roughness. With `illum` 3 to 9 except 6 (ray-traced
+//!   reflection) and without transparency, `Ks` is the reflectance of a mirror.
 //! - `illum` 0 and 1 have no highlights.
-//! - `d` (or 1 - `Tr`) is the share of the surface that is present. With `illum` 4, 6, 7, 9 or none and an
-//!   index `Ni` other than 1, the rest is glass.
+//! - `d` (or 1 - `Tr`) is the share of the surface that is present. The rest is glass if `illum` is
+//!   4, 6, 7, 9 or absent and the refractive index `Ni` is not 1.
 
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use super::text;
@@ -16,9 +16,9 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use transport::material::texture::{Filter, Wrap};
 
-/// Returns the library names of the `mtllib` lines of an OBJ file. A line can contain several names, and
-/// names can contain spaces. Each line is a list of its interpretations: as one name, and as one name per
-/// word.
+/// Returns the library names of the `mtllib` lines of an OBJ file. A line can contain several
+/// names, and names can contain spaces. For each line, the result lists two interpretations: the
+/// line as one name, and one name per word.
 pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     let mut all: Vec<Vec<Vec<String>>> = vec![];
     for line in text::lines(&text::decode(obj)) {
@@ -42,10 +42,10 @@ pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     all
 }
 
-/// A material of a library: values by key in lower case.
+/// A material of a library: values by lower-case key.
 struct Entry {
     name: String,
-    /// Original spelling of each key, and its value.
+    /// Original spelling and value of each key, by lower-case key.
     keys: BTreeMap<String, (String, String)>,
     used: RefCell<BTreeSet<String>>,
 }
@@ -67,7 +67,7 @@ impl Entry {
         self.numbers(key).first().copied()
     }
 
-    /// Returns three numbers, or one number three times.
+    /// Returns the three numbers of a key; a single number is repeated three times.
     fn colour(&self, key: &str) -> Option<[f64; 3]> {
         let colour = match self.numbers(key)[..] {
             [r, g, b, ..] => [r, g, b],
@@ -149,7 +149,7 @@ fn appearance(m: &Entry) -> Appearance {
     out
 }
 
-/// Reads the transparency: `d`, `Tr` and their images.
+/// Reads the transparency of a material: `d`, `Tr` and their images.
 fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     let (dissolve, transparent) = (m.number("d"), m.number("Tr"));
     let mut there = dissolve.or(transparent.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
@@ -171,7 +171,8 @@ fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     out.opacity_image = image.map(|p| (p, Opacity::First));
 }
 
-/// Parses an image name after its options. Options other than `-o`, `-s` and `-clamp` are not used.
+/// Parses an image name and the options before the name. Options other than `-o`, `-s` and `-clamp` are not
+/// used.
 fn picture(text: &str, unused: &mut Vec<String>) -> Option<Picture> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let (mut i, mut wrap, mut move_, mut scale) = (0, Wrap::Repeat, [0.0; 2], [1.0; 2]);
@@ -236,8 +237,8 @@ mod tests {
         assert!((pane.transmission - 0.9).abs() < 1e-6 && pane.refracts && pane.opacity == 1.0);
     }
 
-    /// A byte order mark, other line endings, letter case and quotes have no effect. A line can name several
-    /// libraries.
+    /// Tests that a byte order mark, line endings, letter case and quotes have no effect, and that
+    /// a line can name several libraries.
     #[test]
     fn spellings_of_other_programs_are_read() {
         let plain = parse(b"newmtl a\nKd .1 .2 .3\nillum 1\n");
@@ -256,7 +257,7 @@ mod tests {
         );
     }
 
-    /// Every key is used or listed as unused.
+    /// Tests that every key is used or listed as unused.
     #[test]
     fn every_key_is_accounted_for() {
         let material = |line: &str| parse(format!("newmtl a\nKd .5 .5 .5\n{line}\n").as_bytes()).remove(0);
@@ -277,7 +278,8 @@ mod tests {
         assert!(named > 20, "{named}");
     }
 
-    /// MeshLab writes Tr 1 for opaque materials; `d` has the same meaning in all programs.
+    /// Tests the transparency keys. MeshLab writes `Tr 1` for opaque materials; `d` has the same meaning in
+    /// all programs.
     #[test]
     fn transparency_follows_the_illumination_model() {
         let material = |text: &str| parse(format!("newmtl a\n{text}\n").as_bytes()).remove(0);

@@ -1,16 +1,16 @@
 //! Notes for the user about contents of a file that are not used.
 
-/// Notes in order of occurrence, with counts of equal ones.
+/// Notes in order of occurrence, with the count of equal notes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Notes(Vec<(String, usize)>);
 
 impl Notes {
-    /// Adds a note, or increments its count.
+    /// Adds a note, or increments the count of an equal note.
     pub fn add(&mut self, note: impl Into<String>) {
         self.add_times(note, 1);
     }
 
-    /// Adds a note about `times` items, unless it is 0.
+    /// Adds a note about `times` items; adds nothing if `times` is 0.
     pub fn add_times(&mut self, note: impl Into<String>, times: usize) {
         let note = note.into();
         match self.0.iter_mut().find(|(known, _)| *known == note) {

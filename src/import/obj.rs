@@ -1,7 +1,7 @@
 //! Reads Wavefront OBJ ("Advanced Visualizer manual", appendix B1, version 3.0).
 //!
-//! There are two passes: the first reads the vertex tables, the second the faces, which can precede their
-//! vertices.
+//! The first pass reads the vertex tables, and the second pass reads the faces. Faces can therefore
+//! precede their vertices.
 
 use std::collections::BTreeMap;
 
@@ -18,12 +18,13 @@ const FIX_NUMBER: &str = "give every coordinate as a finite decimal number";
 const FIX_FACE: &str =
     "give at least three corners per face, such as 1, 1/2, 1//3 or 1/2/3, with indices from 1";
 
-/// Parses a Wavefront OBJ file. Objects (`o`), groups (`g`) and material changes (`usemtl`) each start a
-/// part. Faces without texture coordinates or normals become a separate part. Lines, points, vertex colours,
-/// free-form surfaces and all other statements are noted.
+/// Parses a Wavefront OBJ file. Objects (`o`), groups (`g`) and material changes (`usemtl`) each
+/// start a part. Faces without texture coordinates or normals become separate parts. Notes list
+/// lines, points, vertex colours, free-form surfaces and all other statements.
 ///
 /// # Errors
-/// [`ImportError`] with the line if a number or an index is invalid, or without it if there are no triangles.
+/// [`ImportError`] with the line number if a number or an index is invalid; without a line number if there
+/// are no triangles.
 pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -47,7 +48,7 @@ pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     reader.end()
 }
 
-/// Returns lines with their numbers from 1. A backslash at the end of a line joins it to the next.
+/// Returns lines with their numbers from 1. A backslash at the end of a line joins the line to the next line.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_, str>)> {
     let mut lines = text::lines(text).enumerate();
     std::iter::from_fn(move || {
@@ -65,7 +66,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_
     })
 }
 
-/// Splits a line into keyword and arguments, without its comment.
+/// Splits a line into keyword and arguments, and removes the comment.
 fn statement(line: &str) -> (&str, &str) {
     let line = line.split('#').next().unwrap_or("").trim();
     line.split_once(char::is_whitespace).unwrap_or((line, ""))
@@ -126,7 +127,8 @@ impl Tables {
     }
 }
 
-/// Parses up to `N` numbers and returns how many there are, at least `least`. Surplus words are ignored.
+/// Parses up to `N` numbers and returns the numbers and their count. Fewer than `least` numbers are an error;
+/// surplus words are ignored.
 fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], usize), ImportError> {
     let mut out = [0.0; N];
     let mut found = 0;
@@ -148,29 +150,29 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     Ok((out, found))
 }
 
-/// Corner of a face: position, uv and normal, counted from 1; 0 if absent.
+/// Corner of a face: indices of position, texture coordinates and normal, counted from 1; 0 if absent.
 type Corner = [u32; 3];
 
 const NONE: u32 = u32::MAX;
 
-/// The part being read: one name and one material.
+/// The part being read, which has one name and one material.
 #[derive(Default)]
 struct Object {
     name: String,
     material: Option<String>,
-    /// Unique vertices.
+    /// Vertices of the part, without duplicates.
     vertices: Vec<Corner>,
-    /// For each vertex an earlier one at the same position, or [`NONE`].
+    /// For each vertex, the index of an earlier vertex at the same position, or [`NONE`].
     earlier: Vec<u32>,
-    /// Polygons of all faces in sequence: with texture coordinates and normals, with texture coordinates,
-    /// with normals, with neither.
+    /// Polygons in four groups: with texture coordinates and normals, with texture coordinates
+    /// only, with normals only, with neither.
     polygons: [Polygons; 4],
 }
 
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
-    /// End of each polygon in `corners`, and its line.
+    /// End index in `corners` and line number of each polygon.
     ends: Vec<(usize, usize)>,
 }
 
@@ -180,11 +182,11 @@ struct Lacking {
     faces: usize,
     uvs: usize,
     normals: usize,
-    /// Faces without normals in a smoothing group.
+    /// Number of faces without normals in a smoothing group.
     smooth: usize,
-    /// Corners that refer to missing texture coordinates and normals.
+    /// Number of corners that refer to missing texture coordinates, and to missing normals.
     missing: [usize; 2],
-    /// Faces with fewer than three corners.
+    /// Number of faces with fewer than three corners.
     short: usize,
 }
 
@@ -194,11 +196,11 @@ struct Reader<'a> {
     /// Number of `v`, `vt` and `vn` statements so far.
     seen: [usize; 3],
     object: Object,
-    /// For each position the latest vertex of the object there, or [`NONE`].
+    /// For each position, the object's latest vertex at this position, or [`NONE`].
     newest: Vec<u32>,
     smooth: bool,
     lacking: Lacking,
-    /// Unused keywords: number of lines, and the first line.
+    /// Number of lines and first line number of each unused keyword.
     unused: BTreeMap<String, (usize, usize)>,
 }
 
@@ -218,7 +220,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads statements that affect the following faces.
+    /// Reads a statement that affects the following faces.
     fn state(&mut self, keyword: &str, rest: &str, number: usize) -> Result<(), ImportError> {
         match keyword.to_ascii_lowercase().as_str() {
             "mtllib" => {}
@@ -303,7 +305,7 @@ impl Reader<'_> {
         if corner[0] == 0 { Err(bad()) } else { Ok(corner) }
     }
 
-    /// Returns the index of a vertex in the object.
+    /// Returns the index of a corner's vertex in the object, and adds the vertex if it is new.
     fn vertex(&mut self, corner: Corner) -> Result<u32, ImportError> {
         let object = &mut self.object;
         let newest = &mut self.newest[corner[0] as usize - 1];
@@ -323,7 +325,7 @@ impl Reader<'_> {
         Ok(id)
     }
 
-    /// Ends the object; the next one has the same name and material.
+    /// Ends the current object. The next object has the same name and material.
     fn flush(&mut self) -> Result<(), ImportError> {
         let next = Object {
             name: self.object.name.clone(),

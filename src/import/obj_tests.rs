@@ -41,7 +41,7 @@ fn corners_with_their_own_normals_and_uvs() {
     assert_eq!(mesh.indices, [[0, 1, 2], [3, 4, 5]]);
 }
 
-/// Expected areas are from the shoelace formula.
+/// Tests areas of concave faces against the shoelace formula.
 #[test]
 fn concave_faces_keep_their_area() {
     let u = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv .75 1 0\nv .75 .25 0\nv .25 .25 0\nv .25 1 0\nv 0 1 0\nf 1 2 3 4 5 6 7 8\n";

@@ -10,7 +10,7 @@ use transport::geometry::mesh::{Mesh, MeshError};
 /// One mesh of a file with its name and material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPart {
-    /// The object's name in the file, or else the file's own name without extension.
+    /// Name of the object in the file; if it has none, the name of the file without extension.
     pub name: String,
     /// The material's name in the file (`usemtl`, glTF material), if any.
     pub material: Option<String>,
@@ -23,7 +23,7 @@ pub struct MeshPart {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     pub parts: Vec<MeshPart>,
-    /// Sentences about contents that are not used and about repairs.
+    /// Notes for the user: contents that are not used, and repairs.
     pub notes: Vec<String>,
 }
 
@@ -45,12 +45,12 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Cleans, checks and adds a mesh. Degenerate triangles and then unused vertices are dropped; normals are
-    /// normalized, and those of zero length are replaced. A mesh without area is omitted.
+    /// normalized, and normals of zero length are replaced. A mesh without area is omitted.
     pub fn add(&mut self, name: String, material: Option<String>, mesh: Mesh) -> Result<(), ImportError> {
         self.add_with(name, material, mesh, Corners::default())
     }
 
-    /// [`Self::add`] for a mesh with an attribute.
+    /// Does the same as [`Self::add`] for a mesh with an attribute.
     pub fn add_with(
         &mut self,
         name: String,
@@ -80,7 +80,7 @@ impl Parts {
         Ok(())
     }
 
-    /// Returns the model if there are triangles; `otherwise` is the fix in the error message.
+    /// Returns the model, or an error if there are no triangles. `otherwise` is the fix in the error message.
     pub fn end(self, otherwise: &'static str) -> Result<Model, ImportError> {
         let notes = self.notes.into_sentences();
         if self.list.is_empty() {
@@ -92,8 +92,8 @@ impl Parts {
     }
 }
 
-/// Normalizes normals. Vertices whose normal has zero length get the area-weighted mean of adjacent face
-/// normals. Invalid tables are left for [`Mesh::validate`].
+/// Normalizes normals. Vertices whose normal has zero length get the area-weighted mean of adjacent
+/// face normals. [`Mesh::validate`] reports invalid tables later.
 pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     if !mesh.normals.iter().all(|n| n.is_finite()) {
         return;
@@ -137,7 +137,7 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     }
 }
 
-/// Returns whether every coordinate is finite and within `limit` (metres) of 0.
+/// Returns whether every coordinate is finite and has a magnitude of at most `limit` (metres).
 pub fn lies_within(mesh: &Mesh, limit: f64) -> bool {
     let sane = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) < limit;
     mesh.positions.par_iter().with_min_len(1 << 14).all(sane)

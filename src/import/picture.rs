@@ -1,4 +1,4 @@
-//! Decodes image files to texels and encodes images to files. All images that scenes name are read here.
+//! Decodes image files to texels and encodes images to files. This module reads all images that scenes name.
 //!
 //! Formats: PNG, JPEG, GIF, BMP, TGA and PNM (integers, sRGB-encoded), OpenEXR, Radiance HDR and PFM
 //! (floating point, linear).
@@ -20,18 +20,19 @@ use std::io::Cursor;
 /// Interpretation of the three channels of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Channels {
-    /// Red, green and blue: sRGB-encoded if the file has integers, linear if it has floating-point values.
+    /// Red, green and blue: sRGB-encoded if the file contains integers, linear if the file contains
+    /// floating-point values.
     Colours,
     /// Linear red, green and blue.
     LinearColours,
     Numbers,
-    /// The luminance of colours, for numbers.
+    /// The luminance of colours encoded like [`Self::Colours`], as one number per texel.
     Luminance,
-    /// The luminance of linear colours, for numbers.
+    /// The luminance of linear colours, as one number per texel.
     LinearLuminance,
 }
 
-/// Returns a linear value, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
+/// Returns a linear value; if `encoded` is set, decodes the value from sRGB (IEC 61966-2-1).
 pub fn linear(value: f32, encoded: bool) -> f32 {
     if !encoded {
         value
@@ -42,11 +43,11 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
     }
 }
 
-/// Decodes an image file by its first bytes. `name` identifies TGA files, which have no signature. `layer`
-/// selects a layer of an OpenEXR file.
+/// Decodes an image file. The first bytes identify the format, except for TGA files, which `name`
+/// identifies. `layer` selects a layer of an OpenEXR file.
 ///
 /// # Errors
-/// [`PictureError`] if the format is not supported, the file is damaged, or its image channels are ambiguous.
+/// [`PictureError`] if the format is not supported, the file is damaged, or the image channels are ambiguous.
 pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         return openexr::decode(bytes, layer);
@@ -108,7 +109,8 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     Ok(Pixels { width, height, values, encoded: true, to_rgb: None, notes })
 }
 
-/// Returns the exponent in a PNG file, unless it declares sRGB too. `png` 0.18 does not return it.
+/// Returns the gamma exponent of a PNG file, unless the file also declares sRGB. The crate `png` 0.18 does
+/// not return the exponent.
 fn png_gamma(bytes: &[u8]) -> Option<f64> {
     let mut rest = bytes.get(8..)?;
     let mut gamma = None;
@@ -126,8 +128,8 @@ fn png_gamma(bytes: &[u8]) -> Option<f64> {
     }
 }
 
-/// Appends the texels of an image, top row first: colours as red, green or blue per wavelength, numbers
-/// unchanged.
+/// Appends the texels of an image, top row first. For colours, each wavelength gets the red, green
+/// or blue value; numbers are unchanged.
 pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
     let encoded = image.encoded && !matches!(channels, Channels::LinearColours | Channels::LinearLuminance);
     out.extend(image.values.iter().map(|p| {
@@ -143,7 +145,8 @@ pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out
     }));
 }
 
-/// Returns red, green or blue per wavelength: above 590 nm, from 500 to 590 nm, and below.
+/// Returns the value of a colour per wavelength: red above 590 nm, green from 500 to 590 nm, and blue below
+/// 500 nm.
 pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
     let channel = |nm: f64| match nm {
         nm if nm < 500.0 => 2,
@@ -165,7 +168,8 @@ pub fn weights(image: &Pixels) -> Vec<f32> {
     image.values.iter().map(brightness).collect()
 }
 
-/// Multiplies texels by a factor per wavelength; returns false if a result is not a valid radiance (0..1e30).
+/// Multiplies texels by a factor per wavelength; returns false if a result is outside the valid range of
+/// radiances, 0..1e30.
 pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     let by = by.to_array();
     texels.iter_mut().all(|texel| {
@@ -176,7 +180,7 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     })
 }
 
-/// Encodes an image as a file.
+/// Encodes an image as a file in the given format.
 ///
 /// # Errors
 /// [`ImageError`] if the format does not support the image.

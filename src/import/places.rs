@@ -3,11 +3,11 @@
 use glam::{DAffine3, DMat3, DVec3};
 use npyz::{DType, NpyFile, Order, TypeChar};
 
-/// Returns the transforms that a file lists. The content decides the format: a `.npy` array of n × 3 × 4 or n
-/// × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
+/// Returns the transforms that a file lists. The content determines the format: a `.npy` array of n
+/// × 3 × 4 or n × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
 ///
 /// # Errors
-/// The error and its location in the file, to be appended to the file's name.
+/// A message with the error's location in the file. The caller adds the file's name before the message.
 pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     if is_array(bytes) { array(bytes) } else { text(bytes) }
 }
@@ -17,7 +17,7 @@ pub fn is_array(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x93NUMPY")
 }
 
-/// Returns the map of the first three rows of a matrix. The fourth row must be 0 0 0 1.
+/// Returns the affine map for the rows of a 3×4 or 4×4 matrix. A fourth row must be 0 0 0 1.
 fn affine(rows: &[f64]) -> Result<DAffine3, String> {
     if let Some(v) = rows.iter().find(|v| !v.is_finite()) {
         return Err(format!("{v} is not a finite number"));

@@ -20,27 +20,29 @@ const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMALS: [[&str; 3]; 2] = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 const UVS: [[&str; 2]; 4] = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["tex_u", "tex_v"]];
 
-/// Names of the lists of vertex indices.
+/// Accepted names for the list of vertex indices of a face.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Parses a PLY file as one mesh without a material and with an empty name.
 ///
 /// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz and the texture coordinates (u,
-/// v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Of faces it uses the lists `vertex_indices` or
-/// `vertex_index` and `texcoord`. It also reads `tristrips`. Numbers can have any type. Faces without texture
-/// coordinates become a separate part if others have them. Everything else is noted.
+/// v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Also uses the face lists `vertex_indices` or
+/// `vertex_index` and `texcoord`, and the strips `tristrips`. Numbers can have any type. Faces without
+/// texture coordinates become a separate part if other faces have texture coordinates. Notes list all other
+/// contents.
 ///
 /// # Errors
-/// [`ImportError`] (with the line in ASCII files) if the header or the data is invalid or there are no
-/// triangles.
+/// [`ImportError`] (with the line number in ASCII files) if the header or the data is invalid, or
+/// if there are no triangles.
 pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     read(bytes, None)
 }
 
-/// [`parse_ply`] with an attribute (see [`super::attribute`]) and without texture coordinates of faces.
+/// Does the same as [`parse_ply`], and also reads an attribute ([`super::attribute`]). Texture coordinates of
+/// faces are not read.
 ///
 /// # Errors
-/// As [`parse_ply`], or if the file does not have the attribute.
+/// The same errors as [`parse_ply`], or an error if the file does not have the attribute.
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("invalid attribute name {name:?}");
@@ -105,7 +107,7 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// Returns an error in a row, with its line in ASCII files.
+/// Returns the error for an invalid row, with the line number in ASCII files.
 fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportError {
     let error = ImportError::new(what, FIX);
     match header.format {
@@ -120,9 +122,9 @@ fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportEr
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
-    /// Texture coordinates of the corners, if the polygons have their own.
+    /// Texture coordinates of the corners, if faces have texture coordinates; otherwise empty.
     uvs: Vec<Vec2>,
-    /// End of each polygon in `corners`.
+    /// End index of each polygon in `corners`.
     ends: Vec<usize>,
 }
 
@@ -136,7 +138,7 @@ struct File<'a> {
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Polygons without their own texture coordinates, and with them.
+    /// Polygons without texture coordinates of faces. The other field contains polygons with them.
     plain: Polygons,
     textured: Polygons,
 }
@@ -271,7 +273,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Reads triangle strips; a negative index starts a new one.
+    /// Reads triangle strips; a negative index starts a new strip.
     fn strips(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
         let is = |p: &ply_header::Property| INDICES.contains(&p.name.as_str()) && p.list.is_some();
         let found = element.properties.iter().position(is);
@@ -334,7 +336,7 @@ impl File<'_> {
         }
     }
 
-    /// Builds meshes from the data read; indices are in range.
+    /// Builds meshes from the data. All indices have been checked.
     fn assemble(mut self, parts: &mut Parts) -> Result<(), ImportError> {
         let bare = self.triangles.len() + self.plain.ends.len();
         let textured = self.textured.ends.len();
@@ -380,8 +382,8 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Returns the polygons with their own texture coordinates: one vertex per pair of position and texture
-    /// coordinates.
+    /// Returns a mesh of the polygons with texture coordinates of faces. Each pair of position and
+    /// texture coordinates is one vertex.
     fn textured_mesh(&self, parts: &mut Parts) -> Result<Mesh, ImportError> {
         let Polygons { corners, uvs, ends } = &self.textured;
         let mut mesh = Mesh::default();
@@ -426,7 +428,7 @@ fn cut_all(
     Ok(())
 }
 
-/// Notes the unused properties of an element.
+/// Adds notes about the unused properties of an element.
 fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut Parts) {
     let properties = element.properties.iter().enumerate();
     let names: Vec<&str> = properties.filter(|(i, _)| !is_used(*i)).map(|(_, p)| p.name.as_str()).collect();

@@ -6,15 +6,15 @@ use rayon::prelude::*;
 /// Minimum number of rows per parallel task.
 const SHARE: usize = 1 << 14;
 
-/// Size of a triangle in binary files: a count of one byte, and three indices of four bytes.
+/// Size of a triangle in binary files, in bytes: a count of one byte and three indices of four bytes.
 const TRIANGLE: usize = 13;
 
-/// The data after the header, with a read position.
+/// The data after the header of a PLY file, with a read position.
 pub(super) struct Body<'a> {
     pub format: Format,
     bytes: &'a [u8],
     at: usize,
-    /// Number of rows whose lines contain more than the header declares.
+    /// Number of rows whose lines contain more values than the header declares.
     pub surplus: usize,
 }
 
@@ -23,7 +23,7 @@ impl<'a> Body<'a> {
         Self { format, bytes, at: 0, surplus: 0 }
     }
 
-    /// Creates a body whose text has been read.
+    /// Creates a body whose data has been read completely.
     pub fn through(bytes: &'a [u8]) -> Self {
         Self { format: Format::Ascii, bytes, at: bytes.len(), surplus: 0 }
     }
@@ -44,7 +44,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Ends a row. In ASCII files the rest of the line is skipped; returns whether there was any.
+    /// Ends a row. In ASCII files, skips the rest of the line and returns whether the rest was not empty.
     pub fn end_row(&mut self) -> bool {
         if self.format != Format::Ascii {
             return false;
@@ -72,7 +72,7 @@ impl<'a> Body<'a> {
         bytes.ok_or_else(|| "the file is truncated".into())
     }
 
-    /// Reads a number, rounded to single precision.
+    /// Reads a number and rounds it to single precision.
     pub fn float(&mut self, kind: Kind) -> Result<f32, String> {
         if self.format == Format::Ascii {
             let word = self.word()?;
@@ -105,7 +105,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Reads `count` vertex indices and appends them.
+    /// Reads `count` vertex indices and appends them to `out`.
     pub fn corners(&mut self, kind: Kind, count: usize, out: &mut Vec<u32>) -> Result<(), String> {
         if self.format == Format::Ascii || !matches!(kind, Kind::I32 | Kind::U32) {
             for _ in 0..count {
@@ -138,7 +138,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Reads the given columns of an element of single numbers. Missing columns are 0.
+    /// Reads the given columns of an element that contains no lists. Missing columns are 0.
     pub fn table<const N: usize>(
         &mut self,
         element: &Element,
@@ -175,8 +175,8 @@ impl<'a> Body<'a> {
         Ok(table.par_chunks_exact(size).with_min_len(SHARE).map(row).collect())
     }
 
-    /// Reads binary faces that are all triangles: one list with a count of one byte and indices of four
-    /// bytes. Returns `None` if the faces must be read one by one.
+    /// Reads binary faces that are all triangles: one list per face, with a count of one byte and
+    /// indices of four bytes. Returns `None` if the faces have another form.
     pub fn triangles(&mut self, element: &Element) -> Option<Vec<[u32; 3]>> {
         let [list] = &element.properties[..] else {
             return None;
@@ -206,7 +206,7 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Converts the index of a face's vertex.
+/// Converts a vertex index to u32, or returns an error message if it is out of range.
 pub(super) fn index(corner: i64) -> Result<u32, String> {
     u32::try_from(corner).map_err(|_| format!("invalid vertex index {corner} in a face"))
 }

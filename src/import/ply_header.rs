@@ -1,4 +1,4 @@
-//! Parses the header of a PLY file: its elements with their properties.
+//! Parses the header of a PLY file: elements and their properties.
 
 use super::error::ImportError;
 use super::notes::Notes;
@@ -71,7 +71,7 @@ pub(super) struct Header {
 
 const FIX: &str = "export the mesh again as PLY 1.0";
 
-/// Parses a header. Texture names in comments are noted.
+/// Parses a header. Adds a note for each texture name in a comment.
 pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportError> {
     let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     // The first line ending applies to all lines: in binary files the first row can begin with a byte equal
@@ -148,7 +148,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
     unreachable!("every line shortens what is left of the header");
 }
 
-/// Refuses counts that exceed the file's length, before memory is allocated for them.
+/// Refuses counts that exceed the file's length, before memory is allocated.
 fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(), ImportError> {
     let mut least = 0_usize;
     for (i, element) in elements.iter().enumerate() {

@@ -10,7 +10,7 @@ const ASCII: &str = "ply\nformat ascii 1.0\ncomment a square, a line after it\ne
     element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
     0 0 0 0 0 255\n1 0 0 1 0 255\n1 1 0 1 1 255\n0 1 0 0 1 255\n4 0 1 2 3 7\n0 1";
 
-/// Appends a number, given in little-endian order.
+/// Appends a number, given in little-endian order, in the selected byte order.
 fn put(b: &mut Vec<u8>, le: &[u8], big: bool) {
     b.extend(le);
     if big {
@@ -19,7 +19,8 @@ fn put(b: &mut Vec<u8>, le: &[u8], big: bool) {
     }
 }
 
-/// A pyramid of one square and four triangles: positions as doubles, normals as floats, a list to skip.
+/// Returns a binary PLY file of a pyramid: one square and four triangles, positions as doubles, normals as
+/// floats, and an unused list.
 fn binary(big: bool) -> Vec<u8> {
     let mut b = format!(
         "ply\nformat binary_{}_endian 1.0\nelement skipped 1\nproperty list ushort short data\n\
@@ -73,8 +74,8 @@ fn both_byte_orders() {
     assert_eq!(little.uvs[1], vec2(1.0, -1.0));
 }
 
-/// Binary files of either byte order, with polygons or with triangles only, give the same mesh as ASCII, bit
-/// for bit.
+/// Tests that binary files of either byte order, with polygons or with triangles only, give exactly
+/// the same mesh as ASCII files.
 #[test]
 fn binary_as_ascii() {
     let polygons: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4, 5], &[0, 1, 2, 3, 5]];
@@ -180,7 +181,7 @@ fn concave_faces_keep_their_area() {
     assert!((area - 0.625).abs() < 1e-6, "{area}");
 }
 
-/// The strip of the specification: every second triangle is reversed, and -1 starts a new strip.
+/// Tests triangle strips: every second triangle is reversed, and -1 starts a new strip.
 #[test]
 fn strips_are_triangles() {
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\

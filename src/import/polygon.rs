@@ -1,8 +1,8 @@
 //! Triangulates polygons.
 //!
-//! A polygon that contains all diagonals from its first corner becomes a fan; others use ear clipping
-//! (Meisters 1975). Collinear corners remain corners of triangles, because an adjacent polygon can share them
-//! and the surface must stay closed.
+//! A polygon that contains all diagonals from its first corner becomes a fan; other polygons use
+//! ear clipping (Meisters 1975). Collinear corners remain corners of triangles. An adjacent polygon
+//! can share these corners, and the surface must stay closed.
 
 use super::error::ImportError;
 use glam::{DVec2, DVec3, Vec3};
@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, Vec3};
 /// Maximum number of corners of a polygon that is not a fan: ear clipping takes quadratic time.
 const MOST_CORNERS: usize = 1 << 14;
 
-/// Area relative to the square of the polygon's extent below which it is considered rounding error.
+/// Smallest area, relative to the square of the polygon's extent, that is distinguished from rounding errors.
 const FLAT: f64 = 1e-12;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub(super) enum Cut {
     /// The outline crosses itself, or the corners are far from a plane: the triangles cover the polygon
     /// approximately.
     Crossing,
-    /// The polygon is not a fan and too large.
+    /// The polygon is not a fan and has more than [`MOST_CORNERS`] corners.
     TooLarge,
 }
 
@@ -128,8 +128,8 @@ mod tests {
         triangles.iter().map(|t| area_of(points, &[*t]).length()).sum()
     }
 
-    /// For simple polygons, with any first corner, winding and plane, signed and unsigned areas of the
-    /// triangles equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
+    /// Tests simple polygons with any first corner, winding and plane. The sums of signed and of unsigned
+    /// triangle areas equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
     #[test]
     fn triangles_cover_a_concave_polygon_exactly() {
         // x, y of each corner.
@@ -177,8 +177,8 @@ mod tests {
         }
     }
 
-    /// Every edge of the outline is an edge of exactly one triangle, so that triangles of a neighbour share
-    /// its corners.
+    /// Tests that every edge of the outline is an edge of exactly one triangle, so that adjacent
+    /// polygons share all corners.
     #[test]
     fn collinear_corners_stay_corners() {
         let points = [[0., 0.], [0.5, 0.], [1., 0.], [1., 1.], [0.6, 1.], [0.3, 1.], [0., 1.]]
@@ -205,7 +205,8 @@ mod tests {
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
     }
 
-    /// A square whose outline includes an apex above one edge: n corners give n - 2 triangles.
+    /// Tests a square whose outline includes a corner above one edge, outside the square's plane. n corners
+    /// give n - 2 triangles.
     #[test]
     fn corners_off_the_plane_leave_no_hole() {
         let points =

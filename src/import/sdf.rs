@@ -1,9 +1,9 @@
 //! Computes a triangle mesh of the surface on which a distance grid is zero, with the interpolation of
 //! Mitsuba 3's `sdfgrid`.
 //!
-//! Between points the distance is trilinear. Cells in which it changes sign are subdivided until the
-//! triangles are close enough. Each part is split into six tetrahedra (Kuhn 1960), so that adjacent cells
-//! agree on their common faces.
+//! The distance is interpolated trilinearly between grid points. Cells in which the distance changes sign are
+//! subdivided until the triangles are close enough to the surface. Each subcell is split into six tetrahedra
+//! (Kuhn 1960), so that adjacent cells have the same triangle edges on their common face.
 
 use super::error::ImportError;
 use super::vol::Vol;
@@ -13,9 +13,10 @@ use transport::geometry::mesh::Mesh;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Normals {
-    /// The gradient of each cell: normals are discontinuous between cells.
+    /// Normals are the gradient within each cell, which is discontinuous between cells.
     Analytic,
-    /// Weighted gradients of eight cells (Hansson-Söderlund, Evans, Akenine-Möller, JCGT 11(3), 2022).
+    /// Normals are weighted gradients of eight cells (Hansson-Söderlund, Evans, Akenine-Möller, JCGT 11(3),
+    /// 2022).
     Smooth,
 }
 
@@ -28,16 +29,16 @@ pub struct Surface {
     pub deviation: f64,
 }
 
-/// Constant texture coordinate. Mitsuba's is 0, where squares of a checkerboard meet; this one is inside of
-/// Mitsuba's square.
+/// Constant texture coordinate. Mitsuba's value is 0, at which squares of a checkerboard touch;
+/// this value is inside of Mitsuba's square.
 const UV: Vec2 = Vec2::splat(1e-6);
 const MOST: usize = 4_000_000;
-/// Sufficient deviation in cell sizes, and maximum number of subdivisions per axis.
+/// Deviation from the surface, in cell sizes, at which subdivision stops.
 const NEAR: f64 = 0.02;
 const PARTS: usize = 4;
 const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, some of them negative";
 
-/// Computes a mesh of the surface.
+/// Computes a triangle mesh of the surface on which the distance is zero.
 ///
 /// # Errors
 /// [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis, no change
@@ -78,8 +79,8 @@ struct Grid<'a> {
 }
 
 impl Grid<'_> {
-    /// Returns the distance at a position, in cell sizes from the first point. Positions outside the grid are
-    /// clamped to its edge.
+    /// Returns the distance at a position, in units of the cell size from the first grid point.
+    /// Positions outside the grid are clamped to the grid's edge.
     fn at(&self, p: DVec3) -> f64 {
         let (mut low, mut part) = ([0; 3], [0.0; 3]);
         for i in 0..3 {
@@ -100,7 +101,7 @@ impl Grid<'_> {
         sum
     }
 
-    /// Returns the number of cells per axis of the cube [0, 1]³.
+    /// Returns the number of cells along each axis of the cube [0, 1]³.
     fn cells(&self) -> DVec3 {
         DVec3::from_array(self.size.map(|n| (n - 1) as f64))
     }
@@ -140,7 +141,8 @@ impl Grid<'_> {
         sum
     }
 
-    /// Returns the surface, or `None` if it has too many triangles.
+    /// Returns the surface with `parts` subdivisions per cell and axis, or `None` if it has too many
+    /// triangles.
     fn surface(&self, parts: usize, normals: Normals) -> Option<Surface> {
         let mut out = Surface { mesh: Mesh::default(), deviation: 0.0 };
         let [nx, ny, nz] = self.size.map(|n| n - 1);
@@ -279,7 +281,7 @@ mod tests {
         }
     }
 
-    /// A plane within one cell, up to the grid's edges.
+    /// Tests a plane within one cell: the mesh reaches the grid's edges.
     #[test]
     fn a_plane_reaches_the_edges_of_its_grid() {
         let found = surface(&vol([2, 2, 2], |p| p.z - 0.25), Normals::Smooth).unwrap();
@@ -288,7 +290,8 @@ mod tests {
         assert!(found.mesh.normals.iter().all(|n| n.z > 0.9999));
     }
 
-    /// Corners of alternating signs: z = xy/(…) has no flat parts. Subdivided cells follow it.
+    /// Tests a cell whose corners have alternating signs: the surface is a saddle without flat parts, so the
+    /// cell must be subdivided.
     #[test]
     fn a_saddle_in_one_cell_is_divided() {
         let saddle = vol([2, 2, 2], |p| (p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5));

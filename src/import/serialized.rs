@@ -14,7 +14,7 @@ const FIX: &str = "export the mesh again, or convert it to PLY";
 /// First two bytes of every mesh in a file.
 const MAGIC: u16 = 0x041c;
 
-/// Flag bits, of versions 3 and 4, and of version 5.
+/// Flag bits in the header of a mesh, of versions 3 and 4 and of version 5.
 const NORMALS: u32 = 0x1;
 const UVS: u32 = 0x2;
 const COLOURS: u32 = 0x8;
@@ -26,8 +26,8 @@ const FACE_NORMALS_5: u32 = 0x10;
 /// Numbers per vertex in version 5.
 const RECORD_5: usize = 8;
 
-/// Parses the mesh with index `number`, from 0, of a `serialized` file. Colours and other attributes are
-/// noted.
+/// Parses the mesh with index `number`, from 0, of a `serialized` file. Adds notes about colours
+/// and other attributes.
 ///
 /// # Errors
 /// [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
@@ -64,7 +64,7 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
     parts.end(FIX)
 }
 
-/// Returns the offset of a mesh from the dictionary at the end of the file.
+/// Returns the byte offset of a mesh, which the dictionary at the end of the file contains.
 fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> {
     let cut = || ImportError::new("the list of meshes at the end of the file is truncated", FIX);
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
@@ -87,7 +87,7 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
 struct Stream<'a>(ZlibDecoder<&'a [u8]>);
 
 impl Stream<'_> {
-    /// Reads `count` bytes. Memory grows with the available data, not with the requested size.
+    /// Reads `count` bytes. Allocated memory is bounded by the available data, not by the requested size.
     fn bytes(&mut self, count: u64) -> Result<Vec<u8>, ImportError> {
         let mut out = vec![];
         let read = (&mut self.0).take(count).read_to_end(&mut out);
@@ -228,7 +228,7 @@ mod tests {
         out
     }
 
-    /// Returns a triangle at a height, in version 3 or 4.
+    /// Returns a `serialized` file of version 3 or 4 with one triangle at a height.
     fn triangle(version: u16, flags: u32, height: f64) -> Vec<u8> {
         let mut b = flags.to_le_bytes().to_vec();
         if version == 4 {

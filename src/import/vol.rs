@@ -10,13 +10,13 @@ pub struct Vol {
     /// Number of points along x, y and z.
     pub size: [usize; 3],
     pub channels: usize,
-    /// Bounding box: lowest and highest x, y, z.
+    /// Bounding box: lowest and highest x, y, z in the volume's coordinates.
     pub bbox: [[f32; 3]; 2],
     /// All values, finite; the channel index varies fastest, then x, y and z.
     pub values: Vec<f32>,
 }
 
-/// Parses a grid.
+/// Parses a volume grid.
 ///
 /// # Errors
 /// [`ImportError`] if the file has another format, is truncated, or has no points or a value that is not

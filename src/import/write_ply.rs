@@ -2,7 +2,8 @@
 
 use transport::geometry::mesh::Mesh;
 
-/// Returns a PLY file with positions and, if present, normals and texture coordinates as unmodified f32.
+/// Returns a PLY file with positions and, if present, normals and texture coordinates as f32. Values are not
+/// modified.
 pub fn write(mesh: &Mesh) -> Vec<u8> {
     let mut head = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n",

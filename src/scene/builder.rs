@@ -22,8 +22,8 @@ const IN_CODE: &str = "scene in code";
 
 /// Builds a [`Scene`] in code.
 ///
-/// Each call sets a value of a [`SceneFile`], which is then built like a scene file. Checks and defaults are
-/// therefore the same, and so is the scene.
+/// Each call sets a value of a [`SceneFile`], which is then built like a scene file. Checks,
+/// defaults and the built scene are therefore the same as for a file.
 ///
 /// ```
 /// use sunstone_scene::{Camera, Material, Object, Projector, SceneBuilder, Slice};
@@ -62,7 +62,7 @@ pub struct SceneBuilder {
     /// Files that exist in memory only, by the names that the scene uses.
     memory: BTreeMap<String, Vec<u8>>,
     folder: PathBuf,
-    /// The first error, reported by [`Self::build`].
+    /// The first error in a call; [`Self::build`] returns this error.
     fault: Option<InputError>,
 }
 
@@ -73,7 +73,7 @@ impl Default for SceneBuilder {
 }
 
 impl From<SceneFile> for SceneBuilder {
-    /// Starts from the contents of a scene file.
+    /// Creates a builder from the contents of a scene file.
     fn from(file: SceneFile) -> Self {
         Self { file, has_camera: true, memory: BTreeMap::new(), folder: PathBuf::new(), fault: None }
     }
@@ -103,7 +103,8 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the projector. A camera given as one has an irradiance of 1 W/(m² nm) at 1 m on its axis.
+    /// Sets the projector. If a camera is passed, the projector has an irradiance of 1 W/(m² nm) at 1 m on
+    /// its axis.
     pub fn projector(mut self, projector: impl Into<ProjectorFile>) -> Self {
         self.file.projector = Some(projector.into().into());
         self
@@ -132,7 +133,8 @@ impl SceneBuilder {
         self
     }
 
-    /// Adds a mesh (metres) under a unique name, which [`ObjectFile::mesh`] accepts as a file name.
+    /// Adds a mesh with coordinates in metres under a unique name. [`ObjectFile::mesh`] accepts the name as a
+    /// file name.
     pub fn mesh(mut self, name: impl Into<String>, mesh: &Mesh) -> Self {
         let name = name.into();
         let place = format!("mesh(\"{name}\")");
@@ -151,8 +153,8 @@ impl SceneBuilder {
         self.file_in_memory(name, write_ply::write(mesh))
     }
 
-    /// Adds a file (an image, a mesh) that exists in memory only, under the name by which materials, objects
-    /// and slices refer to it. Tables of measured materials must be on disk.
+    /// Adds a file (an image, a mesh) that exists in memory only. Materials, objects and slices
+    /// refer to the file by `name`. Tables of measured materials must be on disk.
     pub fn file_in_memory(mut self, name: impl Into<String>, bytes: Vec<u8>) -> Self {
         let name = name.into();
         if self.memory.insert(name.clone(), bytes).is_some() {
@@ -166,7 +168,7 @@ impl SceneBuilder {
         &self.memory
     }
 
-    /// Sets the folder of relative paths. Default: the current folder.
+    /// Sets the folder to which relative paths refer. Default: the current folder.
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.folder = folder.into();
         self
@@ -177,7 +179,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Adds a group of objects under a unique name. It is visible only through its instances.
+    /// Adds a group of objects under a unique name. The group is visible only through its instances.
     pub fn group(mut self, name: impl Into<String>, group: GroupFile) -> Self {
         let name = name.into();
         if self.file.groups.insert(name.clone(), group.into()).is_some() {
@@ -208,7 +210,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the maximum path length: 2 is direct light only; n allows n - 1 surface interactions.
+    /// Sets the maximum path length: 2 renders direct light only, and n allows n - 1 surface interactions.
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.file.render.max_depth = max_depth.into();
         self
@@ -234,8 +236,8 @@ impl SceneBuilder {
     /// Builds the scene.
     ///
     /// # Errors
-    /// [`InputError`] as for a scene file. Instead of line and column, its `file` names the argument:
-    /// `scene in code: objects[0].material`.
+    /// [`InputError`] as for a scene file. The field `file` of the error names the argument instead
+    /// of line and column: `scene in code: objects[0].material`.
     pub fn build(self) -> Result<Scene, InputError> {
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -283,8 +285,8 @@ fn fault(place: &str, message: String, fix: &str) -> InputError {
     InputError::new(format!("{IN_CODE}: {place}"), "", None, message, fix)
 }
 
-/// Returns the key path of a byte of a scene's text, such as `objects[1].shape.ply.file`. List indices start
-/// at 0.
+/// Returns the path of the key at a byte offset of a scene's text, such as
+/// `objects[1].shape.ply.file`. List indices start at 0.
 fn place(text: &str, at: usize) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut table, mut key) = ("", "");

@@ -1,27 +1,27 @@
 //! Parser for IES LM-63 files of photometric type C: measured intensity profiles of luminaires.
 //!
-//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about it. A file covers half
-//! of the vertical angles or all. Its horizontal angles depend on its symmetry: 0 only, 0..90, 0..180,
-//! 90..270 or 0..360.
+//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about that axis. A
+//! file covers half of the vertical angles or all. The horizontal angles in degrees depend on the
+//! luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
 
-/// An intensity profile, divided by its maximum.
+/// A luminaire's intensity profile, divided by its maximum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ies {
     /// Vertical angles in degrees, increasing within 0..180.
     pub vertical: Vec<f32>,
     /// Horizontal angles in degrees, increasing from 0 to 0, 90, 180 or 360.
     pub horizontal: Vec<f32>,
-    /// Values 0..1: one row over vertical angles per horizontal angle.
+    /// Relative intensities, 0..1: one row per horizontal angle, one column per vertical angle.
     pub values: Vec<f32>,
 }
 
-/// Maximum number of angles; no luminaire is measured at more.
+/// Maximum number of angles per axis; no luminaire is measured at more angles.
 const MOST: usize = 4096;
 
 /// Parses an IES file.
 ///
 /// # Errors
-/// A message with the line number.
+/// A message with the line number of the error.
 pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
@@ -91,7 +91,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     whole(Ies { vertical, horizontal, values })
 }
 
-/// Converts horizontal angles of 90..270 to 0..360; other ranges start at 0 already.
+/// Converts a profile with horizontal angles 90°..270° to 0°..360°. Other ranges already start at 0°.
 fn whole(ies: Ies) -> Result<Ies, String> {
     let (first, last) = (ies.horizontal[0], ies.horizontal[ies.horizontal.len() - 1]);
     if first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) {
@@ -128,7 +128,7 @@ fn whole(ies: Ies) -> Result<Ies, String> {
 /// The numbers of a file, with their line numbers.
 struct Numbers<'a> {
     words: std::vec::IntoIter<(usize, &'a str)>,
-    /// Line of the last number read.
+    /// Line number of the last number read.
     last: usize,
 }
 
@@ -156,7 +156,7 @@ impl Numbers<'_> {
         (0..count).map(|_| self.next(what)).collect()
     }
 
-    /// Reads increasing angles.
+    /// Reads `count` increasing angles in degrees.
     fn angles(&mut self, count: usize, what: &str, most: f32) -> Result<Vec<f32>, String> {
         let list = self.list(count, what)?;
         let rising = list.windows(2).all(|w| w[0] < w[1]);

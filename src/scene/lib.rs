@@ -1,9 +1,9 @@
-//! Scene files and the meshes and images that they name, converted to the flat tables of the renderer.
+//! Reads scene files with their meshes and images, and converts them to the flat tables of the renderer.
 //!
-//! `syntax` (values of a file or of a [`SceneBuilder`]) → `build` (semantic checks, errors with locations) →
-//! [`transport::scene::Scene`].
+//! The steps are `syntax` (values of a file or of a [`SceneBuilder`]), `build` (semantic checks,
+//! errors with locations) and [`transport::scene::Scene`].
 
-/// Returns the error that `$at` locates; a literal message is a format string.
+/// Returns an error with the location `$at` from the calling function; a literal message is a format string.
 macro_rules! bail {
     ($at:expr, $span:expr, $message:literal, $help:expr) => {
         bail!($at, $span, format_args!($message).to_string(), $help)
@@ -37,7 +37,7 @@ pub type Material = syntax::material::MaterialFile;
 pub type Medium = syntax::medium::MediumFile;
 /// An object of a [`SceneBuilder`].
 pub type Object = syntax::shape::ObjectFile;
-/// A group of objects of a [`SceneBuilder`], stored in memory once for any number of instances.
+/// A group of objects of a [`SceneBuilder`]. Memory holds the group once for any number of instances.
 pub type Group = syntax::instance::GroupFile;
 /// One or more copies of a group of a [`SceneBuilder`].
 pub type Instance = syntax::instance::InstanceFile;

@@ -1,4 +1,4 @@
-//! Round-trip tests: shipped scenes and random scenes of the schema are equal after writing and reading.
+//! Round-trip tests. Shipped scenes and random scenes of the JSON schema are equal after writing and reading.
 
 use proptest::prelude::*;
 use serde_json::{Map, Value};
@@ -63,7 +63,8 @@ fn a_short_scene_is_short() {
     assert_eq!(scene.to_toml().expect("a text"), text);
 }
 
-/// Decisions from numbers that proptest can shrink. When they are used up, the simplest choice is made.
+/// Source of random choices, from numbers that proptest can shrink. When the numbers are used up, the
+/// simplest choice is made.
 struct Choices<'a> {
     words: std::slice::Iter<'a, u64>,
     /// Schemas to which `$ref` refers, by name.
@@ -99,8 +100,8 @@ impl Choices<'_> {
         WORDS[self.below(10) as usize].to_owned() + &self.below(3).to_string()
     }
 
-    /// Returns a value that a schema describes, or null for an absent one. Limits of numbers are not
-    /// followed, because they are checked only when a scene is built.
+    /// Returns a random value that a schema describes, or null for an absent value. Numbers ignore
+    /// the limits in the schema, because limits are checked only when a scene is built.
     fn value(&mut self, schema: &Value) -> Value {
         if let Some(path) = schema["$ref"].as_str() {
             let name = path.strip_prefix("#/$defs/").expect("a definition");
@@ -170,7 +171,8 @@ impl Choices<'_> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..Default::default() })]
 
-    /// Every scene of the JSON schema can be read, and is equal after writing and reading.
+    /// Tests that every scene of the JSON schema can be read, and that the scene is equal after writing and
+    /// reading.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn any_scene_comes_back(words in prop::collection::vec(any::<u64>(), 0..600)) {

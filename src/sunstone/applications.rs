@@ -1,9 +1,8 @@
 //! Runs applications from scene files: renders their variants and seeds into a folder and passes them to the
 //! methods of [`apply`].
 //!
-//! The name of a render contains variant, seed, size, samples and the hash of its scene, which changes with
-//! its content. A finished render is not repeated; an unfinished render is resumed. Delete the folder to
-//! render everything again.
+//! The name of a render contains variant, seed, size, samples and scene hash. A finished render is
+//! not repeated; an unfinished render is resumed. Delete the folder to render everything again.
 
 pub mod chain;
 pub mod curves;
@@ -36,18 +35,18 @@ pub const MOST_SEEDS: u64 = 1000;
 pub struct Settings {
     pub scenes: PathBuf,
     pub renders: PathBuf,
-    /// Use the plan's preview size, otherwise its full size.
+    /// Whether to render at the plan's preview size instead of its full size.
     pub preview: bool,
-    /// Number of seeds; they are 1, 2, ….
+    /// Number of seeds; the seeds are 1, 2, ….
     pub seeds: u64,
-    /// Capture chains, each of which adds a table to that of the rendered slices.
+    /// Capture chains. Each chain adds a table to the report, after the table of the rendered slices.
     pub links: Links,
 }
 
 /// The reason why an application was not completed.
 #[derive(Debug, thiserror::Error)]
 pub enum ApplicationError {
-    /// The scene file is invalid, or a render of it stopped.
+    /// The scene file is invalid, or a render of the scene stopped.
     #[error(transparent)]
     Studio(#[from] StudioError),
     /// The number of seeds is out of range.
@@ -61,17 +60,17 @@ pub enum ApplicationError {
     Access(#[from] AccessError),
     #[error(transparent)]
     Captured(#[from] LinksError),
-    /// The methods refuse their input.
+    /// The application's methods refuse their input.
     #[error(transparent)]
     Apply(#[from] ApplyError),
 }
 
-/// The results of a run.
+/// The results of a run of an application.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The table: metrics one after the other, methods in their order.
+    /// Rows of the table, grouped by metric; within a metric, methods are in the application's order.
     pub rows: Vec<Row>,
-    /// All scores, with their seeds.
+    /// All scores, each with the seed of its render.
     pub scores: Vec<(u64, Score)>,
     pub first: Outcome,
     pub size: Size,
@@ -79,14 +78,14 @@ pub struct Report {
     pub seeds: u64,
     /// Results of the methods on captured slices.
     pub through: Vec<Through>,
-    /// Number of renders of this run, without those taken from the folder.
+    /// Number of renders that this run made, without finished renders that were reused.
     pub rendered: usize,
 }
 
 /// Renders the data of an application, and runs the application once for each seed.
 ///
 /// # Errors
-/// [`ApplicationError`].
+/// [`ApplicationError`] if a render or a method fails.
 pub fn run(
     application: &Application,
     settings: &Settings,
@@ -107,7 +106,8 @@ impl<'a> Run<'a> {
     /// Prepares a run without rendering.
     ///
     /// # Errors
-    /// [`ApplicationError::Seeds`]; [`ApplicationError::Studio`] if the scene file cannot be read.
+    /// [`ApplicationError::Seeds`] if the number of seeds is out of range; [`ApplicationError::Studio`] if
+    /// the scene file cannot be read.
     pub fn new(
         application: &'a Application,
         settings: &'a Settings,
@@ -138,7 +138,7 @@ impl<'a> Run<'a> {
     /// by the program's version.
     ///
     /// # Errors
-    /// [`ApplicationError`].
+    /// [`ApplicationError`] if a render fails.
     pub fn inputs(&mut self) -> Result<String, ApplicationError> {
         let Self { application, settings, observer, .. } = self;
         let Size { pixels, spp } = observer.size;
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
     /// Renders missing data, and runs the application once for each seed.
     ///
     /// # Errors
-    /// [`ApplicationError`].
+    /// [`ApplicationError`] if a render or a method fails.
     pub fn report(self) -> Result<Report, ApplicationError> {
         let Self { application, settings, watch, mut observer } = self;
         let (train, test) = (observer.plan.train.clone(), observer.plan.test.clone());
@@ -201,7 +201,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Returns the number of renders of this run, without those taken from the folder.
+    /// Returns the number of renders that this run made, without finished renders that were reused.
     pub fn rendered(&self) -> usize {
         self.observer.studio.rendered()
     }
@@ -215,7 +215,7 @@ struct Known {
     slices: BTreeMap<String, Slice>,
 }
 
-/// A render that is needed.
+/// Identifies a render that the run needs.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Wanted {
     variant: u64,
@@ -305,12 +305,12 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// The render that methods see of a variant.
+    /// Returns the render of a variant that methods get as input.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
         Wanted { variant, seed, spp: self.size.spp, slices: self.plan.slices.clone() }
     }
 
-    /// The renders of a variant's ground truth.
+    /// Returns the renders from which a variant's ground truth is computed.
     fn of_truth(&self, variant: u64) -> impl Iterator<Item = Wanted> {
         self.plan.truth.iter().filter_map(move |t| self.of_slice(variant, t))
     }
@@ -327,7 +327,7 @@ impl Observer<'_> {
         })
     }
 
-    /// Returns a finished store.
+    /// Returns the finished store of a render.
     fn store(&mut self, wanted: &Wanted) -> Result<TensorStore, ApplicationError> {
         if let Some(store) = self.stores.remove(wanted) {
             return Ok(store);
@@ -350,7 +350,8 @@ fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
     Ok(Slice { mean: stored.read_all(Field::Mean)?, error: stored.read_all(Field::StdError)? })
 }
 
-/// Finds the folder `scenes` with the file `scene`, in `from` or the nearest parent folder that has one.
+/// Finds the folder `scenes` with the file `scene`, in `from` or in the nearest parent folder of `from` that
+/// contains such a folder.
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
 }

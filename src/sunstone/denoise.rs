@@ -1,9 +1,9 @@
-//! Denoises stores for figures; the result is marked as denoised ([`store::denoised`]).
+//! Denoises stores for figures. The resulting store is marked as denoised ([`store::denoised`]).
 //!
-//! A slice is read in bands of rows, with [`HALO`] more rows on both sides. A slice with more axes than those
-//! of matrices is also read chunk by chunk along these axes. This limits memory to about [`BAND`] values. The
-//! result does not depend on the bands, bit for bit. Rows and columns that are not adjacent in the camera
-//! (`rows = [10, 150]`) are denoised as separate images.
+//! A slice is read in bands of rows, with [`HALO`] more rows on both sides. Along axes other than
+//! rows, columns and Stokes elements, the slice is read chunk by chunk. Memory is thus limited to
+//! about [`BAND`] values. The result does not depend on the bands, bit for bit. Rows and columns
+//! that are not adjacent in the camera (`rows = [10, 150]`) are denoised as separate images.
 
 use polarimetry::denoise::average::average;
 use polarimetry::denoise::guide::{Guide, GuideBuilder};
@@ -20,22 +20,22 @@ use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// Approximate maximum number of values of one array in memory; it determines the height of bands.
+/// Approximate maximum number of values of one array in memory; this number determines the height of bands.
 pub const BAND: usize = 1 << 23;
 
 /// Minimum number of rows of a band.
 const LEAST_ROWS: usize = 16;
 
-/// Number of values per pixel that are always in memory: its weights.
+/// Number of values per pixel that are always in memory: the weights of the pixel's neighbours.
 const LEAST_NUMBERS: usize = 128;
 
 /// The reason why nothing was denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
-    /// The stores cannot be read, or are not renders of one scene.
+    /// The stores cannot be read, or are not renders of the same scene.
     #[error(transparent)]
     Inputs(#[from] MergeError),
-    /// More than two stores.
+    /// The number of stores is not 1 or 2.
     #[error(
         "expected 1 store, or 2 renders of one scene with different seeds, got {0} stores; combine more with `sunstone merge`"
     )]
@@ -62,12 +62,12 @@ impl DenoiseError {
     }
 }
 
-/// The result for a slice.
+/// The result of denoising one slice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     pub slice: String,
-    /// Root mean square of the estimated errors of all means, relative to that of the input renders together.
-    /// `None` if the slice was copied because it is not an image, or has no errors.
+    /// Estimated error of all means (root mean square), divided by that of the pooled input renders. `None`
+    /// if the slice was copied because it is not an image or has no standard errors.
     pub error: Option<f64>,
 }
 
@@ -75,15 +75,15 @@ pub struct Outcome {
 /// camera rows and columns are copied from the first store.
 ///
 /// # Errors
-/// [`DenoiseError`].
+/// [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outcome>, DenoiseError> {
     denoise_in_bands(inputs, out, replace, BAND)
 }
 
-/// Does the same as [`denoise`] with a band of about `band` values.
+/// Does the same as [`denoise`] with bands of about `band` values.
 ///
 /// # Errors
-/// [`DenoiseError`].
+/// [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise_in_bands(
     inputs: &[PathBuf],
     out: &Path,
@@ -133,7 +133,7 @@ pub fn denoise_in_bands(
     Ok(outcomes)
 }
 
-/// Returns the attribute that records the inputs and the method.
+/// Returns the store attribute that records the inputs and the method.
 fn mark(stores: &[&TensorStore], slices: &[Vec<StoredSlice>]) -> Value {
     let of = |s: &&TensorStore| json!({"path": s.path().display().to_string(), "manifest": s.fingerprint()});
     let copied: Vec<&str> = slices.iter().filter(|s| !is_image(&s[0])).map(|s| s[0].name()).collect();
@@ -154,7 +154,7 @@ fn is_image(slice: &StoredSlice) -> bool {
     slice.find(AxisKind::Y) == Some(0) && slice.find(AxisKind::X) == Some(1)
 }
 
-/// Copies a slice unchanged.
+/// Copies a slice unchanged to another store.
 fn copy(from: &StoredSlice, to: &StoredSlice) -> Result<(), DenoiseError> {
     for field in Field::ALL.into_iter().filter(|f| from.has(*f) && to.has(*f)) {
         for (start, shape) in from.chunks(field)? {
@@ -176,7 +176,7 @@ fn runs(axis: &Axis, single: bool) -> Vec<Range<usize>> {
     all
 }
 
-/// Sums of squared errors before and after denoising.
+/// Sums of squared standard errors before and after denoising.
 #[derive(Default)]
 struct Squares {
     before: f64,
@@ -214,7 +214,7 @@ fn image(
     Ok(ratio.is_finite().then_some(ratio))
 }
 
-/// A band of a slice: the rows to write and the rows to read, for a range of columns.
+/// A band of a slice: the rows to write, the rows to read, and the range of columns.
 struct Part {
     rows: Range<usize>,
     read: Range<usize>,
@@ -222,7 +222,8 @@ struct Part {
 }
 
 impl Part {
-    /// Returns the first index and the shape of a box over some rows and the axes after rows and columns.
+    /// Returns the first index and the shape of the box that covers the given rows, the part's columns and a
+    /// range of the remaining axes.
     fn over(&self, rows: &Range<usize>, start: &[u64], shape: &[u64]) -> [Vec<u64>; 2] {
         let pixels = [rows, &self.columns];
         let first = pixels.iter().map(|r| r.start as u64).chain(start.iter().copied());
@@ -302,7 +303,7 @@ impl Part {
     }
 }
 
-/// First index and shape of a box.
+/// First index and shape of a box in an array.
 type Region = (Vec<u64>, Vec<u64>);
 
 /// Returns the chunks of a field along the axes after rows and columns.

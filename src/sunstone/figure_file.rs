@@ -1,8 +1,8 @@
-//! Figures from a figure file, which lists scenes, their views, applications and a layout.
+//! Draws figures from a figure file, which lists scenes, views, applications and a layout.
 //!
-//! [`Source::read`] reads the file. [`prepare`] checks it against its scenes and applications before anything
-//! is rendered. [`Prepared::draw`] renders and draws the figure. Renders ([`crate::studio`]) and results of
-//! applications are cached and reused.
+//! [`Source::read`] reads the file. [`prepare`] checks the file against its scenes and applications
+//! before any scene is rendered. [`Prepared::draw`] renders and draws the figure. Renders
+//! ([`crate::studio`]) and results of applications are cached and reused.
 
 mod application;
 mod caption;
@@ -30,7 +30,7 @@ use caption::Value;
 use file::{PanelFile, SizeFile, ViewFile};
 use stage::Stage;
 
-/// A finished figure.
+/// A finished figure, with the number of renders.
 #[derive(Clone, Debug)]
 pub struct Made {
     pub drawing: Drawing,
@@ -48,8 +48,8 @@ pub struct Prepared<'a> {
 /// Checks a figure file against its scenes and applications; renders nothing.
 ///
 /// # Errors
-/// [`FigureFileError::Input`] at the location of an item that scenes and applications do not have;
-/// [`FigureFileError::Studio`] if a scene itself is invalid.
+/// [`FigureFileError::Input`] at the location of a name that does not exist in the scenes and
+/// applications; [`FigureFileError::Studio`] if a scene itself is invalid.
 pub fn prepare<'a>(
     source: &'a Source,
     settings: &'a Settings,
@@ -113,7 +113,7 @@ impl Prepared<'_> {
     /// Renders what is not cached, and draws the figure.
     ///
     /// # Errors
-    /// [`FigureFileError`].
+    /// [`FigureFileError`] if a render, an application or the drawing fails.
     pub fn draw(mut self) -> Result<Made, FigureFileError> {
         let source = self.source;
         for stage in self.stages.values_mut() {

@@ -1,4 +1,4 @@
-//! Figures of a store: those that its scene lists, or any view of its slices.
+//! Draws figures of a store: the figures that its scene lists, or any view of its slices.
 
 use std::path::Path;
 
@@ -21,12 +21,13 @@ pub enum FiguresError {
     #[error("unknown figure `{name}`; the scene lists {known}; or use --view")]
     Unknown {
         name: String,
-        /// The names in the list.
+        /// Names of the listed figures.
         known: String,
     },
 }
 
-/// Returns the figures that the scene of a store lists: all, or those named, in the order of the scene.
+/// Returns the figures that the scene of a store lists, in the order of the scene: all figures, or the
+/// figures in `names`.
 ///
 /// # Errors
 /// [`FiguresError::Unknown`] for the first name that is not listed.
@@ -41,21 +42,21 @@ pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, Figu
     Ok(figures)
 }
 
-/// Draws a figure of a store's slice; its name is the title.
+/// Draws a figure of a store's slice; the figure's name is the title.
 ///
 /// # Errors
-/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read, [`FiguresError::Figure`] if
-/// it cannot be drawn with this view.
+/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read,
+/// [`FiguresError::Figure`] if the slice cannot be drawn with this view.
 pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresError> {
     with_panel(store, figure, |title, panel| figure::draw(&figure.view, title, panel))
 }
 
-/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or `.pdf`, for
-/// light in flight also `.gif` or `.apng`. Creates missing folders.
+/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or
+/// `.pdf`. Light in flight can also be `.gif` or `.apng`. Creates missing folders.
 ///
 /// # Errors
-/// As [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`] for the
-/// file.
+/// The same errors as [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or
+/// [`FigureError::Write`] if the file cannot be written.
 pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), FiguresError> {
     if let View::Flight(view) = &figure.view
         && figure::is_animation(path)
@@ -68,7 +69,7 @@ pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), 
     Ok(figure::save(&draw(store, figure)?, path)?)
 }
 
-/// Reads the data that a figure draws.
+/// Reads the data that a figure draws, and passes it to a function.
 fn with_panel<T>(
     store: &TensorStore,
     figure: &Figure,

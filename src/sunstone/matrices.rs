@@ -13,7 +13,7 @@ use tensor::axes::{Axis, AxisKind};
 pub enum MatricesError {
     #[error(transparent)]
     Read(#[from] NumpyError),
-    /// The shape of the array does not end with 4, 4.
+    /// The last two axes of the array do not have the lengths 4, 4.
     #[error(
         "{}: its shape is {shape:?}; expected (..., 4, 4), with the outgoing Stokes elements in rows",
         path.display()
@@ -32,13 +32,13 @@ pub enum MatricesError {
 /// Mueller matrices with their leading shape.
 #[derive(Clone, Debug)]
 pub struct Matrices {
-    /// Lengths of the axes before the two Stokes axes. For a slice, wavelength is the last of them.
+    /// Lengths of the axes before the two Stokes axes. For a slice, wavelength is the last of these axes.
     pub shape: Vec<usize>,
-    /// The elements, 16 per matrix, row-major.
+    /// Elements of the matrices, 16 per matrix, row-major.
     pub values: Values,
-    /// Standard errors of the elements, for a slice.
+    /// Standard errors of the elements; only for a slice.
     pub errors: Option<Values>,
-    /// Axes and other data of a slice.
+    /// Axes, wavelengths and bin width; only for a slice.
     pub facts: Option<SliceFacts>,
 }
 
@@ -47,9 +47,9 @@ pub struct Matrices {
 pub struct SliceFacts {
     /// Axes of the leading shape.
     pub axes: Vec<Axis>,
-    /// Wavelengths, nanometres: those of the wavelength axis, or the selected one.
+    /// Wavelengths in nanometres: those of the wavelength axis, or the selected wavelength.
     pub nm: Vec<f64>,
-    /// Width of the time bins, ps.
+    /// Width of the time bins in picoseconds.
     pub bin_ps: Option<f64>,
 }
 
@@ -57,7 +57,8 @@ impl Matrices {
     /// Reads an array (.npy) of shape (..., 4, 4).
     ///
     /// # Errors
-    /// [`MatricesError::Read`], [`MatricesError::Shape`].
+    /// [`MatricesError::Read`] if the file cannot be read, [`MatricesError::Shape`] if the array has another
+    /// shape.
     pub fn of_array(path: &Path) -> Result<Self, MatricesError> {
         let NumpyArray { mut shape, values } = NumpyArray::read(path)?;
         if !shape.ends_with(&[4, 4]) {
@@ -68,10 +69,11 @@ impl Matrices {
         Ok(Self { shape, values, errors: None, facts: None })
     }
 
-    /// Reads the matrices of a part of a stored slice, row-major over its axes without the Stokes axes.
+    /// Reads the matrices of a part of a stored slice, row-major over all axes except the Stokes axes.
     ///
     /// # Errors
-    /// [`MatricesError::Probe`], [`MatricesError::NotMueller`].
+    /// [`MatricesError::Probe`] if the slice cannot be read, [`MatricesError::NotMueller`] if it does not
+    /// contain Mueller matrices.
     pub fn of_slice(slice: &StoredSlice, select: &[Selection]) -> Result<Self, MatricesError> {
         let probe = Probe { select: select.to_vec(), ..Probe::default() };
         let result = probe.run(slice)?;
@@ -94,11 +96,12 @@ impl Matrices {
         })
     }
 
-    /// Converts the matrices to the input of a rig. `wavelengths_nm` are those of an array's last axis; if
-    /// empty, the array has no such axis. A slice has its own wavelengths and accepts no others.
+    /// Converts the matrices to the input of a rig. `wavelengths_nm` contains the wavelengths of an array's
+    /// last axis; if empty, the array has no wavelength axis. For a slice it must be empty, because a slice
+    /// has its own wavelengths.
     ///
     /// # Errors
-    /// Those of [`MuellerImage::of_array`] and [`MuellerImage::of_slice`].
+    /// The errors of [`MuellerImage::of_array`] and [`MuellerImage::of_slice`].
     pub fn image(self, wavelengths_nm: &[f64]) -> Result<MuellerImage, ImageError> {
         let elements = match self.values {
             Values::Single(v) => v.into_iter().map(f64::from).collect(),
@@ -111,7 +114,8 @@ impl Matrices {
     }
 }
 
-/// Returns the selected wavelength of a stored slice, whose axis is not in the probe's result.
+/// Returns the selected wavelength, in nanometres, of a stored slice. A selected wavelength is not an axis of
+/// the probe's result.
 fn selected_nm(stored: &[Axis], select: &[Selection]) -> f64 {
     let axis = stored.iter().find(|a| a.kind == AxisKind::Wavelength);
     let wanted = select.iter().find_map(|s| match (s.axis, s.range) {
@@ -123,8 +127,8 @@ fn selected_nm(stored: &[Axis], select: &[Selection]) -> f64 {
     nearest.copied().unwrap_or(wanted)
 }
 
-/// Reorders a tensor's values so that the two Stokes axes are last. Only wavelength may follow them in the
-/// tensor.
+/// Reorders a tensor's values so that the two Stokes axes are last. In the tensor, only wavelength
+/// can follow the Stokes axes.
 fn stokes_last(t: &Tensor) -> Vec<f32> {
     let lanes = t.extent(AxisKind::Wavelength);
     let mut out = Vec::with_capacity(t.data.len());

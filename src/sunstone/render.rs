@@ -47,7 +47,7 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// Returns a render of a scene on the threads of the current rayon pool, without a watch.
+    /// Creates a render of a scene on the threads of the current rayon pool, without a watch.
     pub fn new(scene: &'a Scene) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         Self {
@@ -71,30 +71,31 @@ impl<'a> Render<'a> {
         self
     }
 
-    /// Renders only a part. Its tiles are bit-identical to those of the whole render; all others stay zero.
-    /// The store records the part and does not open as a finished render. [`store::merge::merge`] joins all
-    /// parts; the result equals the whole render byte for byte.
+    /// Renders only a part of the tiles. These tiles are bit-identical to those of the whole render; all
+    /// other tiles stay zero. The store records the part and cannot be opened as a finished render.
+    /// [`store::merge::merge`] joins all parts; the result equals the whole render byte for byte.
     pub fn part(mut self, part: Part) -> Self {
         self.share.part = Some(part);
         self
     }
 
-    /// Sets the samples per pixel of each tile, row by row, instead of one number for all. A tile is
-    /// bit-identical to that of a render with its number everywhere; tiles with 0 samples stay zero. The
-    /// scene's settings contain the largest number.
+    /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A
+    /// tile is bit-identical to the same tile of a render with the tile's number for all tiles.
+    /// Tiles with 0 samples stay zero. The scene's settings contain the largest number.
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
     }
 
-    /// Shares the light paths between all parts K of N, by files in a folder that their machines share.
-    /// Otherwise each part traces all of them. Parts never block on one another; the output is bit-identical.
+    /// Shares the light paths between all parts K of N, through files in a folder that all machines can
+    /// access. Without this option, each part traces all light paths. Parts never block on one another; the
+    /// output is bit-identical.
     pub fn shared_light(mut self, folder: &'a Path) -> Self {
         self.share.light = Some(folder);
         self
     }
 
-    /// Uses a separate pool of `threads` threads.
+    /// Renders on a separate pool of `threads` threads.
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
@@ -127,10 +128,11 @@ impl<'a> Render<'a> {
         Ok(arrays)
     }
 
-    /// Renders into a new Zarr store, which must not exist yet.
+    /// Renders into a new Zarr store. The path must not exist yet.
     ///
     /// # Errors
-    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed ([`Self::to_target`]).
+    /// [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`] can resume
+    /// the render.
     pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
         self.to_target(&Target { path: path.to_owned(), ..Target::default() })
     }
@@ -138,34 +140,34 @@ impl<'a> Render<'a> {
     /// Renders into a Zarr store that is created, replaced or resumed.
     ///
     /// # Errors
-    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
+    /// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
     pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
         self.into_sink(&mut ZarrSink::new(target.clone()))
     }
 }
 
-/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names all slices
-/// are kept.
+/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names,
+/// all slices are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Samples per camera pixel.
     pub spp: Option<u32>,
-    /// Minimum number of independent groups of samples.
+    /// Minimum number of independent groups of samples, for standard errors.
     pub replicates: Option<u32>,
     pub seed: Option<u64>,
     /// Names of the slices to keep.
     pub slices: Option<Vec<String>>,
 }
 
-/// Maximum number of samples, and of groups of samples.
+/// Maximum number of samples per pixel, and of groups of samples.
 const MOST_SAMPLES: u32 = 1 << 30;
 
 impl Choices {
-    /// Applies the choices to a scene, all or none of them. `dashes` is the prefix of option names in
-    /// messages, such as `--`, or empty.
+    /// Applies the choices to a scene. If one choice is invalid, the scene does not change.
+    /// `dashes` is the prefix of option names in messages, such as `--`, or empty.
     ///
     /// # Errors
-    /// A message with the name of the choice, the fault and the fix.
+    /// A message with the name of the invalid choice, the fault and the fix.
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
@@ -190,8 +192,8 @@ impl Choices {
     }
 }
 
-/// Returns the maximum number of threads: more than the machine can use, but few enough not to overload
-/// it.
+/// Returns the maximum number of threads that a user can request. This number is larger than the
+/// number of cores, but does not overload the machine.
 pub fn most_threads() -> usize {
     8 * cores()
 }
@@ -214,7 +216,7 @@ pub fn is_of_system(e: &RenderError) -> bool {
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
-/// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
+/// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
 pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
     Render::new(scene).watch(watch).to_target(target)
 }

@@ -1,5 +1,5 @@
-//! Rigs whose simulated bench uses a scene: the scene is rendered to the tensor that the simulated sensors
-//! capture.
+//! Supports rigs whose simulated bench uses a scene. The scene is rendered to the tensor that the
+//! simulated sensors capture.
 //!
 //! This module is part of the public API crate because the crate `rig` does not use the renderer.
 
@@ -23,7 +23,7 @@ pub enum BenchError {
     Scene(#[from] InputError),
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
-    /// The user interrupted the render.
+    /// The user interrupted the render of the scene.
     #[error("interrupted while rendering the bench's tensor; run the command again to resume")]
     Interrupted,
 }
@@ -63,11 +63,11 @@ fn located<T: Clone>(
     new.into()
 }
 
-/// Returns the store of a bench's tensor. Renders it into `folder` unless it exists there; its name contains
-/// everything that it depends on. `None` if the bench uses a sample.
+/// Returns the store of a bench's tensor. Renders the scene into `folder` unless the store exists there. The
+/// store's name contains all values on which the tensor depends. Returns `None` if the bench uses a sample.
 ///
 /// # Errors
-/// [`BenchError`].
+/// [`BenchError`] if the scene is invalid or the render stopped.
 pub fn tensor_of(
     rig: &RigPlan,
     plan: &Plan,

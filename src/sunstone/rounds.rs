@@ -1,9 +1,9 @@
-//! Renders to a target error instead of a number of samples: rounds of samples, in the tiles that need them,
-//! until a slice reaches the error.
+//! Renders to a target error instead of a number of samples. Each round adds samples in the tiles
+//! that need more, until a slice reaches the error.
 //!
-//! Each round is a separate store next to the result, rendered with its own seed, and optionally in parts on
-//! many machines. A round depends only on the previous rounds, so the result depends neither on threads nor
-//! on interruptions. Finally all rounds are pooled into one store.
+//! Each round is a separate store next to the result, rendered with its own seed, and optionally in
+//! parts on many machines. A round depends only on the previous rounds. The result is therefore
+//! independent of threads and interruptions. Finally all rounds are pooled into one store.
 
 use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
 use optics::sampling::mix::mix;
@@ -21,7 +21,7 @@ use transport::scene::Scene;
 /// The reason why a render to an error stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RoundsError {
-    /// The goal is invalid.
+    /// The target error or its limits are invalid.
     #[error("{0}")]
     Goal(String),
     #[error(transparent)]
@@ -29,7 +29,7 @@ pub enum RoundsError {
     /// Rounds cannot be read or pooled.
     #[error(transparent)]
     Merge(#[from] MergeError),
-    /// Rounds of an earlier call exist.
+    /// Rounds of an earlier, unfinished render exist.
     #[error(
         "{path} contains rounds of an unfinished render: resume with --resume, or start again with --force"
     )]
@@ -38,7 +38,7 @@ pub enum RoundsError {
     #[error("{path} contains other files than rounds: {found}; move it, or choose another name")]
     Other {
         path: PathBuf,
-        /// The name of one of these files.
+        /// Name of one of the other files.
         found: String,
     },
     /// A store of a round cannot be removed.
@@ -66,13 +66,15 @@ impl RoundsError {
 pub struct Standing {
     /// Number of the next round, from 0; equals the number of finished rounds.
     pub round: u32,
-    /// Relative error that the goal's share of lit pixels does not exceed; `None` before the first round.
+    /// Relative error that is not exceeded in the share of lit pixels that the goal requires; `None` before
+    /// the first round.
     pub error: Option<f64>,
-    /// Number of samples so far, of all pixels.
+    /// Total number of samples so far, over all pixels.
     pub samples: u64,
-    /// Mean number of samples per pixel.
+    /// Mean number of samples per pixel so far.
     pub mean: f64,
-    /// Estimated number of samples per pixel that would give the same error if it were equal for all pixels.
+    /// Estimated number of samples per pixel that gives the same error if all pixels have this number of
+    /// samples.
     pub uniform: f64,
     /// The next step.
     pub next: Next,
@@ -97,9 +99,9 @@ impl Standing {
 /// A render to a target error, with its options.
 pub struct ToError<'a> {
     pub goal: Goal,
-    /// Receives every finished tile, and can stop the render.
+    /// Watch that receives every finished tile and can stop the render.
     pub watch: &'a dyn Watch,
-    /// Called with the state before each round and at the end.
+    /// Function that is called with the state before each round and at the end.
     pub begins: &'a dyn Fn(&Standing),
     /// Additional attributes of the store.
     pub attributes: Vec<(&'a str, Value)>,
@@ -107,11 +109,11 @@ pub struct ToError<'a> {
     pub threads: usize,
 }
 
-/// The part of a round that one of many machines renders.
+/// A part of a round, which one of several machines renders.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundPart<'a> {
     pub part: Part,
-    /// Folder of shared light paths ([`Render::shared_light`]).
+    /// Folder of shared light paths ([`Render::shared_light`]), if any.
     pub light: Option<&'a Path>,
 }
 
@@ -140,11 +142,12 @@ fn round_attribute(goal: &Goal, round: u32) -> Value {
 }
 
 impl ToError<'_> {
-    /// Renders rounds until the goal is reached, and pools them. The summary is that of this call; it is
-    /// complete only at the end.
+    /// Renders rounds until the goal is reached, and pools the rounds. Returns the summary of the
+    /// work of this call.
     ///
     /// # Errors
-    /// [`RoundsError`]; finished work stays next to the target and can be resumed.
+    /// [`RoundsError`] if the render stopped. Finished rounds stay next to the target, and the render can be
+    /// resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
         let folder = folder_of(&target.path);
@@ -192,10 +195,10 @@ impl ToError<'_> {
         }
     }
 
-    /// Returns the state of the rounds in a folder, or, if `round` is given, their state before that round.
+    /// Returns the state of the rounds in a folder, or, if `round` is given, the state before that round.
     ///
     /// # Errors
-    /// [`RoundsError`], also for rounds of another render.
+    /// [`RoundsError`] if the rounds cannot be read or belong to another render.
     pub fn standing(
         &self,
         scene: &Scene,
@@ -234,10 +237,10 @@ impl ToError<'_> {
         })
     }
 
-    /// Renders a part of a round, which is determined by the previous rounds in the folder.
+    /// Renders a part of a round. The previous rounds in the folder determine the round.
     ///
     /// # Errors
-    /// [`RoundsError`], also if there is no such round.
+    /// [`RoundsError`] if the round does not exist or the render stopped.
     pub fn part_of_round(
         &self,
         scene: &mut Scene,
@@ -287,7 +290,7 @@ impl ToError<'_> {
         Ok(summary?)
     }
 
-    /// Pools the rounds, and removes them.
+    /// Pools the rounds into the target store, and removes the rounds.
     fn finish(&self, folder: &Path, standing: &Standing, target: &Target) -> Result<(), RoundsError> {
         let stores: Vec<PathBuf> = (0..standing.round).map(|n| round_store(folder, n)).collect();
         let mut message = standing.to_json();
@@ -371,7 +374,7 @@ fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) ->
     Ok(())
 }
 
-/// Returns whether a name is that of a round's store, or of a temporary file next to it.
+/// Returns whether a file name is that of a round's store, or of a temporary file next to such a store.
 fn is_of_rounds(name: &str) -> bool {
     let name = name.trim_start_matches('.');
     let rest = name.trim_start_matches(|c: char| c.is_ascii_digit());
@@ -387,7 +390,7 @@ fn has_rounds(folder: &Path) -> bool {
     if is_address(folder) { is_there(&round_store(folder, 0)) } else { folder.exists() }
 }
 
-/// Removes the folder of rounds, if it exists and contains nothing else.
+/// Removes the folder of rounds if it exists. Other files in the folder are an error.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
     if is_address(folder) {
         // Remove the last round first: an interrupted removal then leaves the first ones, which the next call

@@ -1,8 +1,8 @@
 //! Renders scenes and their variants at any size into a folder. A finished render is not repeated; an
 //! unfinished render is resumed.
 //!
-//! The name of a render contains scene, variant, seed, size, samples, the hash of its scene, which changes
-//! with its content, and the first digits of the seed of its random numbers, which differs between variants.
+//! The name of a render contains scene name, variant, seed, size, samples, scene hash, and the
+//! first digits of the seed of the random numbers. That seed differs between variants.
 
 use apply::application::Size;
 use base::locate::{InputError, Located};
@@ -21,29 +21,29 @@ use transport::scene::Scene;
 
 use crate::render::Render;
 
-/// Seed of ground-truth renders, different from all seeds that methods see.
+/// Seed of ground-truth renders, different from all seeds of renders that methods get.
 pub const TRUTH_SEED: u64 = 1 << 32;
 
 /// Minimum number of sample groups for the estimation of standard errors.
 const REPLICATES: u32 = 8;
 
-/// Time after which a wait for another process is reported. Shorter locks occur when a process only checks
-/// whether a render is finished.
+/// Time after which a wait for another process is reported. Shorter waits occur if another process
+/// only checks whether a render is finished.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The step of SplitMix64: 2⁶⁴ over the golden ratio.
+/// The step of SplitMix64: the odd number closest to 2⁶⁴ divided by the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Interval between attempts.
+/// Interval between attempts to lock a store.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The reason why there is no render.
+/// The reason why a scene was not rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum StudioError {
     /// The scene file, or a variant of it, is invalid.
     #[error(transparent)]
     Scene(#[from] InputError),
-    /// The scene file lacks a requested slice or other item.
+    /// The scene file lacks a requested slice or another item.
     #[error("{file}: {what}; {fix}")]
     Lacks { file: PathBuf, what: String, fix: String },
     #[error(transparent)]
@@ -54,10 +54,10 @@ pub enum StudioError {
     /// A render cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The store at the render's path is not that render.
+    /// The store at the render's path belongs to another render.
     #[error("{cause}; or delete {path} and run the same command again to render it")]
     Kept {
-        /// Path of the render.
+        /// Path of the store.
         path: PathBuf,
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
@@ -75,20 +75,21 @@ impl<'a> Studio<'a> {
     /// Opens a scene file with a folder for renders.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if it cannot be read.
+    /// [`StudioError::Scene`] if the scene file cannot be read.
     pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
         Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
     }
 
-    /// Returns the number of new renders, without those taken from the folder.
+    /// Returns the number of new renders, without finished renders that were reused.
     pub fn rendered(&self) -> usize {
         self.rendered
     }
 
-    /// Returns a variant's file with its values; without a number, the scene file itself.
+    /// Returns the variant with a number: its scene file and its values. Without a number, returns the scene
+    /// file itself.
     ///
     /// # Errors
-    /// [`StudioError::Scene`].
+    /// [`StudioError::Scene`] if the variant is invalid or does not exist.
     pub fn variant(&self, number: Option<u64>) -> Result<Variant, StudioError> {
         Ok(match number {
             Some(number) => variant::read(&self.path, &self.text, number)?,
@@ -96,21 +97,21 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// Returns the scene of a variant with only these slices; the longer side of its camera has `pixels`
-    /// pixels.
+    /// Builds the scene of a variant with only the given slices. The longer side of the camera
+    /// image has `pixels` pixels.
     ///
     /// # Errors
-    /// [`StudioError::Scene`], [`StudioError::Lacks`].
+    /// [`StudioError::Scene`] if the scene is invalid, [`StudioError::Lacks`] if a slice is missing.
     pub fn scene(&self, variant: &Variant, pixels: u32, slices: &[&str]) -> Result<Scene, StudioError> {
         let file = self.sized(&variant.file, pixels, slices)?;
         Ok(scene::from_file(&self.path, &self.text, &file)?)
     }
 
-    /// Returns the finished store of a variant ([`Self::variant`] of the same number), rendering it if
-    /// necessary.
+    /// Returns the finished store of a variant ([`Self::variant`] of the same number), and renders
+    /// the variant first if necessary.
     ///
     /// # Errors
-    /// [`StudioError`].
+    /// [`StudioError`] if the scene is invalid or the render stopped.
     pub fn render(
         &mut self,
         number: Option<u64>,
@@ -156,8 +157,8 @@ impl<'a> Studio<'a> {
         Ok(TensorStore::open(&path)?)
     }
 
-    /// Returns a file with only these slices, the longer side of whose camera has `pixels` pixels. Rows,
-    /// columns and blocks of slices keep their place in the image.
+    /// Returns a scene file with only the given slices, in which the longer side of the camera
+    /// image has `pixels` pixels. Rows, columns and blocks of slices are rescaled with the image.
     fn sized(&self, file: &SceneFile, pixels: u32, slices: &[&str]) -> Result<SceneFile, StudioError> {
         let mut file = file.clone();
         let known: Vec<&str> = file.slices.iter().map(|f| f.name.as_str()).collect();
@@ -198,8 +199,8 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Rescales rows, columns and blocks to another camera size: each becomes the pixel that contains its centre.
-/// Bins keep their size.
+/// Rescales rows, columns and blocks to another camera size: each pixel becomes the pixel that
+/// contains its centre. Bins keep their size.
 fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectFile {
     let at = |i: u32, axis: usize| {
         let [old, new] = [old[axis], new[axis]].map(u64::from);
@@ -235,7 +236,8 @@ fn is_locked(e: &RenderError<SinkError>) -> bool {
     )
 }
 
-/// Converts the error for another store at a render's path. Existing stores are never deleted automatically.
+/// Converts a render error to [`StudioError::Kept`] if another store exists at the render's path. Existing
+/// stores are never deleted automatically.
 fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     match e {
         RenderError::Sink(
@@ -252,9 +254,9 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     }
 }
 
-/// Returns the seed of the random numbers of a variant's render. With one seed for all variants, pixels that
-/// do not change between variants would have equal noise, and methods would be tested on their training
-/// noise. The scene file itself keeps its seed.
+/// Returns the seed of the random numbers of a variant's render. With one seed for all variants,
+/// pixels that do not change between variants would have equal noise, and methods would be tested
+/// on their training noise. The scene file without a variant keeps its seed.
 fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
     // The factor is odd, so the map is one-to-one in the number: variants of one seed never share random
     // numbers.

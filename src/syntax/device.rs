@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PinholeFile {
-    /// Path of a `sunstone calibrate` file, relative to the scene file. Its `[camera]` table sets every key
-    /// except aperture. A pose given here overrides the pose in that file.
+    /// Path of a `sunstone calibrate` file, relative to the scene file. The file's `[camera]` table sets
+    /// every key except `aperture`. A `pose` in the scene file overrides the pose of the calibration.
     pub calibration: Option<Located<String>>,
     /// Width and height in pixels. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: Located<[u32; 2]>,
-    /// Horizontal field of view in degrees; implies fy = fx and a principal point at the image centre.
+    /// Horizontal field of view in degrees. Sets fy = fx and the principal point to the image centre.
     pub fov_x_deg: Option<Located<f64>>,
     /// Vertical field of view in degrees, instead of fov_x_deg.
     pub fov_y_deg: Option<Located<f64>>,
@@ -26,26 +26,28 @@ pub struct PinholeFile {
     pub fx: Option<Located<f64>>,
     /// Focal length in pixels along y. Default: fx.
     pub fy: Option<Located<f64>>,
-    /// Principal point along x in continuous pixels: the first pixel covers 0..1, so this is OpenCV's value
-    /// plus 0.5. Default: the image centre.
+    /// Principal point along x in continuous pixels: the first pixel covers 0..1, so the value is
+    /// OpenCV's value plus 0.5. Default: the image centre.
     pub cx: Option<f64>,
-    /// Principal point along y in continuous pixels, as cx.
+    /// Principal point along y in continuous pixels, with the same convention as `cx`. Default: the image
+    /// centre.
     pub cy: Option<f64>,
-    /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], instead of fx, fy, cx and cy. It uses
-    /// OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
+    /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], instead of fx, fy, cx and cy.
+    /// The matrix uses OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
     /// Lens distortion: OpenCV's coefficients by name.
     pub distortion: Option<Located<DistortionFile>>,
     /// Lens distortion as OpenCV's list k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]:
     /// 4, 5, 8, 12 or 14 numbers. Use it instead of `distortion`.
     pub opencv: Option<Located<Vec<f64>>>,
-    /// Distortion of OpenCV's fisheye model (Kalibr's equidistant model): k1, k2, k3, k4.
+    /// Lens distortion of OpenCV's fisheye model (Kalibr's equidistant model): the coefficients k1, k2, k3,
+    /// k4.
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A thin lens of finite aperture. Default: a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
-    /// Makes the camera orthographic instead of a pinhole; the value is the width of the image in metres. All
-    /// rays are parallel to the optical axis and start on the plane of the pose. Its paths are traced from
-    /// the camera only.
+    /// Width of the image in metres of an orthographic camera. All rays are parallel to the optical
+    /// axis and start on the plane of the pose. Paths are traced from the camera only. Default: a
+    /// pinhole camera.
     pub orthographic_width: Option<Located<f64>>,
     /// Position and orientation. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -70,12 +72,12 @@ pub struct ProjectorFile {
     /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub irradiance: Located<SpectrumFile>,
-    /// The projector illuminates through the camera's pinhole: it takes pose, pixels and lens from the
-    /// camera, and the coaxial slice has s' = s. Default: false.
+    /// The projector illuminates through the camera's pinhole: it has the pose, pixels and lens of
+    /// the camera. The coaxial slice has s' = s. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub coaxial: bool,
-    /// Path of a `sunstone calibrate` file, relative to the scene file, whose `[projector]` table sets the
-    /// device.
+    /// Path of a `sunstone calibrate` file, relative to the scene file. The file's `[projector]`
+    /// table sets the device.
     pub calibration: Option<Located<String>>,
     /// Width and height in pixels. Required unless `coaxial` or `calibration` is given.
     pub resolution: Option<Located<[u32; 2]>>,
@@ -105,7 +107,8 @@ pub struct ProjectorFile {
     pub pose: Option<Located<PoseFile>>,
 }
 
-/// OpenCV's lens distortion coefficients by name; each defaults to 0. k1, k2, k3, p1, p2 are Brown–Conrady's.
+/// OpenCV's lens distortion coefficients by name; each defaults to 0. The coefficients k1, k2, k3, p1, p2 are
+/// those of the Brown–Conrady model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistortionFile {
@@ -121,28 +124,28 @@ pub struct DistortionFile {
     /// Radial coefficient of r² in the denominator (rational model).
     #[serde(skip_serializing_if = "is_default")]
     pub k4: f64,
-    /// Radial coefficient of r⁴ in the denominator.
+    /// Radial coefficient of r⁴ in the denominator (rational model).
     #[serde(skip_serializing_if = "is_default")]
     pub k5: f64,
-    /// Radial coefficient of r⁶ in the denominator.
+    /// Radial coefficient of r⁶ in the denominator (rational model).
     #[serde(skip_serializing_if = "is_default")]
     pub k6: f64,
-    /// Tangential coefficient along y.
+    /// Tangential distortion coefficient along y.
     #[serde(skip_serializing_if = "is_default")]
     pub p1: f64,
-    /// Tangential coefficient along x.
+    /// Tangential distortion coefficient along x.
     #[serde(skip_serializing_if = "is_default")]
     pub p2: f64,
-    /// Thin-prism coefficient of r² along x.
+    /// Thin-prism distortion coefficient of r² along x.
     #[serde(skip_serializing_if = "is_default")]
     pub s1: f64,
-    /// Thin-prism coefficient of r⁴ along x.
+    /// Thin-prism distortion coefficient of r⁴ along x.
     #[serde(skip_serializing_if = "is_default")]
     pub s2: f64,
-    /// Thin-prism coefficient of r² along y.
+    /// Thin-prism distortion coefficient of r² along y.
     #[serde(skip_serializing_if = "is_default")]
     pub s3: f64,
-    /// Thin-prism coefficient of r⁴ along y.
+    /// Thin-prism distortion coefficient of r⁴ along y.
     #[serde(skip_serializing_if = "is_default")]
     pub s4: f64,
     /// Tilt of the sensor about x in radians, as in OpenCV.
@@ -153,19 +156,19 @@ pub struct DistortionFile {
     pub tau_y: f64,
 }
 
-/// Position and orientation of a device; lengths in metres.
+/// Position and orientation of a device in world coordinates; lengths in metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PoseFile {
-    /// Device position and the point it looks at.
+    /// Position of the device, and a point on its optical axis.
     LookAt(LookAtFile),
     /// Row-major 4×4 device-to-world matrix. Device axes: +x image right, +y image down, +z forward.
     Matrix([[f64; 4]; 4]),
-    /// World-to-device transform as OpenCV's calibration returns it: x_device = R x_world + t.
+    /// World-to-device transform x_device = R x_world + t, as OpenCV's calibration returns.
     Extrinsics(ExtrinsicsFile),
 }
 
-/// World-to-device transform x_device = R x_world + t: give R and t, or rvec and tvec.
+/// World-to-device transform x_device = R x_world + t, given by R and t or by rvec and tvec.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExtrinsicsFile {
@@ -180,15 +183,15 @@ pub struct ExtrinsicsFile {
     pub tvec: Option<[f64; 3]>,
 }
 
-/// Device position and the point it looks at.
+/// Position of a device, and a point on its optical axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LookAtFile {
-    /// Position of the device in metres.
+    /// Position of the device in world coordinates, in metres.
     pub origin: [f64; 3],
-    /// Point that the device looks at, in metres.
+    /// Point on the optical axis in world coordinates, in metres.
     pub target: [f64; 3],
-    /// World direction that projects onto image up. Default: [0, 1, 0].
+    /// World direction that points up in the image. Default: [0, 1, 0].
     #[serde(default = "defaults::y_axis", skip_serializing_if = "defaults::is_y_axis")]
     pub up: [f64; 3],
 }
@@ -203,9 +206,9 @@ pub enum EmitterFile {
     Spot(SpotFile),
     /// A luminaire with a measured intensity profile.
     Ies(IesFile),
-    /// A projector of an image.
+    /// An emitter that projects an image.
     Slide(Box<SlideFile>),
-    /// Light from one direction, everywhere in the scene.
+    /// Parallel light from one direction, everywhere in the scene.
     Directional(DirectionalFile),
     /// A collimated beam.
     Beam(BeamFile),
@@ -217,32 +220,33 @@ pub enum EmitterFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointFile {
-    /// Position in metres.
+    /// Position in world coordinates, in metres.
     pub position: [f64; 3],
-    /// Radiant intensity, W/(sr nm).
+    /// Radiant intensity in W/(sr nm).
     pub intensity: Located<SpectrumFile>,
-    /// Axis that, projected perpendicular to the ray, is the horizontal of the emitted Stokes vectors.
-    /// Default: [1, 0, 0].
+    /// World direction that defines the horizontal axis of the emitted Stokes vectors: it is
+    /// projected perpendicular to each ray. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// An emitter that projects an image. Unlike `[projector]`, its pixels do not index s' of T.
+/// An emitter that projects an image. Unlike the pixels of `[projector]`, the pixels of this image are not
+/// the axis s' of T.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SlideFile {
-    /// The image. It fills the field of view, whose aspect ratio is the image's.
+    /// The projected image. The field of view has the aspect ratio of the image.
     pub image: Located<ImageAlbedo>,
-    /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m, where the image is 1.
+    /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m, for an image value of 1.
     pub irradiance: Located<SpectrumFile>,
     /// Horizontal field of view in degrees.
     pub fov_x_deg: Located<f64>,
-    /// Position and orientation. The image's right direction, projected perpendicular to the ray, is the
-    /// horizontal of the emitted Stokes vectors.
+    /// Position and orientation. The image's right direction, projected perpendicular to each ray,
+    /// is the horizontal axis of the emitted Stokes vectors.
     pub pose: Located<PoseFile>,
 }
 
-/// The pose of a device whose scene file gives none.
+/// Default pose, for a device without a pose in the scene file.
 impl Default for PoseFile {
     fn default() -> Self {
         Self::Extrinsics(ExtrinsicsFile::default())
@@ -250,12 +254,14 @@ impl Default for PoseFile {
 }
 
 impl PoseFile {
-    /// Returns the pose of a device at `origin` that looks at `target` (metres), with +y up.
+    /// Returns the pose of a device at `origin` whose optical axis points to `target` (both in metres), with
+    /// +y up.
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::LookAt(LookAtFile { origin, target, up: defaults::y_axis() })
     }
 
-    /// Returns the pose for x_device = R x_world + t; `t` in metres.
+    /// Returns the pose of a device with x_device = R x_world + t, where R is `rotation` and `t` is in
+    /// metres.
     pub fn extrinsics(rotation: [[f64; 3]; 3], t: [f64; 3]) -> Self {
         Self::Extrinsics(ExtrinsicsFile { rotation: Some(rotation), t: Some(t), ..ExtrinsicsFile::default() })
     }
@@ -267,7 +273,7 @@ impl PinholeFile {
         Self { pose: pose.into(), ..Self::default() }
     }
 
-    /// Creates a camera at `origin` that looks at `target` (metres), with +y up.
+    /// Creates a camera at `origin` whose optical axis points to `target` (both in metres), with +y up.
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::new(PoseFile::look_at(origin, target))
     }
@@ -282,7 +288,7 @@ impl PinholeFile {
         *self.pose != PoseFile::default()
     }
 
-    /// Makes the camera orthographic, with an image of this width in metres.
+    /// Makes the camera orthographic and sets the width of its image in metres.
     pub fn orthographic_width(mut self, metres: f64) -> Self {
         self.orthographic_width = Some(metres.into());
         self
@@ -336,13 +342,14 @@ impl PinholeFile {
         self
     }
 
-    /// Sets lens distortion by name.
+    /// Sets the lens distortion from coefficients with names.
     pub fn distortion(mut self, distortion: DistortionFile) -> Self {
         self.distortion = Some(distortion.into());
         self
     }
 
-    /// Sets a thin lens of this radius, in focus at this distance along the optical axis; both in metres.
+    /// Sets a thin lens: radius of the aperture, and distance of the plane in focus along the optical axis,
+    /// both in metres.
     pub fn aperture(mut self, radius: f64, focus: f64) -> Self {
         self.aperture = Some(ApertureFile { radius, focus }.into());
         self
@@ -372,7 +379,7 @@ impl ProjectorFile {
         }
     }
 
-    /// Creates a projector that illuminates through the camera's own pixels.
+    /// Creates a projector that illuminates through the camera's pinhole and has the camera's pixels.
     pub fn coaxial() -> Self {
         Self { coaxial: true, ..Self::new(PinholeFile::default()) }
     }

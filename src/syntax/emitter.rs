@@ -10,44 +10,44 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use transport::light::sky::Rows;
 
-/// Emission of a surface: the same radiance in all directions.
+/// Emission of a surface, with equal radiance in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionFile {
     /// Radiance in W/(m² sr nm).
     pub radiance: Located<SpectrumFile>,
-    /// Image over the texture coordinates that multiplies the radiance.
+    /// Image, in texture coordinates, that multiplies the radiance.
     pub image: Option<Located<ImageAlbedo>>,
-    /// Emit from both sides instead of the front only. Default: false.
+    /// Whether both sides emit light instead of the front only. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub two_sided: bool,
     /// Stokes vector of the emitted light divided by its intensity: [1, s1, s2, s3]. Column 0 of T is then
     /// the response to this light and the other columns are 0. Default: T accepts any Stokes vector.
     pub stokes: Option<Located<[f64; 4]>>,
-    /// Angle in degrees of an ideal linear polarizer in front of the emitter, from `horizontal`,
-    /// counter-clockwise when looking toward the emitter. Default: no polarizer.
+    /// Angle in degrees of an ideal linear polarizer in front of the emitter, measured from `horizontal`,
+    /// counter-clockwise as seen by an observer who faces the emitter. Default: no polarizer.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Axis that, projected perpendicular to the ray, is the horizontal of the emitted Stokes vectors.
-    /// Default: [1, 0, 0].
+    /// World direction that defines the horizontal axis of the emitted Stokes vectors: it is
+    /// projected perpendicular to each ray. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// The environment: the same radiance from all directions, or an image.
+/// An environment of infinitely distant light: constant radiance from all directions, or an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentFile {
-    /// Radiance in W/(m² sr nm); with an image, a factor of it. Default: 1.
+    /// Radiance in W/(m² sr nm). If there is an image, `radiance` multiplies the image. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub radiance: Located<SpectrumFile>,
-    /// Equirectangular image file, relative to the scene file, with the formats and encodings of a texture's
-    /// `image`. Columns follow atan2(x, -z); rows start at +y. Red applies above 590 nm, green from 500 to
-    /// 590 nm, blue below.
+    /// Equirectangular image file, relative to the scene file, with the formats and encodings of a
+    /// texture's `image`. Columns follow atan2(x, -z); rows start at +y. Wavelengths above 590 nm
+    /// use red, 500 to 590 nm green, and below 500 nm blue.
     pub image: Option<Located<String>>,
     /// Layer of an OpenEXR file, as for a texture's `layer`.
     pub layer: Option<String>,
-    /// Positions of the image's rows. With `poles` and an image of two rows, the second row is used for the
-    /// lower pole as well, as in Mitsuba, so it is at the horizon.
+    /// Positions of the image's rows. With `poles` and an image of two rows, the second row is at
+    /// the horizon and also applies to the lower pole, as in Mitsuba.
     #[serde(default, skip_serializing_if = "is_default")]
     pub rows: Rows,
     /// Rotation or reflection of the image: `rotate_deg`, or a `matrix` without scale or shear.
@@ -61,25 +61,26 @@ pub struct EnvironmentFile {
     pub horizontal: [f64; 3],
 }
 
-/// A point emitter that illuminates a cone. Intensity is full up to `beam_deg` from the axis and then falls
-/// linearly with the angle to 0 at `cutoff_deg`.
+/// A point emitter that illuminates a cone. The intensity is constant up to `beam_deg` from the
+/// axis, and then falls linearly with the angle to 0 at `cutoff_deg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpotFile {
-    /// Position in metres.
+    /// Position in world coordinates, in metres.
     pub position: [f64; 3],
     /// Direction of the cone's axis.
     pub direction: [f64; 3],
-    /// Radiant intensity on the axis, W/(sr nm).
+    /// Radiant intensity on the axis in W/(sr nm).
     pub intensity: Located<SpectrumFile>,
-    /// Half angle in degrees at which the intensity reaches 0.
+    /// Angle from the axis, in degrees, at which the intensity reaches 0.
     pub cutoff_deg: Located<f64>,
-    /// Half angle of full intensity in degrees. Default: 0.75 times `cutoff_deg`.
+    /// Angle from the axis, in degrees, up to which the intensity is constant. Default: 0.75 times
+    /// `cutoff_deg`.
     pub beam_deg: Option<Located<f64>>,
-    /// Projected image that multiplies the intensity. It covers the square around the cone of `cutoff_deg`,
-    /// which must be below 90.
+    /// Projected image that multiplies the intensity. The image covers the square around the cone
+    /// of `cutoff_deg`; `cutoff_deg` must be below 90.
     pub image: Option<Located<ImageAlbedo>>,
-    /// Direction that projects onto the image's up; requires an image. Default: [0, 1, 0].
+    /// World direction that points up in the image. Requires an image. Default: [0, 1, 0].
     pub up: Option<[f64; 3]>,
     /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
@@ -92,12 +93,13 @@ pub struct SpotFile {
 pub struct IesFile {
     /// IES file, relative to the scene file.
     pub file: Located<String>,
-    /// Position in metres.
+    /// Position in world coordinates, in metres.
     pub position: [f64; 3],
-    /// Direction of vertical angle 0. Default: [0, -1, 0].
+    /// World direction of vertical angle 0 of the profile. Default: [0, -1, 0].
     #[serde(default = "defaults::down", skip_serializing_if = "defaults::is_down")]
     pub direction: [f64; 3],
-    /// Direction of horizontal angle 0, projected perpendicular to `direction`. Default: [1, 0, 0].
+    /// World direction of horizontal angle 0 of the profile, projected perpendicular to `direction`. Default:
+    /// [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub zero: [f64; 3],
     /// Radiant intensity in W/(sr nm) at the maximum of the profile.
@@ -107,16 +109,16 @@ pub struct IesFile {
     pub horizontal: [f64; 3],
 }
 
-/// Light from one direction, everywhere in the scene.
+/// Parallel light from one direction, everywhere in the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionalFile {
     /// Direction in which the light travels.
     pub direction: [f64; 3],
-    /// Irradiance at normal incidence, W/(m² nm).
+    /// Irradiance at normal incidence in W/(m² nm).
     pub irradiance: Located<SpectrumFile>,
-    /// Point on the plane where the light starts and travel time is 0; there is no light on the source side
-    /// of it. Default: no plane and no travel time.
+    /// Point, in metres, on the plane where the light starts and the travel time is 0. There is no
+    /// light on the source side of the plane. Default: no plane and no travel time.
     pub origin: Option<[f64; 3]>,
     /// Stokes vector of the emitted light, as for `emission`.
     pub stokes: Option<Located<[f64; 4]>>,
@@ -131,18 +133,20 @@ pub struct DirectionalFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BeamFile {
-    /// Start of the beam in metres; travel time is 0 there.
+    /// Start of the beam in metres; the travel time is 0 at this point.
     pub origin: [f64; 3],
     /// Direction in which the light travels.
     pub direction: [f64; 3],
     /// Power in W/nm.
     pub power: Located<SpectrumFile>,
-    /// Radius in metres: of a uniform disk, or where a Gaussian has e⁻² of the irradiance on its axis.
+    /// Radius of the beam in metres. For a Gaussian profile, the irradiance at this radius is e⁻² of the
+    /// irradiance on the axis.
     pub radius: Located<f64>,
-    /// Full angle of divergence in milliradians: rays are straight and diverge from a point behind `origin`.
-    /// For a Gaussian this is the far-field divergence; the beam waist is not modelled. Default: collimated.
+    /// Full angle of divergence in milliradians. Rays are straight and diverge from a point behind `origin`.
+    /// For a Gaussian profile, the angle is the far-field divergence; the beam waist is not modelled.
+    /// Default: collimated.
     pub divergence_mrad: Option<Located<f64>>,
-    /// Gaussian irradiance profile instead of a uniform disk. Default: false.
+    /// Whether the irradiance profile is Gaussian instead of a uniform disk. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub gaussian: bool,
     /// Stokes vector of the emitted light, as for `emission`.
@@ -155,7 +159,7 @@ pub struct BeamFile {
 }
 
 impl EmissionFile {
-    /// Creates emission from the front with a radiance in W/(m² sr nm).
+    /// Creates emission from the front side with a radiance in W/(m² sr nm).
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {
             radiance: radiance.into().into(),
@@ -169,7 +173,7 @@ impl EmissionFile {
 }
 
 impl EnvironmentFile {
-    /// Creates an environment with the same radiance, in W/(m² sr nm), from all directions.
+    /// Creates an environment with equal radiance, in W/(m² sr nm), from all directions.
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {
             radiance: radiance.into().into(),

@@ -7,7 +7,7 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A group of objects that is visible only through its instances. The objects are stored in memory once, for
+/// A group of objects that is visible only through its instances. Memory holds the objects once for
 /// any number of instances.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -21,15 +21,16 @@ pub struct GroupFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InstanceFile {
-    /// Name used in messages and paths.
+    /// Name of the instance, used in messages and in the paths of `[vary]`.
     pub name: Option<String>,
     /// Name of the group.
     pub group: Located<String>,
-    /// File with the transforms of many copies, relative to the scene file. As text, each line has the 12
-    /// numbers of a 3×4 matrix or the 16 of a 4×4 matrix, row by row, separated by commas or spaces; `#`
-    /// starts a comment. As `.npy`, it is an array of n such matrices.
+    /// File with the transforms of many copies, relative to the scene file. Each line of a text file has the
+    /// 12 numbers of a 3×4 matrix or the 16 numbers of a 4×4 matrix, row by row, separated by commas or
+    /// spaces; `#` starts a comment. A `.npy` file contains an array of n such matrices.
     pub places: Option<Located<String>>,
-    /// Scale, then rotate, then translate. With `places`, it is applied to all copies.
+    /// Transform of the copy: scale, then rotate, then translate. With `places`, the transform applies to all
+    /// copies.
     pub transform: Option<Located<TransformFile>>,
 }
 
@@ -41,7 +42,7 @@ impl GroupFile {
 }
 
 impl InstanceFile {
-    /// Creates a copy of a group at the group's own place.
+    /// Creates a copy of a group without a transform.
     pub fn new(group: impl Into<String>) -> Self {
         Self { name: None, group: group.into().into(), places: None, transform: None }
     }

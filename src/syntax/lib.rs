@@ -1,11 +1,11 @@
 //! The TOML syntax of scene files, material files and media files: types that are read from TOML and written
 //! as TOML.
 //!
-//! Equality ignores locations: two values are equal if their contents are, wherever they are in a file. Keys
-//! that a file omits are omitted again when it is written.
+//! Equality ignores locations: two values are equal if their contents are equal. Keys that a file
+//! omits are also omitted when the file is written again.
 //!
-//! This is a separate crate because serde's code for these types is most of the scene code by size, and does
-//! not need optimization.
+//! This is a separate crate because serde's generated code for these types is large and does not
+//! need optimization.
 
 mod defaults;
 pub mod device;
@@ -28,12 +28,13 @@ use base::document;
 use base::locate::InputError;
 use std::path::Path;
 
-/// A file type of this crate. It is implemented here, so that the deserialization code is compiled once.
+/// A file type of this crate. This crate implements the trait, so that the deserialization code is compiled
+/// only once.
 pub trait Syntax: Sized {
     /// Parses the text of a file; `path` names the file in messages.
     ///
     /// # Errors
-    /// [`InputError`] with its location if the text is not valid TOML or does not match the syntax.
+    /// [`InputError`] with a location if the text is not valid TOML or does not match the syntax.
     fn read(path: &Path, text: &str) -> Result<Self, InputError>;
 }
 

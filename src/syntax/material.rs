@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 
-/// A material file, as `sunstone pbrdf eval` reads it.
+/// A material file, which `sunstone pbrdf eval` reads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone materials")]
@@ -24,23 +24,24 @@ pub struct MaterialSetFile {
     pub materials: BTreeMap<String, Located<MaterialFile>>,
 }
 
-/// A material.
+/// A surface material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MaterialFile {
-    /// Lambertian surface that depolarizes completely.
+    /// A Lambertian surface that depolarizes completely.
     Diffuse(DiffuseFile),
-    /// Smooth metal.
+    /// A smooth metal.
     Conductor(ConductorFile),
-    /// Metal with microfacets.
+    /// A rough metal with microfacets.
     RoughConductor(RoughConductorFile),
-    /// Smooth dielectric such as glass or water: the interface of a closed surface's inside and outside.
+    /// A smooth dielectric such as glass or water: the interface between the inside and the outside of a
+    /// closed surface.
     Dielectric(DielectricFile),
-    /// Dielectric with microfacets.
+    /// A rough dielectric with microfacets.
     RoughDielectric(RoughDielectricFile),
-    /// Rough dielectric coat over a depolarizing base.
+    /// A rough dielectric coat over a depolarizing base.
     Plastic(Box<PlasticFile>),
-    /// One material in front, another (or none) behind.
+    /// One material on the front side, and another material or black on the back side.
     TwoSided(TwoSidedFile),
     /// Two materials mixed by area.
     Blend(BlendFile),
@@ -48,30 +49,31 @@ pub enum MaterialFile {
     NormalMap(NormalMapFile),
     /// A material with heights from an image.
     BumpMap(BumpMapFile),
-    /// A material that depolarizes part of its light.
+    /// A material that depolarizes a fraction of the scattered light.
     PartialDepolarizer(PartialDepolarizerFile),
-    /// Mirror under thin films.
+    /// A mirror under thin films.
     CoatedConductor(CoatedConductorFile),
-    /// Thin sheet that transmits one polarization.
+    /// A polarizer: a thin sheet that transmits one polarization.
     Polarizer(PolarizerFile),
-    /// Thin sheet that retards one linear polarization: a wave plate.
+    /// A wave plate: a thin sheet that retards one linear polarization.
     Retarder(RetarderFile),
-    /// Thin glass plate that transmits light without refraction.
+    /// A thin glass plate that transmits light without refraction.
     ThinDielectric(DielectricFile),
-    /// Closed surface filled with a uniaxial crystal.
+    /// A uniaxial crystal that fills a closed surface.
     Crystal(CrystalFile),
     /// A table of measured Mueller matrices.
     Measured(MeasuredFile),
-    /// Index-matched boundary of a medium: it does not affect light and does not count as an interaction.
+    /// An index-matched boundary of a medium. The boundary does not affect light and does not count as an
+    /// interaction.
     Null(NullFile),
 }
 
-/// Index-matched boundary; it has no keys.
+/// An index-matched boundary, without keys.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NullFile {}
 
-/// Lambertian surface that depolarizes completely.
+/// A Lambertian surface that depolarizes completely.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiffuseFile {
@@ -79,32 +81,36 @@ pub struct DiffuseFile {
     pub albedo: Located<AlbedoFile>,
 }
 
-/// Smooth metal.
+/// A smooth metal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConductorFile {
-    /// Name of a metal in the optical constants, or `mirror` (reflects all light), instead of n and k.
+    /// Name of a metal in the optical constants, or `mirror` for a metal that reflects all light. Use it
+    /// instead of n and k.
     pub metal: Option<Located<String>>,
     /// Real part n of the refractive index.
     pub n: Option<Located<SpectrumFile>>,
-    /// Extinction coefficient k ≥ 0.
+    /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
+    /// 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
 }
 
-/// Metal with microfacets.
+/// A rough metal with microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughConductorFile {
-    /// Name of a metal in the optical constants, or `mirror` (reflects all light), instead of n and k.
+    /// Name of a metal in the optical constants, or `mirror` for a metal that reflects all light. Use it
+    /// instead of n and k.
     pub metal: Option<Located<String>>,
     /// Real part n of the refractive index.
     pub n: Option<Located<SpectrumFile>>,
-    /// Extinction coefficient k ≥ 0.
+    /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
+    /// 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
     /// Roughness α, 0.001..1: a number or an image.
@@ -118,26 +124,26 @@ pub struct RoughConductorFile {
     pub masking: Masking,
 }
 
-/// Smooth dielectric.
+/// A smooth dielectric such as glass or water.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricFile {
     /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside. Default: 1.
+    /// Refractive index outside of the surface. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
 }
 
-/// Dielectric with microfacets.
+/// A rough dielectric with microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughDielectricFile {
     /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside. Default: 1.
+    /// Refractive index outside of the surface. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
     /// Roughness α, 0.001..1: a number or an image.
@@ -151,7 +157,7 @@ pub struct RoughDielectricFile {
     pub masking: Masking,
 }
 
-/// One material in front, another (or none) behind.
+/// One material on the front side, and another material or black on the back side.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoSidedFile {
@@ -169,7 +175,7 @@ pub struct BlendFile {
     pub a: Located<String>,
     /// Name of the second material.
     pub b: Located<String>,
-    /// Share of the second material, 0..1: a number or an image.
+    /// Share of the surface area with the second material, 0..1: a number or an image.
     pub weight: Located<ScalarFile>,
 }
 
@@ -182,11 +188,12 @@ pub struct NormalMapFile {
     /// Image file of unit vectors (x right, y up, z out of the surface), relative to the scene file. Each
     /// coordinate c is stored as (c + 1)/2.
     pub image: Located<String>,
-    /// Factor of x and y, 0..10. Default: 1.
+    /// Factor that multiplies the x and y coordinates of the vectors, 0..10. Default: 1.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     #[schemars(range(min = 0, max = 10))]
     pub strength: Located<f64>,
-    /// Map of texture coordinates, as for other images. The vectors stay in the surface's own tangent frame.
+    /// Map of texture coordinates, as for other images. The map does not rotate the vectors, which are in the
+    /// surface's tangent frame.
     pub uv: Option<UvRows>,
     /// Continuation beyond the image's edges. Default: `repeat`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -206,27 +213,27 @@ pub struct BumpMapFile {
     pub material: Located<String>,
     /// Image of heights; it must be bilinear.
     pub image: Located<ImageAlbedo>,
-    /// Height in metres of the surface where the image is 1, above where it is 0. Only normals change, not
-    /// the shape. Default: 1.
+    /// Difference in surface height, in metres, between image values 1 and 0. Only the normals
+    /// change, not the shape. Default: 1.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     pub height: Located<f64>,
 }
 
-/// A material that depolarizes part of its light.
+/// A material that depolarizes a fraction of the scattered light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartialDepolarizerFile {
-    /// Name of the material.
+    /// Name of the material whose light is depolarized.
     pub material: Located<String>,
-    /// Share of its light that is depolarized, 0..1: a number or an image.
+    /// Fraction of the scattered light that is depolarized, 0..1: a number or an image.
     pub fraction: Located<ScalarFile>,
 }
 
-/// Mirror under thin films.
+/// A mirror under thin films.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductorFile {
-    /// Name of the substrate in the optical constants, instead of n and k.
+    /// Name of the substrate in the optical constants. Use it instead of n and k.
     pub metal: Option<Located<String>>,
     /// Real part n of the substrate's refractive index.
     pub n: Option<Located<SpectrumFile>>,
@@ -249,7 +256,7 @@ pub struct FilmFile {
     pub thickness_nm: Located<f64>,
 }
 
-/// Thin sheet that transmits one polarization.
+/// A polarizer: a thin sheet that transmits one polarization.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolarizerFile {
@@ -264,12 +271,13 @@ pub struct PolarizerFile {
     /// Transmittance of power for the transmitted polarization, 0..1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub transmittance: Located<SpectrumFile>,
-    /// Transmittance of the blocked polarization divided by that of the transmitted one, 0..1. Default: 0.
+    /// Ratio of the transmittance of the blocked polarization to that of the transmitted polarization, 0..1.
+    /// Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub extinction: Located<SpectrumFile>,
 }
 
-/// Thin sheet that retards one linear polarization: a wave plate.
+/// A wave plate: a thin sheet that retards one linear polarization.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetarderFile {
@@ -296,40 +304,41 @@ pub struct RetarderFile {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TiltFile {
-    /// As a zero-order plate of a positive uniaxial crystal.
+    /// The dependence of a zero-order plate of a positive uniaxial crystal.
     #[default]
     Plate,
-    /// Independent of the angle.
+    /// No dependence on the angle of incidence.
     Constant,
     /// Proportional to the cosine of the angle of incidence, as in Mitsuba 3.
     Cosine,
 }
 
-/// Closed surface filled with a uniaxial crystal.
+/// A uniaxial crystal that fills a closed surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CrystalFile {
-    /// `calcite`, `quartz` or `sapphire`, instead of n_o and n_e.
+    /// Name of the crystal: `calcite`, `quartz` or `sapphire`. Use it instead of n_o and n_e.
     pub name: Option<Located<String>>,
-    /// Ordinary refractive index.
+    /// Ordinary refractive index of the crystal.
     pub n_o: Option<Located<SpectrumFile>>,
-    /// Extraordinary refractive index.
+    /// Extraordinary refractive index of the crystal.
     pub n_e: Option<Located<SpectrumFile>>,
     /// Optic axis as a world direction.
     pub axis: Located<[f64; 3]>,
-    /// Refractive index outside. Default: 1.
+    /// Refractive index outside of the crystal. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
-    /// Full width at half maximum of the light's spectral line in nanometres. A thick crystal depolarizes
-    /// such light. Default: 0.
+    /// Full width at half maximum, in nanometres, of the light's spectral line. A thick crystal
+    /// depolarizes such light. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1000))]
     pub bandwidth_nm: Located<f64>,
-    /// Whether the ordinary and the extraordinary ray separate, incoherently, into double images. If false,
-    /// they stay together and the crystal acts as a retarder. Default: false.
+    /// Whether the ordinary and the extraordinary ray separate incoherently into double images. If
+    /// false, the rays do not separate and the crystal acts as a retarder. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split: Located<bool>,
-    /// Roughness α of the faces (GGX), 0.001..1: a number or an image. Not with `split`. Default: smooth.
+    /// GGX roughness α of the faces, 0.001..1: a number or an image. Cannot be combined with `split`.
+    /// Default: smooth.
     pub roughness: Option<Located<ScalarFile>>,
 }
 
@@ -339,7 +348,7 @@ pub struct CrystalFile {
 pub struct MeasuredFile {
     /// `.pbsdf` file in the layout of the KAIST pBRDF data set.
     pub file: Located<String>,
-    /// Use evenly spaced angles where the file's axes are empty, as in downsampled files. Default: false.
+    /// Whether to use evenly spaced angles for empty angle axes, as in downsampled files. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub even_axes: bool,
 }
@@ -411,7 +420,8 @@ impl MaterialFile {
         })
     }
 
-    /// Creates a material with one named material in front and another (or none: black) behind.
+    /// Creates a two-sided material from the names of the materials on the front and on the back side.
+    /// Without `back`, the back side is black.
     pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
         Self::TwoSided(TwoSidedFile { front: front.into().into(), back: back.map(|b| b.to_owned().into()) })
     }

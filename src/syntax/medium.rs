@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A media file, as `sunstone phase eval` reads it.
+/// A media file, which `sunstone phase eval` reads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone media")]
@@ -28,7 +28,7 @@ pub enum MediumFile {
     Homogeneous(Box<HomogeneousFile>),
     /// Coefficients scaled by a density grid, and a phase function.
     Heterogeneous(Box<HeterogeneousFile>),
-    /// Spheres in a host medium, by Lorenz–Mie theory.
+    /// Spheres in a host medium, computed by Lorenz–Mie theory.
     Particles(ParticlesFile),
     /// Milk, or milk diluted with water.
     Milk(MilkFile),
@@ -44,10 +44,10 @@ pub enum MediumFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousFile {
-    /// Absorption coefficient, 1/m. Default: 0.
+    /// Absorption coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
-    /// Scattering coefficient, 1/m. Default: 0.
+    /// Scattering coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
@@ -62,10 +62,10 @@ pub struct HomogeneousFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeterogeneousFile {
-    /// Absorption coefficient in 1/m where the density is 1. Default: 0.
+    /// Absorption coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub absorption: Located<SpectrumFile>,
-    /// Scattering coefficient in 1/m where the density is 1. Default: 0.
+    /// Scattering coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
@@ -74,10 +74,10 @@ pub struct HeterogeneousFile {
     /// Phase function. Default: `isotropic`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub phase: PhaseFile,
-    /// Density, a factor of both coefficients. There is no medium outside its box.
+    /// Density, which multiplies both coefficients. There is no medium outside the grid's box.
     pub density: Located<GridFile>,
-    /// Fraction of `scattering`, 0..1, that scatters; the rest absorbs. Outside its box, values at the faces
-    /// apply. Default: 1.
+    /// Fraction of `scattering`, 0..1, that scatters; the rest absorbs. Outside the grid's box, the
+    /// values at the box's faces apply. Default: 1.
     pub albedo: Option<Located<GridFile>>,
 }
 
@@ -86,13 +86,13 @@ pub struct HeterogeneousFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GridFile {
-    /// Mitsuba grid file (`.vol`), relative to the scene file.
+    /// Grid file in Mitsuba's format (`.vol`), relative to the scene file.
     pub file: Located<String>,
     /// Lowest and highest corner of the grid's box in metres. Grid points are half a step inside the box.
     /// Default: the box in the file.
     #[serde(rename = "box")]
     pub corners: Option<[[f64; 3]; 2]>,
-    /// Scale, rotation and translation of the box.
+    /// Scale, rotation and translation of the grid's box.
     pub transform: Option<Located<TransformFile>>,
     /// Interpolation between grid points. Default: `trilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -114,15 +114,15 @@ pub enum GridFilter {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PhaseFile {
-    /// Equal scattering in all directions; depolarizes completely.
+    /// Equal scattering in all directions, with complete depolarization.
     #[default]
     Isotropic,
-    /// Particles much smaller than the wavelength.
+    /// Rayleigh scattering by particles much smaller than the wavelength.
     Rayleigh(RayleighFile),
-    /// Henyey–Greenstein phase function; depolarizes completely by default.
+    /// The Henyey–Greenstein phase function, which depolarizes completely by default.
     HenyeyGreenstein(HenyeyGreensteinFile),
-    /// Spheres (Lorenz–Mie theory) in a host with the medium's index. Only the ratios of their amounts
-    /// matter.
+    /// Lorenz–Mie scattering by spheres in a host with the medium's refractive index. Only the
+    /// ratios of the amounts of spheres matter.
     Mie(MieFile),
 }
 
@@ -130,23 +130,23 @@ pub enum PhaseFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RayleighFile {
-    /// Depolarization factor, 0..0.5: parallel over perpendicular intensity at 90° for unpolarized light;
-    /// 0.028 for air. Default: 0.
+    /// Depolarization factor, 0..0.5: ratio of parallel to perpendicular intensity at a scattering
+    /// angle of 90° for unpolarized light. Air has 0.028. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub depolarization: Located<f64>,
 }
 
-/// Henyey–Greenstein phase function.
+/// The Henyey–Greenstein phase function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HenyeyGreensteinFile {
     /// Mean cosine of the scattering angle, -0.999..0.999.
     pub g: Located<SpectrumFile>,
-    /// Linear polarization relative to a dipole's, 0..(1 + circular)/2. Default: 0.
+    /// Degree of linear polarization relative to that of a dipole, 0..(1 + circular)/2. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub linear: Located<f64>,
-    /// Circular polarization relative to a dipole's, 0..1. Default: 0.
+    /// Degree of circular polarization relative to that of a dipole, 0..1. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1))]
     pub circular: Located<f64>,
@@ -156,11 +156,11 @@ pub struct HenyeyGreensteinFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MieFile {
-    /// Kinds of particles.
+    /// Kinds of particles that scatter.
     pub kinds: Located<Vec<Located<KindFile>>>,
 }
 
-/// Spheres in a host medium, by Lorenz–Mie theory.
+/// Spheres in a host medium, computed by Lorenz–Mie theory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParticlesFile {
@@ -170,7 +170,7 @@ pub struct ParticlesFile {
     pub host: Located<IndexFile>,
     /// Absorption coefficient of the host, 1/m. Default: water's for `host = "water"`, otherwise 0.
     pub host_absorption: Option<Located<SpectrumFile>>,
-    /// Kinds of particles.
+    /// Kinds of particles in the host.
     pub kinds: Located<Vec<Located<KindFile>>>,
 }
 
@@ -178,13 +178,14 @@ pub struct ParticlesFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants, which include k.
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants. A name also sets
+    /// k.
     pub index: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0.
     pub k: Option<Located<SpectrumFile>>,
     /// Distribution of radii.
     pub sizes: Located<SizesFile>,
-    /// Amount of particles.
+    /// Amount of particles of this kind.
     pub amount: Located<AmountFile>,
 }
 
@@ -192,13 +193,13 @@ pub struct KindFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SizesFile {
-    /// One radius.
+    /// The same radius for all particles.
     Single(SingleFile),
     /// Log-normal distribution.
     LogNormal(LogNormalFile),
     /// Gamma distribution (Hansen 1971).
     Gamma(GammaFile),
-    /// List of radii with weights.
+    /// A list of radii with weights.
     List(SizeListFile),
 }
 
@@ -226,11 +227,11 @@ pub struct LogNormalFile {
 pub struct GammaFile {
     /// Area-weighted mean radius in nanometres.
     pub effective_radius_nm: f64,
-    /// Area-weighted relative variance, 0.001..0.45.
+    /// Area-weighted relative variance of the radius, 0.001..0.45.
     pub effective_variance: f64,
 }
 
-/// List of radii with weights.
+/// A list of radii with weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SizeListFile {
@@ -258,11 +259,12 @@ pub enum AmountFile {
 pub struct MassFile {
     /// Grams of particles per litre of medium.
     pub grams_per_litre: f64,
-    /// Density of the particles, kg/m³.
+    /// Density of the particles in kg/m³.
     pub density: f64,
 }
 
-/// Milk, or milk diluted with water. Fat: whole milk 3.5 %, reduced-fat milk 1.5 %, skimmed milk 0.1 %.
+/// Milk, or milk diluted with water. Whole milk has 3.5 % fat by weight, reduced-fat milk 1.5 %, skimmed milk
+/// 0.1 %.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MilkFile {
@@ -314,8 +316,8 @@ pub struct PolystyreneFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarbleFile {
-    /// Mean cosine of the scattering angle, -0.999..0.999, which the measured reduced scattering does not
-    /// determine. Default: 0.
+    /// Mean cosine of the scattering angle, -0.999..0.999. The measured reduced scattering does not
+    /// determine this value. Default: 0.
     #[serde(skip_serializing_if = "is_default")]
     pub g: Located<f64>,
 }

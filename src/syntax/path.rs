@@ -1,9 +1,10 @@
-//! Paths in a TOML document: dotted keys; list elements are addressed by name, or by index from 0.
+//! Handles paths in a TOML document. A path consists of dotted keys; list elements are addressed by name, or
+//! by index from 0.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Splits a path, in TOML's notation, into its keys. Returns `None` if it is not a path.
+/// Splits a path in TOML notation into keys. Returns `None` if the text is not a valid path.
 pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
     let line = format!("{path} = 0");
     let table = DeTable::parse(&line).ok()?.into_inner();
@@ -24,7 +25,8 @@ pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
     (here.as_integer().is_some_and(|n| n.as_str() == "0") && end == path.trim_end().len()).then_some(keys)
 }
 
-/// Returns the value at a path. If there is none, returns a list of the keys that exist where the path ends.
+/// Returns the value at a path. If the path does not exist, returns an error that lists the existing keys at
+/// the last valid part of the path.
 pub(crate) fn find<'t, 'i>(
     document: &'t mut DeTable<'i>,
     keys: &[String],
@@ -44,7 +46,7 @@ pub(crate) fn find<'t, 'i>(
     Ok(here)
 }
 
-/// [`find`] without mutable access.
+/// Does the same as [`find`] without mutable access.
 pub(crate) fn find_in<'t, 'i>(
     document: &'t DeTable<'i>,
     keys: &[String],
@@ -57,7 +59,7 @@ pub(crate) fn find_in<'t, 'i>(
     })
 }
 
-/// Returns the index of a list element by its name, otherwise by its number.
+/// Returns the index of the list element whose name is `key`; if there is none, parses `key` as an index.
 fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
     let named = |v: &Spanned<DeValue>| {
         let name = v.get_ref().as_table().and_then(|t| t.get("name"));

@@ -19,10 +19,10 @@ pub struct PlasticFile {
     pub albedo: Located<AlbedoFile>,
     /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside. Default: 1.
+    /// Refractive index outside of the coat. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
-    /// Factor of the surface reflection, 0..1: a number or one per wavelength. Default: 1.
+    /// Factor that multiplies the surface reflection, 0..1: a number or one per wavelength. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub specular: Located<SpectrumFile>,
     /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022). Default: none.
@@ -34,7 +34,7 @@ pub struct PlasticFile {
     /// Surface that light crosses on its way into and out of the base. Default: `smooth`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub passage: PassageFile,
-    /// Roughness α, 0.001..1: a number or an image.
+    /// Roughness α of the coat, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
     /// Distribution of facet normals. Default: `ggx`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -49,12 +49,12 @@ pub struct PlasticFile {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PassageFile {
-    /// The smooth mean surface (Baek et al. 2018; Mitsuba's `pplastic` and `plastic`).
+    /// Light crosses the smooth mean surface (Baek et al. 2018; Mitsuba's `pplastic` and `plastic`).
     #[default]
     Smooth,
-    /// The facets: all light that they do not reflect enters the base.
+    /// Light crosses the facets: all light that the facets do not reflect enters the base.
     Facets,
-    /// One facet, as in Mitsuba's `roughplastic`: light that meets a second facet is lost.
+    /// Light crosses one facet, as in Mitsuba's `roughplastic`: light that reaches a second facet is lost.
     SingleFacet,
 }
 
@@ -64,11 +64,11 @@ pub enum InterreflectionFile {
     /// `false`: the light is lost (Baek et al. 2018; Mitsuba's `pplastic`).
     #[default]
     Lost,
-    /// `true`: the light meets the base again, which saturates colours (Mitsuba's `plastic` with
+    /// `true`: the base scatters the light again, which saturates colours (Mitsuba's `plastic` with
     /// `nonlinear`).
     Coloured,
-    /// `"linear"`: the light returns as from a white base, so the base's light is proportional to `albedo`
-    /// (Mitsuba's `plastic`).
+    /// `"linear"`: the light is scattered again as by a white base, so the light from the base is
+    /// proportional to `albedo` (Mitsuba's `plastic`).
     Linear,
 }
 
@@ -100,8 +100,8 @@ schema!(InterreflectionFile, "InterreflectionFile", |_| json_schema!({ "enum": [
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleScatterFile {
-    /// Factor of the lobe, 0..1: a number, one per wavelength, or an image.
+    /// Albedo of the lobe, 0..1: a number, one per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
-    /// Roughness α, 0.001..1: a number or an image.
+    /// Roughness α of the lobe, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
 }

@@ -1,5 +1,5 @@
-//! The syntax of a scene file (TOML). Unknown keys are errors. Every value that needs further checks is
-//! [`Located`].
+//! The syntax of a scene file (TOML). Unknown keys are errors. Values that need further checks are
+//! [`Located`], so that errors have a location.
 
 use super::defaults::{self, is_default};
 use super::device::{EmitterFile, PinholeFile, ProjectorFile};
@@ -20,7 +20,7 @@ use transport::scene::Integrator;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone scene")]
 pub struct SceneFile {
-    /// Short name. Default: the name of the folder or the file.
+    /// Short name of the scene. Default: the name of the folder or the file.
     pub name: Option<String>,
     /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
     #[serde(default = "defaults::wavelengths", skip_serializing_if = "defaults::is_wavelengths")]
@@ -44,7 +44,7 @@ pub struct SceneFile {
     /// Objects of the scene.
     #[serde(default, skip_serializing_if = "is_default")]
     pub objects: Vec<Located<ObjectFile>>,
-    /// Groups of objects by name. A group is stored in memory once, for any number of instances.
+    /// Groups of objects by name. Memory holds a group once for any number of instances.
     #[serde(default, skip_serializing_if = "is_default")]
     pub groups: BTreeMap<String, Located<GroupFile>>,
     /// Instances of groups.
@@ -58,7 +58,7 @@ pub struct SceneFile {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(with = "Vec<BTreeMap<String, String>>")]
     pub figures: Vec<toml::Table>,
-    /// Parameters by name that differ between the scene's variants.
+    /// Parameters, by name, whose values differ between the scene's variants.
     #[serde(default, skip_serializing_if = "is_default")]
     pub vary: BTreeMap<String, Located<ParameterFile>>,
 }
@@ -76,19 +76,19 @@ pub struct RenderFile {
     #[serde(skip_serializing_if = "defaults::is_replicates")]
     #[schemars(range(min = 1, max = 1_073_741_824))]
     pub replicates: Located<u32>,
-    /// Maximum path length as Mitsuba counts it: 2 is direct light only; n allows n - 1 surface interactions.
-    /// Default: 6.
+    /// Maximum path length in Mitsuba's convention: 2 is direct light only, and n allows n - 1
+    /// surface interactions. Default: 6.
     #[serde(skip_serializing_if = "defaults::is_max_depth")]
     #[schemars(range(min = 1, max = 1024))]
     pub max_depth: Located<u32>,
     /// Number of surface interactions before Russian roulette starts. Default: 5.
     #[serde(skip_serializing_if = "defaults::is_rr_depth")]
     pub rr_depth: u32,
-    /// Kind of paths to trace. Default: `auto`, which chooses by the scene.
+    /// Integrator: the kind of paths to trace. Default: `auto`, which selects an integrator for the scene.
     #[serde(skip_serializing_if = "is_default")]
     pub integrator: Integrator,
-    /// Connect to emitters through smooth refractive interfaces such as glass and water. Default: true unless
-    /// `integrator` is `path`.
+    /// Whether to connect paths to emitters through smooth refractive interfaces such as glass and
+    /// water. Default: true unless `integrator` is `path`.
     pub manifold: Option<bool>,
     /// Treatment of surfaces that touch or are too close for single precision. Default: `refuse`.
     #[serde(skip_serializing_if = "is_default")]
@@ -102,12 +102,12 @@ pub struct RenderFile {
     pub tile: Located<u32>,
 }
 
-/// Treatment of scenes that lose light in gaps between surfaces, where no surface can be moved to close or
-/// widen the gap.
+/// Treatment of scenes that lose light in gaps between surfaces, if no surface can be moved to
+/// close or widen the gap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GapsFile {
-    /// Refuse the scene.
+    /// Refuse the scene with an error that names the gap.
     #[default]
     Refuse,
     /// Render the scene without the lost light, and add a note that names the gap.
@@ -131,7 +131,7 @@ impl Default for RenderFile {
 }
 
 impl SceneFile {
-    /// Creates a scene with this camera and nothing else. Optional keys have their defaults.
+    /// Creates a scene that contains only a camera. Optional keys have their defaults.
     pub fn new(camera: PinholeFile) -> Self {
         Self {
             name: None,
@@ -151,10 +151,10 @@ impl SceneFile {
         }
     }
 
-    /// Returns the text of the scene file, without keys that have their default.
+    /// Returns the text of the scene file. Keys with default values are omitted.
     ///
     /// # Errors
-    /// An integer is larger than TOML allows (2^63 - 1).
+    /// [`toml::ser::Error`] if an integer is larger than TOML allows (2^63 - 1).
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

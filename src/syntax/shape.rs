@@ -1,4 +1,4 @@
-//! The syntax of objects: shapes with material and transform.
+//! The syntax of objects: shapes with a material and a transform.
 
 use super::defaults::{self, is_default};
 use super::emitter::EmissionFile;
@@ -8,56 +8,57 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A shape with material and transform.
+/// An object: a shape with a material and a transform.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectFile {
-    /// Name used in messages and paths.
+    /// Name of the object, used in messages and in the paths of `[vary]`.
     pub name: Option<String>,
-    /// The shape, in its own coordinates.
+    /// The shape, in object coordinates.
     pub shape: Located<ShapeFile>,
     /// Name of the material.
     pub material: Located<String>,
-    /// Materials for individual parts of a mesh file, by the name of the part's material in that file.
+    /// Materials for individual parts of a mesh file, by the name of the part's material in the mesh file.
     #[serde(default, skip_serializing_if = "is_default")]
     pub part_materials: BTreeMap<String, Located<String>>,
-    /// Name of the medium that fills the object. The object must then be closed, with normals outward.
+    /// Name of the medium that fills the object. The object must then be closed, with normals that point
+    /// outward.
     pub interior: Option<Located<String>>,
-    /// Priority where objects with an interior overlap: the object with the highest priority fills the space,
-    /// and boundaries of the others have no effect there. Default: 0.
+    /// Priority where objects with an interior overlap: the object with the highest priority fills the common
+    /// space. The boundaries of the other objects have no effect in that space. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
-    /// Exchange front and back: normals are reversed, light is emitted from the other side, and glass fills
-    /// the outside. Not for objects with an interior. Default: false.
+    /// Whether to exchange front and back: normals are reversed, light is emitted from the other side, and
+    /// glass fills the outside. Cannot be used for objects with an interior. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flip_normals: bool,
-    /// Scale, then rotate, then translate.
+    /// Transform from object to world coordinates: scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
     /// Emission of the surface. Default: none.
     pub emission: Option<Located<EmissionFile>>,
 }
 
-/// A shape.
+/// The geometry of an object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ShapeFile {
-    /// Wavefront OBJ file.
+    /// A Wavefront OBJ file.
     Obj(MeshFile),
-    /// glTF or GLB file, with its node transforms and instances.
+    /// A glTF or GLB file. Node transforms and instances are applied.
     Gltf(MeshFile),
-    /// Stanford PLY file.
+    /// A Stanford PLY file.
     Ply(MeshFile),
-    /// Mitsuba `serialized` file.
+    /// A `serialized` mesh file of Mitsuba.
     Serialized(MeshFile),
-    /// Exact sphere.
+    /// A sphere, not approximated by triangles.
     Sphere(SphereFile),
-    /// Parallelogram.
+    /// A parallelogram.
     Rectangle(RectangleFile),
-    /// Flat disk.
+    /// A flat disk.
     Disk(DiskFile),
-    /// Axis-aligned box.
+    /// An axis-aligned box.
     Cube(CubeFile),
-    /// Circular cylinder.
+    /// A circular cylinder, not approximated by triangles.
     Cylinder(CylinderFile),
 }
 
@@ -70,21 +71,21 @@ pub struct MeshFile {
     /// Index of the mesh, from 0, in a `serialized` file, which can contain several. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub index: u32,
-    /// Ignore the file's vertex normals and use flat faces. Default: false.
+    /// Whether to ignore the file's vertex normals and use flat faces. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
-    /// Compute vertex normals where the file has none: the angle-weighted mean of adjacent face normals.
-    /// Default: false.
+    /// Whether to compute vertex normals for meshes without normals, as the angle-weighted mean of
+    /// adjacent face normals. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub smooth: bool,
-    /// Use the file's own materials (glTF's, or those of an OBJ's MTL library), converted to the closest
-    /// Sunstone model. `part_materials` takes precedence, and `material` applies to parts without one.
-    /// Default: false.
+    /// Whether to use the materials of the mesh file (glTF, or the MTL library of an OBJ file),
+    /// converted to the closest Sunstone model. `part_materials` takes precedence, and `material`
+    /// applies to parts without a material. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub materials: bool,
 }
 
-/// Exact sphere.
+/// A sphere, not approximated by triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SphereFile {
@@ -103,8 +104,8 @@ impl Default for SphereFile {
     }
 }
 
-/// Parallelogram with vertices corner, corner + u, corner + u + v, corner + v. Its front is where they are in
-/// counter-clockwise order. Default: [-1, 1]² in z = 0, facing +z.
+/// A parallelogram with vertices corner, corner + u, corner + u + v, corner + v. As seen from the front, the
+/// vertices are in counter-clockwise order. Default: [-1, 1]² in the plane z = 0 with the normal +z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RectangleFile {
@@ -125,14 +126,14 @@ impl Default for RectangleFile {
     }
 }
 
-/// Flat disk.
+/// A flat disk.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DiskFile {
     /// Centre in metres. Default: [0, 0, 0].
     #[serde(skip_serializing_if = "is_default")]
     pub center: [f64; 3],
-    /// Normal, the direction that the front faces. Default: [0, 0, 1].
+    /// Normal of the front side. Default: [0, 0, 1].
     #[serde(skip_serializing_if = "defaults::is_z_axis")]
     pub normal: [f64; 3],
     /// Radius in metres. Default: 1.
@@ -147,7 +148,7 @@ impl Default for DiskFile {
     }
 }
 
-/// Axis-aligned box.
+/// An axis-aligned box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CubeFile {
@@ -165,7 +166,7 @@ impl Default for CubeFile {
     }
 }
 
-/// Circular cylinder.
+/// A circular cylinder, not approximated by triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CylinderFile {
@@ -179,7 +180,7 @@ pub struct CylinderFile {
     #[serde(skip_serializing_if = "defaults::is_one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
-    /// Close both ends with disks. Default: false.
+    /// Whether both ends are closed with disks. Default: false.
     #[serde(skip_serializing_if = "is_default")]
     pub caps: bool,
 }
@@ -191,8 +192,8 @@ impl Default for CylinderFile {
 }
 
 impl ShapeFile {
-    /// Creates a mesh from a file, or from a mesh of a scene built in code. The file extension selects the
-    /// format; without a known one it is PLY.
+    /// Creates a mesh shape from a mesh file, or from a mesh of a scene built in code. The file
+    /// extension selects the format; an unknown extension means PLY.
     pub fn mesh(file: impl Into<String>) -> Self {
         let file = file.into();
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
@@ -227,13 +228,13 @@ impl ObjectFile {
         Self::new(ShapeFile::Sphere(SphereFile { center, radius }))
     }
 
-    /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres), whose front is
-    /// where these vertices are in counter-clockwise order.
+    /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres). As seen
+    /// from the front, these vertices are in counter-clockwise order.
     pub fn rectangle(corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
         Self::new(ShapeFile::Rectangle(RectangleFile { corner, u, v }))
     }
 
-    /// Creates a flat disk whose front faces `normal`; lengths in metres.
+    /// Creates a flat disk; `normal` is the normal of the front side, and lengths are in metres.
     pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Disk(DiskFile { center, normal, radius }))
     }
@@ -249,7 +250,7 @@ impl ObjectFile {
         Self::new(ShapeFile::Cylinder(CylinderFile { p0, p1, radius, caps }))
     }
 
-    /// Creates a mesh object; see [`ShapeFile::mesh`].
+    /// Creates an object from a mesh file, as described for [`ShapeFile::mesh`].
     pub fn mesh(file: impl Into<String>) -> Self {
         Self::new(ShapeFile::mesh(file))
     }
@@ -266,8 +267,8 @@ impl ObjectFile {
         self
     }
 
-    /// Sets the name of the medium that fills the object, and its priority where filled objects overlap (the
-    /// highest fills the space).
+    /// Sets the name of the medium that fills the object, and the object's priority where filled
+    /// objects overlap (the highest priority fills the space).
     pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
         self.interior = Some(medium.into().into());
         self.priority = priority;

@@ -6,11 +6,11 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A slice of T: one choice per axis.
+/// A slice of T, with one choice per axis of T.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SliceFile {
-    /// Name of the slice, which is the name of its group in the store.
+    /// Name of the slice and of its group in the store.
     pub name: Located<String>,
     /// Camera pixels s. Default: `all`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -24,14 +24,15 @@ pub struct SliceFile {
     /// Stokes elements p, p'. Default: `intensity`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub polarization: PolarizationFile,
-    /// Resolve the number of surface interactions. Default: false.
+    /// Whether to resolve the number of surface interactions. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bounces: bool,
-    /// Separate `first_bounce_direct` from `first_bounce_indirect` light (axis `component`). Default: false.
+    /// Whether to separate `first_bounce_direct` from `first_bounce_indirect` light (axis `component`).
+    /// Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split_first_bounce: bool,
-    /// Separate light by path type (axis `label`): scattered in a medium or not, and by specular, glossy or
-    /// diffuse lobes. Default: false.
+    /// Whether to separate light by path type (axis `label`): scattered in a medium or not, and by
+    /// specular, glossy or diffuse lobes. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub labels: bool,
 }
@@ -40,16 +41,16 @@ pub struct SliceFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum CameraSelectFile {
-    /// Every pixel.
+    /// Every camera pixel separately.
     #[default]
     All,
-    /// Rows, by index.
+    /// The camera rows with these indices, from 0.
     Rows(Vec<u32>),
-    /// Columns, by index.
+    /// The camera columns with these indices, from 0.
     Columns(Vec<u32>),
-    /// Block of pixels: `[x, y, width, height]`.
+    /// A block of camera pixels: `[x, y, width, height]`.
     Block([u32; 4]),
-    /// Means over boxes of n × n (or n_x × n_y) pixels.
+    /// Means of camera pixels over boxes of n × n (or n_x × n_y) pixels.
     Binned(BinSize),
 }
 
@@ -57,31 +58,32 @@ pub enum CameraSelectFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProjectorSelectFile {
-    /// The sum over all pixels.
+    /// The sum over all projector pixels.
     #[default]
     Sum,
-    /// Every pixel separately.
+    /// Every projector pixel separately.
     All,
-    /// Rows, by index.
+    /// The projector rows with these indices, from 0.
     Rows(Vec<u32>),
-    /// Columns, by index.
+    /// The projector columns with these indices, from 0.
     Columns(Vec<u32>),
-    /// Block of pixels: `[x, y, width, height]`.
+    /// A block of projector pixels: `[x, y, width, height]`.
     Block([u32; 4]),
-    /// Sums over boxes of n × n (or n_x × n_y) pixels.
+    /// Sums of projector pixels over boxes of n × n (or n_x × n_y) pixels.
     Binned(BinSize),
-    /// Drive image with the projector's resolution. Its brightness (linear, 0..1) weights the pixels.
+    /// The sum of projector pixels, weighted by an image with the projector's resolution. Weights are the
+    /// linear brightness, 0..1.
     Mask(String),
-    /// Sum of pixels weighted by their own coordinate. Divided by the same slice with `sum`, it gives the
-    /// mean coordinate of the projector pixels from which the light comes.
+    /// The sum of projector pixels, weighted by their column or row index. The ratio of this slice to the
+    /// same slice with `sum` is the mean coordinate of the projector pixels from which the light comes.
     Moment(CoordinateFile),
-    /// Pixels within the half width of the epipolar line, summed or resolved.
+    /// The projector pixels in a band about the epipolar line of the camera pixel, summed or resolved.
     Epipolar(EpipolarFile),
-    /// Sum of all pixels outside that band.
+    /// The sum of all projector pixels outside a band about the epipolar line.
     Nonepipolar(HalfWidth),
-    /// The pixel s' = s only.
+    /// Only the projector pixel s' = s.
     Coaxial,
-    /// Light of all emitters except the projector.
+    /// The light of all emitters except the projector.
     Ambient,
 }
 
@@ -89,20 +91,20 @@ pub enum ProjectorSelectFile {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CoordinateFile {
-    /// Column index.
+    /// Column index of the pixel.
     U,
-    /// Row index.
+    /// Row index of the pixel.
     V,
 }
 
-/// An epipolar band, summed or resolved.
+/// A band of projector pixels about the epipolar line, summed or resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EpipolarFile {
     /// Half width of the band in projector pixels.
     pub half_width_px: f64,
-    /// Coordinate that resolves the band's pixels: column (`u`) or row (`v`), the one along which epipolar
-    /// lines run. Default: all pixels are summed.
+    /// Coordinate that resolves the pixels of the band: column (`u`) or row (`v`). Choose the
+    /// coordinate along which the epipolar lines run. Default: all pixels are summed.
     pub along: Option<CoordinateFile>,
 }
 
@@ -120,7 +122,7 @@ pub struct HalfWidth {
 pub enum PolarizationFile {
     /// All 16 elements of the Mueller matrix.
     Mueller,
-    /// M00 only.
+    /// Only the element M00 of the Mueller matrix.
     #[default]
     Intensity,
 }
@@ -159,7 +161,8 @@ impl SliceFile {
         self
     }
 
-    /// Resolves travel time in `bins` bins of `bin_ps`, the first from `start_ps`, all in picoseconds.
+    /// Resolves travel time in `bins` bins of `bin_ps`, with the first bin at `start_ps`. Times are in
+    /// picoseconds.
     pub fn time(mut self, start_ps: f64, bin_ps: f64, bins: u32) -> Self {
         self.time = TimeFile::Bins(TimeBins { start_ps, bin_ps: bin_ps.into(), bins: bins.into() });
         self

@@ -16,39 +16,40 @@ use transport::material::texture::{Filter, Wrap};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum AlbedoFile {
-    /// Constant over the surface.
+    /// A spectrum that is constant over the surface.
     Spectrum(SpectrumFile),
-    /// From an image.
+    /// Albedos from an image.
     Image(ImageAlbedo),
-    /// From a checkerboard.
+    /// Albedos from a checkerboard.
     Checkerboard(CheckerboardFile),
-    /// From an attribute of the mesh.
+    /// Albedos from an attribute of the mesh.
     Attribute(AttributeFile),
 }
 
-/// A number, or an image of numbers (its first channel, linear).
+/// A number, an image of numbers (its first channel, linear), a checkerboard or a mesh attribute.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ScalarFile {
-    /// Constant over the surface.
+    /// A number that is constant over the surface.
     Number(f64),
-    /// From an image.
+    /// Numbers from an image.
     Image(ImageAlbedo),
-    /// From a checkerboard.
+    /// Numbers from a checkerboard.
     Checkerboard(CheckerboardFile),
-    /// From an attribute of the mesh.
+    /// Numbers from an attribute of the mesh.
     Attribute(AttributeFile),
 }
 
-/// `{ image = "wood.png" }`: red applies to wavelengths above 590 nm, green from 500 to 590 nm, blue below.
+/// An image: `{ image = "wood.png" }`. Wavelengths above 590 nm use red, 500 to 590 nm green, and below 500
+/// nm blue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
-    /// Image file, relative to the scene file. Colours of PNG, JPEG, BMP, TGA, PNM and GIF files are
-    /// sRGB-encoded. Colours of OpenEXR, Radiance HDR and PFM files are linear, and so are numbers
-    /// (roughness, weights).
+    /// Image file, relative to the scene file. Colours of PNG, JPEG, BMP, TGA, PNM and GIF files
+    /// are sRGB-encoded. Colours of OpenEXR, Radiance HDR and PFM files are linear. Numbers
+    /// (roughness, weights) are always linear.
     pub image: Located<String>,
-    /// Factor of the image, at most 2; resulting albedos are clamped to 1. Default: 1.
+    /// Factor that multiplies the image, at most 2; resulting albedos are clamped to 1. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
     /// Map of texture coordinates. Default: identity.
@@ -59,10 +60,10 @@ pub struct ImageAlbedo {
     /// Interpolation between texels. Default: `bilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
-    /// The colours are linear, not sRGB-encoded. Default: false.
+    /// Whether the colours are linear, not sRGB-encoded. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
-    /// Where a number is expected, use the luminance of the decoded colours instead of the first channel.
+    /// Whether a number is the luminance of the decoded colours instead of the first channel.
     /// Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub luminance: bool,
@@ -71,30 +72,30 @@ pub struct ImageAlbedo {
     pub layer: Option<String>,
 }
 
-/// `[[a, b, c], [d, e, f]]`: texture coordinates (u, v) map to (a u + b v + c, d u + e v + f) in the image,
-/// whose lower left corner is (0, 0).
+/// Rows of a map of texture coordinates, `[[a, b, c], [d, e, f]]`: texture coordinates (u, v) map
+/// to (a u + b v + c, d u + e v + f) in the image, whose lower left corner is (0, 0).
 pub type UvRows = [[f64; 3]; 2];
 
-/// `{ checkerboard = [0.4, 0.2] }`: two by two squares over texture coordinates 0..1, repeated. The first
-/// value is in the lower left and upper right squares.
+/// A checkerboard: `{ checkerboard = [0.4, 0.2] }`. It has two by two squares over texture coordinates 0..1
+/// and repeats beyond them. The first value is in the lower left and upper right squares.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CheckerboardFile {
-    /// Values of the squares: lower left and upper right, then the other two.
+    /// Two values: of the lower left and upper right squares, and of the other two squares.
     pub checkerboard: [SpectrumFile; 2],
     /// Map of texture coordinates, as for an image.
     pub uv: Option<UvRows>,
 }
 
-/// `{ attribute = "vertex_color" }`: an attribute of a PLY mesh, per vertex (interpolated over each triangle)
-/// or per face (`face_color`). It is one number, or linear red, green and blue.
+/// An attribute of a PLY mesh, `{ attribute = "vertex_color" }`, per vertex (interpolated over each triangle)
+/// or per face (`face_color`). The attribute is one number, or linear red, green and blue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AttributeFile {
     /// Name of the attribute. Vertex properties `color_0` to `color_2` or `red`, `green`, `blue` form
     /// `vertex_color`.
     pub attribute: Located<String>,
-    /// Factor of the attribute, at most 2. Default: 1.
+    /// Factor that multiplies the attribute, at most 2. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
 }
@@ -128,8 +129,8 @@ impl ImageAlbedo {
     }
 }
 
-/// The keys of an image and of a spectrum table together. The keys that are present determine which of the
-/// two is meant.
+/// The keys of an image and of a spectrum table together. The present keys determine whether the
+/// value is an image or a table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AlbedoMap {

@@ -1,6 +1,7 @@
 //! Values of a scene file that can be written in more than one form.
 //!
-//! Each has its own visitor, so that errors keep their location in the file (serde's untagged enums lose it).
+//! Each value has its own visitor, so that errors keep their location in the file. Serde's untagged enums
+//! lose the location.
 
 use base::locate::Located;
 use base::spectral_table::SpectralTable;
@@ -11,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// Reads a value in any of several forms, each by a method of its [`Visitor`].
+/// Implements deserialization of a value with several forms; a method of a [`Visitor`] reads each form.
 macro_rules! any_of {
     ($value:ident, $expected:literal, { $($visit:tt)* }) => {
         impl<'de> Deserialize<'de> for $value {
@@ -31,7 +32,7 @@ macro_rules! any_of {
 }
 pub(super) use any_of;
 
-/// Names and defines the JSON Schema of a value.
+/// Implements `JsonSchema` for a value: name and schema.
 macro_rules! schema {
     ($value:ident, $name:literal, $schema:expr) => {
         impl JsonSchema for $value {
@@ -47,7 +48,7 @@ macro_rules! schema {
 }
 pub(super) use schema;
 
-/// Converts a form of a value to the value.
+/// Implements `From` for each form of a value.
 macro_rules! from {
     ($($form:ty => $value:ident::$variant:ident,)*) => {
         $(impl From<$form> for $value {
@@ -59,7 +60,7 @@ macro_rules! from {
 }
 pub(super) use from;
 
-/// One number for all wavelengths, a list with one number per wavelength, or a table.
+/// A spectrum: one number for all wavelengths, a list with one number per wavelength, or a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SpectrumFile {
@@ -71,13 +72,14 @@ pub enum SpectrumFile {
     Table(SpectrumTable),
 }
 
-/// `{ nm = [400, 550, 700], values = [0.1, 0.2, 0.8] }`: linear between entries, constant beyond them.
+/// A spectrum table: `{ nm = [400, 550, 700], values = [0.1, 0.2, 0.8] }`. Values are interpolated linearly
+/// between entries and constant beyond them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
     /// Vacuum wavelengths in nanometres, increasing.
     pub nm: Vec<f64>,
-    /// One value per wavelength.
+    /// One value per wavelength of `nm`.
     pub values: Vec<f64>,
 }
 
@@ -92,9 +94,9 @@ impl SpectrumTable {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum IndexFile {
-    /// Refractive index as a number, one per wavelength, or a table.
+    /// Refractive index as one number, one number per wavelength, or a table.
     Values(SpectrumFile),
-    /// Name in the optical constants.
+    /// Name of a substance in the optical constants.
     Named(String),
 }
 

@@ -1,11 +1,11 @@
 //! Variants of a scene: the scene file with values of `[vary]` substituted.
 //!
-//! Values are substituted in the parsed document and keep their location in the file, so an error in a value
-//! is reported at its location in `[vary]`.
+//! Values are substituted in the parsed document and keep their location in the file. An error in a
+//! substituted value is therefore reported at its location in `[vary]`.
 //!
-//! A number of a range is min + u (max - min). u has 53 bits of SplitMix64's finalizer (Steele, Lea & Flood 2014)
-//! over the parameter's name, ⌊k / every⌋ and the number's index in its list. Adding a parameter
-//! therefore does not change the others.
+//! A number drawn from a range is min + u (max - min). u is a 53-bit hash (SplitMix64's finalizer;
+//! Steele, Lea & Flood 2014) of the parameter's name, ⌊k / every⌋ and the number's index in the
+//! list. Adding a parameter therefore does not change the values of other parameters.
 
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
@@ -20,7 +20,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Keys that do not affect the scene's light and cannot be varied.
+/// Keys that do not affect the rendered light, and therefore cannot be varied.
 const FIXED: [&str; 3] = ["name", "figures", "vary"];
 
 /// The odd number closest to 2⁶⁴ divided by the golden ratio.
@@ -31,15 +31,15 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 pub struct Variant {
     /// The scene file with the variant's values.
     pub file: SceneFile,
-    /// The variant's values by parameter name.
+    /// Values of the variant, by parameter name.
     pub values: BTreeMap<String, toml::Value>,
 }
 
 /// Parses a scene file and returns one of its variants; `path` names the file in messages.
 ///
 /// # Errors
-/// [`InputError`] as for the scene file, with locations in `[vary]` for its values, or if the variant does
-/// not exist.
+/// [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
+/// values have locations in `[vary]`.
 pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
     let file = SceneFile::read(path, text)?;
     let vary = Vary::new(path, text, &file)?;
@@ -59,10 +59,10 @@ pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError>
     vary.variant(number)
 }
 
-/// Checks `[vary]` and returns the number of variants, or `None` if it is unlimited.
+/// Checks `[vary]` and returns the number of variants, or `None` if the number is unlimited.
 ///
 /// # Errors
-/// [`InputError`] with its location in `[vary]`.
+/// [`InputError`] with a location in `[vary]` if the table is invalid.
 pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, InputError> {
     if file.vary.is_empty() {
         return Ok(Some(0));
@@ -70,12 +70,12 @@ pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, I
     Vary::new(path, text, file).map(|v| v.count)
 }
 
-/// A file's `[vary]` after checks.
+/// The table `[vary]` of a scene file, after checks.
 struct Vary<'a> {
     path: &'a Path,
     text: &'a str,
     file: &'a SceneFile,
-    /// Keys of all paths, by parameter.
+    /// Keys of all paths, by parameter name.
     keys: BTreeMap<&'a str, Vec<Vec<String>>>,
     count: Option<u64>,
 }
@@ -107,7 +107,7 @@ impl<'a> Vary<'a> {
         })
     }
 
-    /// Checks one parameter by itself and returns the keys of its paths.
+    /// Checks one parameter and returns the keys of its paths.
     fn check(
         &self,
         name: &str,
@@ -150,7 +150,7 @@ impl<'a> Vary<'a> {
         Ok(all)
     }
 
-    /// Checks, as far as types determine it, that a parameter's values can replace `present`.
+    /// Checks that the types of a parameter's values allow them to replace the value `present`.
     fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),
@@ -219,7 +219,8 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// Checks that no earlier path sets the same value, a part of it, or a value that contains it.
+    /// Checks that no earlier path sets the same value, a part of this value, or a value that contains this
+    /// value.
     fn alone(
         &self,
         keys: &[String],
@@ -235,8 +236,8 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// Returns the number of different variants: unlimited with a range, otherwise the largest list length
-    /// times `every`.
+    /// Returns the number of different variants: unlimited if any parameter has a range, otherwise
+    /// the largest product of list length and `every`.
     fn counted(&self) -> Result<Option<u64>, InputError> {
         let mut longest: Option<(&str, u64)> = None;
         let mut endless = false;
@@ -312,7 +313,7 @@ impl<'a> Vary<'a> {
     }
 }
 
-/// Gives a drawn value the location of its range.
+/// Gives a drawn value the location of its range in the file.
 fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     let value = match value {
         DeValue::Array(list) => {
@@ -323,7 +324,7 @@ fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     Spanned::new(span.clone(), value)
 }
 
-/// Returns the numbers of a number or of a list of numbers.
+/// Returns the numbers of a TOML number or list of numbers; `None` for other values.
 fn numbers(value: &toml::Value) -> Option<Vec<f64>> {
     let one = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
     match value {
@@ -341,7 +342,7 @@ fn is_finite(value: &toml::Value) -> bool {
     }
 }
 
-/// Draws the value of a range.
+/// Draws a value from a range.
 fn draw(name: &str, index: u64, range: &RangeFile) -> toml::Value {
     let key = name.bytes().fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
     let number = |place: usize, min: f64, max: f64| {

@@ -11,9 +11,9 @@
 //! every = 3
 //! ```
 //!
-//! Variant k uses entry ⌊k / every⌋ of the list, cyclically, or a value drawn uniformly from the range for
-//! each ⌊k / every⌋. Equal k give equal values, regardless of the rest of the file. [`crate::variant`]
-//! substitutes them.
+//! Variant k uses the list entry ⌊k / every⌋, cyclically. For a range, one value is drawn uniformly
+//! for each ⌊k / every⌋. Equal k give equal values, regardless of the rest of the file.
+//! [`crate::variant`] substitutes them.
 
 use super::values::{any_of, schema};
 use base::locate::Located;
@@ -28,13 +28,13 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterFile {
-    /// Path of the value to replace: dotted keys, as in TOML. List elements are addressed by their `name`, or
-    /// by index from 0: `objects."the doll".transform.translate.0`. With a list of paths, all of them get the
-    /// same value.
+    /// Path of the value to replace: dotted keys, as in TOML. List elements are addressed by their
+    /// `name`, or by index from 0: `objects."the doll".transform.translate.0`. With a list of
+    /// paths, all paths get the same value.
     pub path: Located<PathsFile>,
-    /// One value per variant, of the type that the path requires.
+    /// Values of the variants, of the type that the path requires.
     pub values: Option<Located<Vec<AnyValue>>>,
-    /// A range from which a number, or a list of numbers, is drawn uniformly.
+    /// Range from which a number, or a list of numbers, is drawn uniformly.
     pub range: Option<Located<RangeFile>>,
     /// Number of consecutive variants that share a value. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
@@ -42,13 +42,14 @@ pub struct ParameterFile {
     pub every: Located<u64>,
 }
 
-/// Bounds of drawn numbers: numbers, or lists of the same length as the scene's value.
+/// Bounds of the drawn numbers. The bounds are numbers, or lists of the same length as the value in the scene
+/// file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RangeFile {
-    /// Minimum.
+    /// Lower bound.
     pub min: AnyValue,
-    /// Maximum.
+    /// Upper bound.
     pub max: AnyValue,
 }
 

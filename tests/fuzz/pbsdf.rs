@@ -1,5 +1,5 @@
-//! Files of measured materials: the writer follows the documented layout, faults are reported, and no bytes
-//! make the reader panic or request more memory than the file can fill.
+//! Tests files of measured materials: the writer follows the documented layout, faults are
+//! reported, and no bytes make the reader panic or request more memory than the file needs.
 
 use crate::LARGEST_OF_THREAD;
 use crate::harness::folder;
@@ -20,8 +20,8 @@ use sunstone::transport::material::{Lanes, Material, Materials};
 /// A field of a file: name, type code, shape, data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
-/// The container, written here from its description alone; returns the file and the offset of each field's
-/// data.
+/// Writes the container from its description alone, independent of the crate. Returns the file and
+/// the byte offset of each field's data.
 fn container(fields: &[FieldOf]) -> (Vec<u8>, Vec<usize>) {
     let mut out = b"tensor_file\0\x01\x00".to_vec();
     out.extend((fields.len() as u32).to_le_bytes());
@@ -56,13 +56,13 @@ fn axes() -> Axes {
     Axes::even([4, 3, 3], vec![450, 550])
 }
 
-/// A value for every element: positive and finite, M00 the largest.
+/// Returns a positive, finite value for an element; M00 is the largest.
 fn value(element: usize) -> f32 {
     let (k, e) = (element / 16, element % 16);
     (if e == 0 { 1.0 } else { 0.3 - 0.05 * e as f32 }) * (1.0 + 0.01 * k as f32)
 }
 
-/// The fields of a small valid table.
+/// Returns the fields of a small valid table.
 fn fields() -> Vec<FieldOf> {
     let a = axes();
     let m: Vec<f32> = (0..4 * 3 * 3 * 2 * 16).map(value).collect();
@@ -81,7 +81,8 @@ fn saved(folder: &Path, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Writer and description agree byte for byte, and nothing else is left in the folder.
+/// Tests that the writer's file equals the described layout byte for byte, and that no other files are left
+/// in the folder.
 #[test]
 fn the_writer_writes_the_documented_layout() {
     let folder = folder();
@@ -114,7 +115,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
     assert!(matches!(nowhere, Err(PbsdfError::Write(_))), "{nowhere:?}");
 }
 
-/// The order of fields, alignment and unknown fields are irrelevant.
+/// Tests that the order of fields, alignment and unknown fields have no effect.
 #[test]
 fn other_layouts_of_the_same_table_read_alike() {
     let folder = folder();
@@ -149,7 +150,7 @@ fn other_layouts_of_the_same_table_read_alike() {
     }
 }
 
-/// One change to the fields or the bytes of a valid file, and words of the message.
+/// Changes the fields or the bytes of a valid file, and tests that the message names each fault.
 #[test]
 fn every_fault_is_named_with_its_fix() {
     type Fields = Vec<FieldOf>;
@@ -244,7 +245,8 @@ fn every_fault_is_named_with_its_fix() {
     assert!(Table::open(folder.path(), &Options::default()).is_err(), "a folder");
 }
 
-/// Empty axes count as evenly spaced if the caller says so, and give the same results as the written axes.
+/// Tests that empty axes are evenly spaced if the caller requests this, with the same results as for written
+/// axes.
 #[test]
 fn empty_axes_may_be_even() {
     let folder = folder();
@@ -261,8 +263,8 @@ fn empty_axes_may_be_even() {
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
 }
 
-/// In a materials file: the location of `file`, the path, the fault, the fix; and the hash depends on the
-/// data. A file that another program truncates while it is open still gives the same answers.
+/// Tests a table in a materials file: errors have location, path, fault and fix, and the hash depends on the
+/// data. A file that another program truncates while the file is open still gives the same values.
 #[test]
 fn a_small_table_survives_its_file() {
     let folder = folder();
@@ -280,7 +282,7 @@ fn a_small_table_survives_its_file() {
     assert_eq!(table.file_len(), file.len());
 }
 
-/// A large file is mapped, not read: a table after 65 MiB of zeros loads and gives its entries.
+/// Tests that a large file is memory-mapped: a table after 65 MiB of zeros loads and gives its entries.
 #[test]
 fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -311,8 +313,9 @@ fn scenes_name_the_place_of_the_file() {
     assert!(unknown.err().expect("an unknown key").message.contains("unknown field `path`"));
 }
 
-/// Hashes of pieces distinguish tables: all of a small file; of a large one the header, axes and 64 parts of
-/// the data, so that a change as long as their distance is always detected. A scene's hash depends on them.
+/// Tests that hashes of pieces distinguish tables, and that the scene hash depends on these hashes. The
+/// pieces of a large file are the header, the axes and 64 parts of the data. A change as long as the distance
+/// between parts is always detected.
 #[test]
 fn scenes_know_tables_by_their_pieces() {
     let folder = folder();
@@ -392,7 +395,7 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     }
 }
 
-/// 10,000 mutations of valid files: truncated, with flipped bits, replaced header numbers, ranges of noise.
+/// Tests 10,000 mutations of valid files: truncation, flipped bits, replaced header numbers, ranges of noise.
 #[test]
 fn mutated_files_load_or_say_why() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];

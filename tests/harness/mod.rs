@@ -16,17 +16,17 @@ use sunstone::transport::scene::Scene;
 #[allow(unused_imports)]
 pub use support::{MIRROR_ROOM, edit, mirror_room, shipped};
 
-/// A folder in memory if the system has one: many small files are slow on disks.
+/// Returns a folder in memory if the system has one: many small files are slow on disks.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Parses a scene.
+/// Builds a scene from text, or panics.
 pub fn scene(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Renders into `path`.
+/// Renders a scene into a store at `path`.
 pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
     let target = Target { path, ..Target::default() };
     let summary = render(scene, &target, &Unwatched).expect("a render");
@@ -34,12 +34,12 @@ pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
     TensorStore::open(&target.path).expect("the store just written")
 }
 
-/// A field of a slice.
+/// Returns a field of a slice.
 pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
     store.slice(slice).expect("the slice").read_all(field).expect("its values")
 }
 
-/// All files below `path`, by relative name.
+/// Returns all files below `path`, by relative name.
 pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in std::fs::read_dir(at).expect("a folder") {
@@ -115,7 +115,7 @@ pub fn scene_files(folder: &Path, images: &[(&str, u32)]) {
     .expect("a table");
 }
 
-/// Command that runs the program in a folder.
+/// Returns a command that runs the program in a folder.
 pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     command.args(arguments).current_dir(folder).env_remove("SUNSTONE_LOG");
@@ -129,18 +129,18 @@ pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
     out
 }
 
-/// Standard error of a run.
+/// Returns the standard error of a run.
 pub fn stderr(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
-/// Standard output of a run.
+/// Returns the standard output of a run.
 pub fn stdout(out: &Output) -> String {
     String::from_utf8_lossy(&out.stdout).into_owned()
 }
 
-/// Runs commands, one a line, that must be refused with a message that contains the words, and that write
-/// nothing.
+/// Runs commands and asserts that each is refused with a message that contains the given words, and
+/// writes no files.
 pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
     let before = files(folder);
     for (line, words) in cases {
@@ -154,7 +154,7 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
 /// this text; with a leading `^` also its column); words that the message must contain.
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-/// Line and column of a fault, computed independently from the mark of a case.
+/// Returns the line and column of a fault, computed independently from the mark of a case.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
     let at = text.find(wanted.unwrap_or(mark)).unwrap_or_else(|| panic!("`{mark}` is not in the file"));

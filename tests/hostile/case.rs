@@ -1,4 +1,4 @@
-//! A hostile case, its run, and the faults of the program's answer.
+//! Runs hostile cases and collects the faults of the program's response.
 
 use super::fixtures::Fixtures;
 use rayon::prelude::*;
@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest allowed time of an answer, on a machine with other load.
+/// Longest allowed time of a call, on a machine with other load.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Largest allowed message, bytes.
+/// Largest allowed message in bytes.
 const FLOOD: u64 = 64 << 10;
 
-/// Content of the folder before a case runs.
+/// A file to create in the folder before a case runs.
 #[derive(Clone, Debug)]
 pub enum Put {
     Text(String),
@@ -23,48 +23,48 @@ pub enum Put {
     Copy(&'static str),
     /// The first half of a file of the fixtures.
     Half(&'static str),
-    /// Nothing: an earlier entry, if any, is removed.
+    /// No file; an earlier entry, if any, is removed.
     Gone,
     Folder,
     Fifo,
-    /// A symbolic link to this path.
+    /// A symbolic link to a path.
     Link(&'static str),
-    /// A sparse file of this size.
+    /// A sparse file of a size in bytes.
     Sparse(u64),
 }
 
 /// Required exit code of a case.
 #[derive(Clone, Copy, Debug)]
 pub enum Expect {
-    /// Valid or harmless after all.
+    /// The input is valid: exit code 0.
     Accepted,
-    /// The system failed.
+    /// The system failed: exit code 1.
     Failed,
-    /// Bad input.
+    /// The input is invalid: exit code 2.
     Refused,
 }
 
-/// One call of the program. In arguments and texts, `{f}` is the folder of the fixtures.
+/// A call of the program. In arguments and texts, `{f}` is the folder of the fixtures.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub name: String,
     pub files: Vec<(String, Put)>,
     pub arguments: Vec<String>,
     pub expect: Expect,
-    /// Required words of the message.
+    /// Words that the message must contain.
     pub says: &'static str,
-    /// Largest file that the child may write, in blocks of 512 bytes: simulates a full disk.
+    /// Largest file that the child process can write, in blocks of 512 bytes, to simulate a full disk.
     pub limit: Option<u32>,
-    /// Store that must not be reported as finished afterwards.
+    /// Store that must not be reported as finished after the call.
     pub verify: Option<&'static str>,
-    /// Mode of the files that are put; if the user is root, the user `nobody` runs the program.
+    /// Mode of the created files. If the user is root, the user `nobody` runs the program.
     pub mode: Option<u32>,
-    /// Outputs that may exist after a failure, because they are finished.
+    /// Outputs that can exist after a failure, because they were finished before it.
     pub may_leave: &'static [&'static str],
 }
 
 impl Case {
-    /// A call that must be refused; blanks separate the words of `line`.
+    /// Returns a case for a call that must be refused; blanks separate the words of `line`.
     pub fn new(name: impl Into<String>, line: &str) -> Self {
         Self {
             name: name.into(),
@@ -93,12 +93,12 @@ impl Case {
     }
 }
 
-/// Runs cases in parallel. Returns one line for each wrong answer.
+/// Runs cases in parallel. Returns one line for each wrong response.
 pub fn run_all(cases: &[Case], fixtures: &Fixtures) -> Vec<String> {
     cases.par_iter().filter_map(|case| run(case, fixtures)).collect()
 }
 
-/// Runs a case. Returns its name with the faults of the program's answer, if any.
+/// Runs a case. Returns the case's name with the faults of the program's response, if any.
 fn run(case: &Case, fixtures: &Fixtures) -> Option<String> {
     let folder = fixtures.empty();
     let root = fixtures.path().display().to_string();
@@ -185,7 +185,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Option<String> {
     (!faults.is_empty()).then(|| format!("{}: {}: {said:.300}", case.name, faults.join(", ")))
 }
 
-/// Whether this process is root.
+/// Returns whether the user of this process is root.
 pub fn is_root() -> bool {
     fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0)
 }
@@ -226,7 +226,7 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Everything below a folder: bytes of files (lengths of large ones), kinds of all other entries.
+/// Returns everything below a folder: bytes of files (lengths of large ones), kinds of all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in fs::read_dir(at).expect("a folder") {

@@ -1,9 +1,10 @@
-//! Full disks: exit code 1, a message with the file and the reason, and nothing that reads as finished.
+//! Tests full disks: exit code 1, a message with the file and the reason, and no output that can be read as
+//! finished.
 
 use super::case::{Case, Expect, Put};
 use super::fixtures::SMALL;
 
-/// Commands whose output is larger than the smallest limit, and the store they write, if any.
+/// Commands whose output is larger than the smallest limit, and the store that each writes, if any.
 #[rustfmt::skip]
 const WRITERS: &[(&str, Option<&str>)] = &[
     ("render scene.toml -o out.zarr --no-figures", Some("out.zarr")),

@@ -1,11 +1,11 @@
-//! Documents other than scenes, each with every key: schemes, detectors, priors, media, materials,
-//! calibrations. Every value is replaced by invalid ones, one at a time. Also invalid arrays.
+//! Tests documents other than scenes (schemes, detectors, priors, media, materials, calibrations)
+//! with every key, and invalid arrays. Every value is replaced by invalid values, one at a time.
 
 use super::case::{Case, Expect, Put};
 use super::scenes::spoil;
 use std::collections::BTreeSet;
 
-/// Cases that are valid after all: one `document: key = value` per line.
+/// Replacements that are valid: one `document: key = value` per line.
 const ACCEPTED: &str = include_str!("accepted_documents.txt");
 
 const SCHEME: &str = r#"name = "x"
@@ -197,7 +197,7 @@ enum Format {
     Json,
 }
 
-/// Name, text, file, command.
+/// Name, text, file name, format and command of each document.
 #[rustfmt::skip]
 const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("scheme", SCHEME, "x.toml", Format::Toml, "scheme show x.toml"),
@@ -213,7 +213,7 @@ const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("kalibr", KALIBR, "x.json", Format::Json, "import x.json -o out.toml"),
 ];
 
-/// A `.npy` file with this header and `bytes` bytes after it.
+/// Returns a `.npy` file with this header and `bytes` bytes after it.
 fn npy(header: &str, bytes: usize) -> Vec<u8> {
     let header = format!("{header}\n");
     let mut all = b"\x93NUMPY\x01\x00".to_vec();
@@ -233,7 +233,7 @@ const OF_ARRAYS: &[&str] = &[
     "trial x.npy --scheme {f}/drr36.toml -o out.csv",
 ];
 
-/// Headers and bytes of invalid arrays.
+/// Name, header and number of bytes of invalid arrays.
 #[rustfmt::skip]
 const ARRAYS: &[(&str, &str, usize)] = &[
     ("of no shape", "{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4),

@@ -1,4 +1,4 @@
-//! Valid files, generated once by the program. Each case damages one of them.
+//! Creates valid files with the program, once for all cases. Each case damages one file.
 
 use super::case::{contents, copy};
 use crate::harness;
@@ -40,10 +40,10 @@ name = "picture"
 view.photo = { slice = "mueller" }
 "#;
 
-/// Variants of the scene.
+/// The table `[vary]` of the scene.
 const VARY: &str = "\n[vary.shade]\npath = \"materials.white.diffuse.albedo\"\nvalues = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]\n";
 
-/// A figure of the scene.
+/// A figure file that shows the scene.
 const FIGURE: &str = r#"columns = 1
 [scenes.small]
 file = "SCENE"
@@ -133,18 +133,18 @@ impl Fixtures {
         self.folder.path()
     }
 
-    /// An empty folder.
+    /// Returns an empty folder.
     pub fn empty(&self) -> tempfile::TempDir {
         folder()
     }
 
-    /// All files.
+    /// Returns the contents of all fixture files.
     pub fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         contents(self.path())
     }
 }
 
-/// A folder in memory if the system has one.
+/// Returns a folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     let made = harness::folder();
     // Another user runs some of the cases.

@@ -1,4 +1,4 @@
-//! Every file that a command or a scene reads is replaced by a missing, empty, endless, truncated or
+//! Replaces every file that a command or a scene reads by a missing, empty, endless, truncated or
 //! different file, a folder or a pipe.
 
 use super::case::{Case, Expect, Put};
@@ -88,7 +88,7 @@ const NAMED: &[(&str, &str, &str, &str)] = &[
     ("polarization = \"mueller\"", "projector = { mask = \"x.png\" }", "x.png", "mask.png"),
 ];
 
-/// Damaged files that are valid after all.
+/// Damaged files that are still valid.
 #[rustfmt::skip]
 const ACCEPTED: &[&str] = &[
     "project {f}/scene.toml {x}: x.csv is empty",
@@ -98,7 +98,7 @@ const ACCEPTED: &[&str] = &[
     "a scene's { image = \"x.jpg\" } is a picture",
 ];
 
-/// Replacements of the valid file `right` of the fixtures, by name.
+/// Returns replacements of the fixtures' valid file `right`, with their names.
 fn spoilt(right: &'static str) -> Vec<(&'static str, Put)> {
     vec![
         ("missing", Put::Gone),

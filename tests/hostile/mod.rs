@@ -1,5 +1,5 @@
-//! Hostile cases: for any input the program answers quickly and briefly, with the right exit code, and leaves
-//! no files behind.
+//! Tests hostile cases: for any input, the program ends quickly with a short message and the
+//! correct exit code, and leaves no files.
 //!
 //! Every case runs the built program as a child process. `cargo test` runs a fixed subset of the cases;
 //! `SUNSTONE_HOSTILE=all cargo test --release --test suite hostile -- --ignored --nocapture` runs all.
@@ -19,7 +19,7 @@ use case::{Case, run_all};
 use fixtures::Fixtures;
 use std::time::Instant;
 
-/// By default, one of this many cases runs.
+/// Number N of cases of which one runs by default.
 const PART: usize = 16;
 
 #[test]

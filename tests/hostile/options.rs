@@ -1,4 +1,4 @@
-//! Every option of every command, with invalid values, one at a time.
+//! Tests every option of every command with invalid values, one at a time.
 
 use super::case::{Case, Expect};
 
@@ -20,7 +20,8 @@ const VALUES: [&str; 14] = [
     "0x10",
 ];
 
-/// Commands with `{v}` in place of an option's value, and the values of [`VALUES`] that are valid after all.
+/// Commands with `{v}` in place of an option's value, and the values of [`VALUES`] that are valid for the
+/// option.
 #[rustfmt::skip]
 const OPTIONS: &[(&str, &[&str])] = &[
     ("render {f}/scene.toml -o out.zarr --spp {v}", &[]),

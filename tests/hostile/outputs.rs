@@ -1,4 +1,4 @@
-//! Every output is replaced by an input, a folder, a device, a pipe, an address, a wrong name, or an
+//! Replaces every output by an input, a folder, a device, a pipe, an address, a wrong name, or an
 //! impossible path.
 
 use super::case::{Case, Expect, Put};

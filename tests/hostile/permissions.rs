@@ -1,12 +1,12 @@
-//! Files and folders without read or write permission. If the user is root, the user `nobody` runs the
-//! program, if possible.
+//! Tests files and folders without read or write permission. If the user is root, the user `nobody`
+//! runs the program, if possible.
 
 use super::case::{Case, Expect, Put, is_root};
 use super::inputs::READERS;
 use super::outputs::{WRITERS, named};
 use std::process::{Command, Stdio};
 
-/// Whether the program can run as a user without root's rights.
+/// Returns whether the program can run as a user without root's rights.
 fn possible() -> bool {
     let nobody = || {
         Command::new("setpriv")

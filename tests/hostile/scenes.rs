@@ -1,4 +1,4 @@
-//! A scene with every key; every value is replaced by invalid ones, one at a time.
+//! Tests a scene with every key. Every value is replaced by invalid values, one at a time.
 
 use super::case::{Case, Expect, Put};
 use std::collections::BTreeSet;
@@ -6,10 +6,10 @@ use toml::{Table, Value};
 
 /// A scene with every key of the syntax.
 const SCENE: &str = include_str!("scene.toml");
-/// Cases that are valid after all: one `key = value` per line.
+/// Replacements that are valid: one `key = value` per line.
 const ACCEPTED: &str = include_str!("accepted.txt");
 
-/// The value at a key or index.
+/// Returns the value at a key or index.
 fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
     match value {
         Value::Table(table) => &mut table[step],
@@ -18,7 +18,7 @@ fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
     }
 }
 
-/// All paths of a document; of a list of plain values only the first entry.
+/// Collects all paths of a document. Of a list of plain values, only the first entry is used.
 fn places(value: &Value, at: &[String], out: &mut Vec<Vec<String>>) {
     let children: Vec<(String, &Value)> = match value {
         Value::Table(table) => table.iter().map(|(key, child)| (key.clone(), child)).collect(),
@@ -53,7 +53,7 @@ fn set(document: &mut Value, path: &[String], new: Option<Value>) {
     }
 }
 
-/// Replacement values, by name.
+/// Returns replacement values with their names.
 fn spoilt() -> Vec<(&'static str, Option<Value>)> {
     vec![
         ("nan", Some(Value::Float(f64::NAN))),
@@ -70,7 +70,7 @@ fn spoilt() -> Vec<(&'static str, Option<Value>)> {
     ]
 }
 
-/// The document, once for every path and every replacement value, with `path = value`.
+/// Returns the document, once for every path and every replacement value, with `path = value`.
 pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
     places(document, &[], &mut all);

@@ -1,8 +1,8 @@
-//! Stores with one damaged file. No command may answer with missing data.
+//! Tests stores with one damaged file. No command may return a result with missing data.
 
 use super::case::{Case, Expect, Put};
 
-/// Commands that read the whole store `s.zarr`, except `info`, which reads less.
+/// Commands that read the complete store `s.zarr`; `info` is not listed because it reads less.
 #[rustfmt::skip]
 const READERS: &[&str] = &[
     "verify s.zarr",

@@ -1,4 +1,4 @@
-//! Finished runs that are damaged and sealed again are refused with a message, or read.
+//! Tests that damaged runs with correct checksums are refused with a message, or read.
 
 use super::*;
 
@@ -26,7 +26,7 @@ fn places(value: &Value, here: String, out: &mut Vec<String>) {
     }
 }
 
-/// A document with a change at one path.
+/// Returns a document with a change at one path.
 fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     let mut document: Value = serde_json::from_slice(bytes).expect("a description");
     let mut all = vec![];
@@ -73,8 +73,8 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Finished runs that are damaged at one place and sealed again, which no accident does but another program
-/// might, are refused with a message or read. None panics, none takes long.
+/// Damages finished runs at one place and corrects the checksums, as another program could. Tests
+/// that each run is refused with a message or read, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn damaged_runs_are_told() {

@@ -1,4 +1,4 @@
-//! Renders into memory contain the same numbers as renders into stores.
+//! Tests that renders into memory contain the same numbers as renders into stores.
 
 use crate::harness::{mirror_room, rendered, scene};
 use sunstone::render::Unwatched;
@@ -6,8 +6,8 @@ use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{self, Share};
 
-/// Tiles that do not divide the image, binned cameras with a smaller last bin, light outside the time bins,
-/// matrices, listed rows.
+/// Slices for these tests: tiles that do not divide the image, binned cameras with a smaller last
+/// bin, light outside the time bins, matrices, listed rows.
 const SLICES: &str = r#"
 [[slices]]
 name = "mueller"
@@ -55,7 +55,7 @@ fn arrays_and_stores_agree_in_every_field() {
     assert_eq!(fields, 4 * 3 + 2 * 2);
 }
 
-/// The total of a pixel and its error are the same, whatever axes a slice resolves.
+/// Tests that the total of a pixel and its standard error do not depend on the axes that a slice resolves.
 #[test]
 fn errors_of_totals_do_not_depend_on_what_is_told_apart() {
     let slices = r#"

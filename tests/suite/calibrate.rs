@@ -1,4 +1,4 @@
-//! `sunstone calibrate` from the user's point of view: from images to the tables of a scene, and refusals.
+//! Tests `sunstone calibrate`: from images to the tables of a scene, and refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! `sunstone capture` and `sunstone trial`: from stores and arrays to captures and back, with comparisons.
+//! Tests `sunstone capture` and `sunstone trial`: from stores and arrays to captures and back, with
+//! comparisons.
 
 use crate::commands::{rendered, run};
 use crate::decompose::{save, values};
@@ -14,7 +15,7 @@ fn read(path: &Path) -> (Vec<usize>, Vec<f64>) {
     (array.shape.clone(), values(&array))
 }
 
-/// Matrices of 6 x 8 pixels and 3 wavelengths.
+/// Returns the matrices of 6 x 8 pixels and 3 wavelengths.
 fn matrices(folder: &Path) -> Vec<f64> {
     let of = |i: usize| match i % 16 {
         0 => 2.0,
@@ -93,7 +94,8 @@ fn what_is_captured_is_reconstructed() {
     assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
-/// A slice provides its wavelengths and time bins; a photon counter counts in these bins.
+/// Tests that captures of a slice use its wavelengths and time bins, and that a photon counter counts in
+/// these bins.
 #[test]
 fn slices_are_captured_along_their_axes() {
     let folder = rendered();
@@ -131,8 +133,8 @@ fn slices_are_captured_along_their_axes() {
     assert!(counts.iter().all(|v| v.is_finite()));
 }
 
-/// For each row: the error equals the closed form for the given noise, more captures are better, also with a
-/// camera.
+/// Tests each row of the table: the error equals the closed form for the given noise, and more
+/// captures give smaller errors, also with a camera.
 #[test]
 fn schemes_are_tried() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,4 @@
-//! The command line from the user's point of view: render, info, probe, figure, export, merge and schema on a
-//! small scene.
+//! Tests the command line: render, info, probe, figure, export, merge and schema on a small scene.
 
 use crate::harness::{self, refusals};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! `sunstone decompose` on arrays and stores.
+//! Tests `sunstone decompose` on arrays and stores.
 
 use crate::commands::{rendered, run};
 use crate::harness::refusals;
@@ -14,7 +14,7 @@ use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 
-/// All arrays of an archive.
+/// Returns all arrays of an archive.
 fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
     let mut zip = zip::ZipArchive::new(File::open(path).expect("a file")).expect("an archive");
     let folder = tempfile::tempdir().expect("a folder");
@@ -44,7 +44,7 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
     }
 }
 
-/// A quarter-wave retarder, an ideal depolarizer and an unphysical matrix, as an array of 3 x 1.
+/// Tests an array of 3 × 1 matrices: a quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
 #[test]
 fn arrays_in_arrays_out() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -90,7 +90,7 @@ fn arrays_in_arrays_out() {
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// A stored image gives the same results as its matrices one by one, with errors, along its axes.
+/// Tests that a stored image gives the same results, with errors, as its matrices one by one.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();
@@ -138,7 +138,7 @@ fn slices_of_stores() {
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
 
-/// Input that is not an array of matrices is refused with a fix, and nothing is written.
+/// Tests that input that is not an array of matrices is refused with a fix, and nothing is written.
 #[test]
 fn other_inputs_are_refused() {
     let folder = rendered();

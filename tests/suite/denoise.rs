@@ -1,5 +1,5 @@
-//! Denoised stores: closer to the converged render than their input, with honest errors, physical, and never
-//! accepted as a reference.
+//! Tests denoised stores: they are closer to the converged render than their input, have correct
+//! errors and physical matrices, and are refused as a reference.
 
 use crate::harness::{assert_same_store, mirror_room, read, refusals, run, stderr, stdout, sunstone};
 use std::path::Path;
@@ -23,9 +23,9 @@ time = { start_ps = 13000, bin_ps = 200, bins = 80 }
 "#;
 
 const SIZE: usize = 64;
-/// Elements times wavelengths of a pixel.
+/// Number of values per pixel: elements times wavelengths.
 const NUMBERS: usize = 48;
-/// Samples of the converged render over those of the others.
+/// Ratio of the converged render's samples to those of the other renders.
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
@@ -40,27 +40,27 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
     [Field::Mean, Field::StdError].map(|f| numbers(read(&store, slice, f)))
 }
 
-/// Comparison of a denoised slice with the converged one.
+/// Comparison of a denoised slice with the converged slice.
 #[derive(Debug)]
 struct Judged {
-    /// Mean squared error before over after, of all numbers, without the converged render's own noise.
+    /// Ratio of the mean squared errors before and after denoising, over all values, without the noise of the
+    /// converged render.
     gain: f64,
-    /// The same without the 5 % of the pixels with the largest errors in the converged render, and of the
-    /// half with the smallest.
+    /// The gain without the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,
     half: f64,
-    /// Root mean square deviation over the stated error, of all numbers and of M00.
+    /// Root mean square of deviation divided by stated error, over all values.
     z: f64,
     z00: f64,
-    /// Σ M00 over that of the converged render, minus one.
+    /// Relative deviation of Σ M00 from that of the converged render.
     bias: f64,
-    /// The same for the input.
+    /// Relative deviation of Σ M00 of the input from that of the converged render.
     before: f64,
-    /// Fraction of the steps between neighbours that is kept, of those visible with 16 samples; and their
-    /// number.
+    /// Fraction of each step between adjacent pixels that denoising keeps, for steps that are
+    /// visible with 16 samples.
     step: f64,
     edges: usize,
-    /// Smallest eigenvalue of the coherency matrix over m00.
+    /// Smallest eigenvalue of the coherency matrix divided by M00.
     least: f64,
 }
 
@@ -115,9 +115,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     }
 }
 
-/// 64 x 64 pixels with 16 samples against 1024 samples. A few tens of pixels on the shiny knot carry most of
-/// the squared error and have no similar pixels to average with. So the gain over all pixels is far smaller
-/// than without the noisiest 5 %.
+/// Compares 64 × 64 pixels with 16 samples and with 1024 samples. A few tens of pixels on the shiny
+/// knot have most of the squared error and no similar pixels for averaging. The gain over all
+/// pixels is therefore far smaller than without the noisiest 5 %.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn nearer_to_the_truth_and_off_by_what_is_stated() {

@@ -1,4 +1,4 @@
-//! `sunstone scheme`, `learn` and `reconstruct`.
+//! Tests `sunstone scheme`, `learn` and `reconstruct`.
 
 use crate::commands::run;
 use crate::decompose::{save, values};
@@ -9,12 +9,12 @@ use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::store::numpy::NumpyArray;
 
-/// Elements of pixel `p`.
+/// Returns the elements of pixel `p`.
 fn truth(p: usize) -> [f64; 16] {
     std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.3 })
 }
 
-/// Captures of pixels by a scheme of the folder, saved like with numpy.
+/// Simulates captures of pixels by a scheme of the folder, and saves them as NumPy does.
 fn captured(d: &Path, scheme: &str, shape: &[usize], pixels: usize) {
     let scheme = load(&d.join(scheme)).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
@@ -31,8 +31,8 @@ fn matrices(d: &Path) -> NumpyArray {
     NumpyArray::read(&d.join("m.npy")).expect("matrices")
 }
 
-/// Captures of an intensity sensor and of a polarizer array are reconstructed to the matrices, for any shape
-/// of the pixels.
+/// Tests that captures of an intensity sensor and of a polarizer array are reconstructed to the
+/// matrices, for any shape of the pixels.
 #[test]
 fn captures_come_back_as_matrices() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -65,7 +65,7 @@ fn captures_come_back_as_matrices() {
     }
 }
 
-/// The learned scheme reaches the bound, and the same seed gives the same scheme.
+/// Tests that the learned scheme reaches the error bound, and that the same seed gives the same scheme.
 #[test]
 fn learned_schemes_are_at_the_bound() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -87,8 +87,8 @@ fn learned_schemes_are_at_the_bound() {
     run(d, &["scheme", "plot", "a.toml", "-o", "p.png"]);
 }
 
-/// With a prior learned from the same materials, six captures with a polarizer array suffice for a good
-/// estimate.
+/// Tests that six captures with a polarizer array give a good estimate with a prior learned from
+/// the same materials.
 #[test]
 fn priors_go_from_learning_to_reconstruction() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -115,7 +115,7 @@ fn priors_go_from_learning_to_reconstruction() {
     }
 }
 
-/// Invalid requests give a message with a fix and exit code 2, and write nothing.
+/// Tests that invalid requests give a message with a fix and exit code 2, and write nothing.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Broken input: exit code 2, the location, a fix, and nothing written.
+//! Tests invalid input: exit code 2, a message with location and fix, and no output.
 
 use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 
@@ -177,7 +177,7 @@ fn a_scene_needs_a_light() {
     assert!(shown.starts_with("error: dark.toml:9:") && shown.contains("no light"), "{shown}");
 }
 
-/// A folder with the valid scene `s.toml`.
+/// Returns a folder with the valid scene `s.toml`.
 fn folder_with_a_scene() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n");

@@ -1,4 +1,4 @@
-//! The commands `export --mitsuba` and `import`: their output, and that refusals write nothing.
+//! Tests the output of `export --mitsuba` and `import`, and that refused commands write nothing.
 
 use crate::harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
 

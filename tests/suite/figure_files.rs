@@ -1,5 +1,5 @@
-//! Figure files: faults are reported with their location, equal files give equal bytes, and existing renders
-//! are reused.
+//! Tests figure files: faults are reported with their location, equal files give equal bytes, and
+//! existing renders are reused.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;
@@ -46,7 +46,7 @@ view.decomposition = { slice = "mueller", quantity = "retardance" }
 caption = "{{retardance}}"
 "#;
 
-/// The scene in a folder, and the text of a figure of it.
+/// Returns the scene in a folder, and the text of a figure of it.
 fn sound() -> (tempfile::TempDir, String) {
     let scenes = tempfile::tempdir().expect("a folder");
     let path = scenes.path().join("scene.toml");
@@ -101,7 +101,7 @@ fn faults_are_told_at_their_place() {
     assert!(found.is_empty(), "{} faults:\n{}", found.len(), found.join("\n"));
 }
 
-/// Unknown methods and variants of an application are reported before anything is rendered.
+/// Tests that unknown methods and variants of an application are reported before any render.
 #[test]
 fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
@@ -117,7 +117,7 @@ fn applications_are_checked_before_they_are_run() {
     }
 }
 
-/// Faults of curves are reported before anything is rendered.
+/// Tests that faults of curves are reported before any render.
 #[test]
 fn curves_are_checked_before_they_are_run() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
@@ -185,7 +185,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     assert!(read("all/f.png").len() > 1000);
 }
 
-/// For a black picture, the caption says that nothing is positive, instead of a white value.
+/// Tests the caption of a black image: it states that no value is positive instead of a white value.
 #[test]
 fn nothing_positive_is_told() {
     let (_scenes, text) = sound();
@@ -225,7 +225,7 @@ fn inputs_are_not_outputs() {
     assert_eq!(out.status.code(), Some(2));
 }
 
-/// Stops a render after a given number of tiles.
+/// A watch that stops a render after a given number of tiles.
 struct Impatient(AtomicUsize);
 
 impl Watch for Impatient {
@@ -265,8 +265,8 @@ fn a_render_that_was_stopped_goes_on() {
     assert_eq!(draw(&cut).rendered, 0);
 }
 
-/// Processes that share a folder of renders give equal results. A process that only checks whether renders
-/// are finished disturbs no other. A path with a render's name that is not a render is reported with a fix.
+/// Tests that processes with a common folder of renders give equal results, also if another process checks
+/// whether renders are finished. A path with a render's name that is not a render is reported with a fix.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn renders_are_shared_and_damage_is_told() {

@@ -1,6 +1,6 @@
-//! One render, many slices: slices agree with each other, and every Mueller matrix is realizable.
+//! Tests that the slices of one render agree with each other, and that every Mueller matrix is realizable.
 //!
-//! The same samples fill all slices of a render, so sums over their axes agree up to rounding.
+//! The same samples fill all slices of a render, so sums over the slices' axes agree up to rounding.
 
 use crate::harness::{mirror_room, read, rendered, scene};
 use glam::DVec2;
@@ -13,10 +13,10 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 
-/// Camera and projector pixels along an edge.
+/// Number of camera pixels, and of projector pixels, along an image edge.
 const N: usize = 32;
 
-/// Required relative agreement: f32 sums of thousands of bins.
+/// Tolerance relative to M00, for f32 sums of thousands of bins.
 const AGREE: f64 = 1e-5;
 
 const SLICES: &str = r#"
@@ -124,7 +124,7 @@ struct Render {
     store: TensorStore,
 }
 
-/// Drive of a projector pixel: some dark, some full, the rest in between.
+/// Returns the drive of a projector pixel, 0..255: some pixels are dark, some have full brightness.
 fn drive(u: u32, v: u32) -> u8 {
     [0, 255, 51, 200, 127, 9][((u * 7 + v * 5) % 6) as usize]
 }
@@ -154,7 +154,7 @@ fn error(slice: &str) -> Tensor {
     read(&RENDER.store, slice, Field::StdError)
 }
 
-/// M00 of the matrix that value `i` belongs to.
+/// Returns the M00 of the matrix that contains value `i`.
 fn m00(t: &Tensor, i: usize) -> f64 {
     let w = t.extent(AxisKind::Wavelength);
     let stride = t.extent(AxisKind::StokesOut) * t.extent(AxisKind::StokesIn) * w;
@@ -183,7 +183,7 @@ fn plus(a: &Tensor, b: &Tensor) -> Tensor {
     out
 }
 
-/// Camera pixels of the given rows and columns.
+/// Returns the camera pixels of the given rows and columns.
 fn pixels(t: &Tensor, rows: &[usize], columns: &[usize]) -> Tensor {
     let [h, w] = [t.shape()[0], t.shape()[1]];
     let inner = t.data.len() / (h * w);
@@ -197,7 +197,7 @@ fn pixels(t: &Tensor, rows: &[usize], columns: &[usize]) -> Tensor {
     out
 }
 
-/// Means of `f` of the values over boxes of `n` camera pixels.
+/// Returns the means of `f` of the values over boxes of `n` camera pixels.
 fn boxes(t: &Tensor, n: usize, f: impl Fn(f64) -> f64) -> Tensor {
     let [h, w] = [t.shape()[0], t.shape()[1]];
     let inner = t.data.len() / (h * w);
@@ -272,8 +272,8 @@ fn parts_of_the_projector_are_parts_of_all() {
     of("projector_block", &all(20)[9..], &all(25)[5..]);
 }
 
-/// Distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s ray, computed from two
-/// of its points.
+/// Returns the distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s
+/// ray, computed from two of its points.
 fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     let projector = &scene.projector.as_ref().expect("a projector").pinhole;
     let d = scene.camera.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
@@ -288,8 +288,8 @@ fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     (b - a).normalize().perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a).abs()
 }
 
-/// Every s' in the band, found by direct computation, is in its column and row of the band's slices, and no
-/// other is.
+/// Tests that the slices of an epipolar band contain exactly the projector pixels that a direct
+/// computation finds in the band.
 #[test]
 fn an_epipolar_band_is_resolved_along_its_line() {
     let scene = scene(&mirror_room(N as u32, N as u32, 64, 16, ""));
@@ -325,7 +325,8 @@ fn an_epipolar_band_is_resolved_along_its_line() {
     assert_agree("along v, summed", &by_v.sum(AxisKind::V), &whole, 9000);
 }
 
-/// Indirect light uses separate paths; a statistical test compares it (`tests/transport/selected.rs`).
+/// Tests that direct coaxial light is the diagonal of the full slice. A statistical test compares indirect
+/// light, which uses separate paths (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_all() {
     for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {
@@ -406,12 +407,12 @@ fn a_finished_render_has_no_discarded_samples() {
     assert!(samples.iter().all(|n| *n == 64));
 }
 
-/// Every stored Mueller matrix is a mean of those of paths, and mixtures of realizable matrices are
-/// realizable, with or without noise: only f32 rounding may give an eigenvalue of Cloude's H below zero.
+/// Tests that every stored Mueller matrix is realizable. It is a mean of the realizable matrices of
+/// paths, so only f32 rounding can make an eigenvalue of Cloude's H negative.
 ///
 /// The looser statistical bound is also checked: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗
 /// σ_j*, and eigenvalues by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij² (Weyl; the products of Pauli matrices are
-/// orthogonal with norm 2). So five standard errors of an eigenvalue are at most 2.5 √Σ std_error².
+/// orthogonal with norm 2). Therefore, five standard errors of an eigenvalue are at most 2.5 √Σ std_error².
 #[test]
 fn every_mueller_matrix_is_realizable() {
     let mut checked = 0;

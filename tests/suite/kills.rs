@@ -1,8 +1,8 @@
-//! One to three processes that write one store are killed at random times. A store is never falsely reported
-//! as finished, and in the end its bytes equal those of an undisturbed run.
+//! Kills one to three processes that write one store at random times. Tests that a store is never
+//! falsely reported as finished, and that the final bytes equal those of an undisturbed run.
 //!
-//! A few trials by default; `SUNSTONE_KILLS=200 cargo test --release --test suite kills -- --nocapture` sets
-//! the number of each kind.
+//! By default there are few trials; `SUNSTONE_KILLS=200 cargo test --release --test suite kills --
+//! --nocapture` sets the number of each kind.
 
 use crate::harness::{assert_same_store, files, mirror_room, run, stderr, sunstone};
 use std::path::Path;
@@ -55,7 +55,8 @@ fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Dura
     }
 }
 
-/// A store that is reported as finished has the written content; an unfinished one does not read as finished.
+/// Checks that a store that is reported as finished has the written content, and that an unfinished store
+/// cannot be read as finished.
 fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     let path = at.join(store);
     if !path.exists() {
@@ -71,16 +72,16 @@ fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     }
 }
 
-/// 1.6 times the duration of an undisturbed command.
+/// Returns 1.6 times the duration of an undisturbed command.
 fn duration(at: &Path, arguments: &[&str]) -> Duration {
     let begun = Instant::now();
     run(at, arguments, 0);
     begun.elapsed().mul_f64(1.6)
 }
 
-/// Kills a command that writes a store or file again and again, and repeats it: the result equals that of an
-/// undisturbed run, `whole`, and no other files are left. If `replaces`, every second trial replaces an
-/// existing output.
+/// Repeatedly kills and restarts a command that writes a store or a file. Checks that the result
+/// equals that of an undisturbed run, `whole`, and that no other files are left. If `replaces`,
+/// every second trial replaces an existing output.
 fn killed(
     at: &Path,
     command: impl Fn(&'static str) -> Vec<&'static str>,
@@ -138,7 +139,7 @@ fn renders() {
     assert!(outcomes.unfinished > 0, "{outcomes:?}");
 }
 
-/// The outputs of these commands are there whole or not at all.
+/// Tests that the outputs of these commands are either complete or absent.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn merges_exports_and_copies_into_shards() {
@@ -156,7 +157,7 @@ fn merges_exports_and_copies_into_shards() {
     assert_eq!(killed(at, shard, ["s.zarr", "sharded.zarr"], true).unfinished, 0);
 }
 
-/// Of several processes at one path, one writes and the others report which one.
+/// Tests that only one of several processes at one path writes, and that the others name that process.
 #[test]
 fn one_writes() {
     let folder = tempfile::tempdir().expect("a folder");

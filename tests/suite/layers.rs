@@ -1,4 +1,4 @@
-//! `sunstone layers`: content of the files, and files that are left alone.
+//! Tests `sunstone layers`: content of the output, and files that must not change.
 
 use crate::commands::{refused, run};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn member(zip: &Path, name: &str) -> Vec<u8> {
     bytes
 }
 
-/// Header and data of the bytes of a `.npy` file.
+/// Returns the header and data of the bytes of a `.npy` file.
 fn parted(bytes: &[u8]) -> (String, Vec<u8>) {
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
     let n = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));

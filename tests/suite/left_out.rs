@@ -1,5 +1,5 @@
-//! Commands count and print what they leave out; if nothing remains, they end with exit code 2 and write
-//! nothing.
+//! Tests that commands print the number of items that they omit, and that they exit with code 2 and
+//! write nothing if no items remain.
 
 use crate::commands::refused;
 use crate::decompose::save;
@@ -39,7 +39,8 @@ fn counts(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, npy.into_vec().expect("counts"))
 }
 
-/// Resolution 97 ps, period 100 ns: the period ends inside bin 1030, and dtime 1040 is beyond it.
+/// Tests photons at the end of the laser period and after it. With a resolution of 97 ps and a period of 100
+/// ns, the period ends inside bin 1030.
 #[test]
 fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -92,7 +93,7 @@ fn lines_that_run_backwards_are_turned_around() {
     assert!(said.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{said}");
 }
 
-/// Missing markers, sync pulses or photons, and other channels: each has its own message.
+/// Tests that missing markers, sync pulses or photons, and wrong channels each give a separate message.
 #[test]
 fn photons_of_which_none_can_be_counted_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -118,7 +119,7 @@ fn photons_of_which_none_can_be_counted_are_refused() {
     }
 }
 
-/// Two diagonal matrices; in the second all elements are `bad`.
+/// Writes an array of two diagonal matrices; the diagonal of the second one contains `bad`.
 fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
     let of =
         |bad: f64| (0..16).map(move |e| if bad.is_nan() { bad } else { f64::from(u8::from(e % 5 == 0)) });
@@ -162,7 +163,8 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     }
 }
 
-/// A number without a unit is in metres; a board of many metres probably means millimetres.
+/// Tests that large lengths require a unit: a number without a unit is in metres, but a board of many metres
+/// is probably a mistake.
 #[test]
 fn large_lengths_need_a_unit() {
     let folder = tempfile::tempdir().expect("a folder");

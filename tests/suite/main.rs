@@ -1,7 +1,7 @@
-//! Tests of the program and its files from the user's point of view, and of whole renders.
+//! Tests the program, its files and complete renders.
 //!
-//! They form a single test program: one per file would link the library again and compile the used parts
-//! again. Tests that measure the memory of their process are separate.
+//! All tests form a single program, because a program per file would link the library again. Tests
+//! that measure the memory of their process are separate programs.
 
 mod arrays;
 mod calibrate;

@@ -1,4 +1,4 @@
-//! Stores of two seeds merge to the result of all their samples.
+//! Tests that stores of two seeds merge to the result of all samples.
 
 use crate::harness::{mirror_room, read, refusals, run, stderr};
 use std::path::Path;
@@ -110,7 +110,7 @@ fn what_does_not_belong_together_is_refused() {
     );
 }
 
-/// Results of plain paths are neither mixed with those of all paths nor resumed with them.
+/// Tests that renders of plain paths cannot be merged with or resumed as renders of all paths.
 #[test]
 fn other_paths_are_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");

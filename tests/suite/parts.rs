@@ -1,4 +1,4 @@
-//! The parts of a render, merged, equal the whole render: every byte of every file, for any division.
+//! Tests that the merged parts of a render equal the whole render byte for byte, for any division.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, stdout, sunstone};
 use crate::resume::once_under_way;
@@ -11,8 +11,8 @@ use sunstone::store::zarr::{TensorStore, verify};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 
-/// Time bins, an epipolar band, labels, camera bins, and a block that does not begin with a tile: its chunks
-/// cover four tiles.
+/// Slices for these tests: time bins, an epipolar band, labels, camera bins, and a block that does
+/// not begin with a tile: its chunks cover four tiles.
 const SLICES: &str = r#"
 [[slices]]
 name = "sum"
@@ -60,7 +60,7 @@ fn whole(scene: &Scene, path: &Path) {
     assert!(render(scene, &target, &Unwatched).expect("a render").complete);
 }
 
-/// All tiles in `of` shares, or in random ranges.
+/// Returns all tiles in `of` shares, or in random ranges.
 fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     let mut upto = |n: u32| (stream.uniform() * n as f32) as u32;
     if upto(2) == 0 {
@@ -99,7 +99,8 @@ fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
     }
 }
 
-/// Each integrator, and shipped scenes of media, crystals and a lens of a hundred mirrors.
+/// Tests merged parts with each integrator, and with shipped scenes of media, crystals and a lens of a
+/// hundred mirrors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn merged_parts_are_the_whole() {
@@ -111,15 +112,16 @@ fn merged_parts_are_the_whole() {
     }
 }
 
-/// Checksums of all files of a part, except for its root's metadata, which contain the render time.
+/// Returns the checksums of all files of a part, except for its root's metadata, which contain the render
+/// time.
 fn values(part: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
     let lines = text.lines().filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
     lines.map(str::to_owned).collect()
 }
 
-/// Light subpaths that parts share, in parallel or one after the other: no byte differs, and each subpath is
-/// traced once.
+/// Tests that parts that share light subpaths, in parallel or one after the other, give identical
+/// bytes, and that each subpath is traced once.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_that_is_shared_is_the_same() {
@@ -183,7 +185,8 @@ fn light_that_is_shared_is_the_same() {
     }
 }
 
-/// A shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these tests.
+/// Returns a shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these
+/// tests.
 fn small(name: &str) -> Scene {
     let path =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
@@ -197,7 +200,7 @@ fn small(name: &str) -> Scene {
     sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// A part identifies itself as a part, and no command accepts it as a finished render.
+/// Tests that a part is recorded as a part, and that no command accepts a part as a finished render.
 #[test]
 fn a_part_is_no_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -242,7 +245,7 @@ fn a_part_is_no_finished_render() {
     assert!(!at.join("all").exists());
 }
 
-/// Only all parts of one render, each once, are merged.
+/// Tests that a merge requires all parts of one render, each exactly once.
 #[test]
 fn wrong_sets_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -304,7 +307,7 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
-/// More machines than tiles: some parts are empty but still valid parts.
+/// Tests more parts than tiles: some parts are empty but valid.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn more_parts_than_tiles_are_the_whole() {
@@ -320,7 +323,7 @@ fn more_parts_than_tiles_are_the_whole() {
     assert_same_store(&at("whole"), &at("joined"));
 }
 
-/// A killed part resumes, but not as another part.
+/// Tests that a killed part can be resumed, but not as another part.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_killed_part_resumes_to_the_same_bytes() {

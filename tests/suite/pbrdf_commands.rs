@@ -1,5 +1,4 @@
-//! `sunstone pbrdf` from the user's point of view: evaluate a material, write tables, inspect, cut and draw
-//! them.
+//! Tests `sunstone pbrdf`: evaluate a material, write tables, inspect, cut and draw them.
 
 use crate::harness::{files, refusals, run, stderr};
 use serde_json::Value;
@@ -135,8 +134,8 @@ fn tables_are_made_and_read() {
     }
 }
 
-/// Components of tables and of the stand-ins: variance fractions decrease and sum to 1, and the arrays equal
-/// the numbers in the picture.
+/// Tests the components of tables and of the built-in substitutes: variance fractions decrease and
+/// sum to 1, and the arrays equal the numbers in the picture.
 #[test]
 fn principal_components_are_found() {
     let folder = folder();
@@ -189,7 +188,7 @@ fn principal_components_are_found() {
     }
 }
 
-/// Invalid requests, with a word that the message must contain; nothing is written.
+/// Tests that invalid requests are refused with a message that contains a given word, and write nothing.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = folder();

@@ -1,4 +1,4 @@
-//! `sunstone phase` from the user's point of view, and faulty files of media.
+//! Tests `sunstone phase`, and faulty files of media.
 
 use crate::harness::{Case, fault, refusals, run};
 
@@ -103,7 +103,7 @@ fn bad_arguments_are_refused() {
     );
 }
 
-/// Comment lines as numbers, then rows as numbers.
+/// Returns the numbers in the comment lines, and the numbers in the rows.
 fn numbers(text: &str) -> [Vec<Vec<f64>>; 2] {
     let parse = |l: &str| -> Vec<f64> { l.split(',').map(|n| n.trim().parse().expect("a number")).collect() };
     let head = text.lines().filter_map(|l| l.strip_prefix("# ")).skip(1);

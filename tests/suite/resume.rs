@@ -1,4 +1,4 @@
-//! The bytes of a render depend neither on threads nor on interruptions.
+//! Tests that the bytes of a render depend neither on threads nor on interruptions.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
@@ -34,7 +34,8 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// Bidirectional paths, whose light can reach any tile. (`bytes.rs` compares other integrators.)
+/// Tests that threads change no byte of a bidirectional render, whose light can reach any tile. (`bytes.rs`
+/// compares other integrators.)
 #[test]
 fn threads_change_no_byte() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -55,7 +56,7 @@ fn small() -> Scene {
     scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1))
 }
 
-/// Stops after some tiles.
+/// A watch that stops a render after a given number of tiles.
 pub struct Impatient {
     pub tiles: u32,
     pub done: AtomicU32,
@@ -70,7 +71,7 @@ impl Watch for Impatient {
     }
 }
 
-/// Work that an earlier run finished is not repeated, and no light is lost or counted twice.
+/// Tests that work of an earlier run is not repeated, and that no light is lost or counted twice.
 #[test]
 fn walks_from_the_light_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");

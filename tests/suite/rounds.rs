@@ -1,5 +1,5 @@
-//! Renders to a target error: byte-identical for any division of the work, with honest errors and unbiased
-//! means.
+//! Tests renders to a target error: byte-identical for any division of the work, with correct error
+//! estimates and unbiased means.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr, stdout};
 use crate::resume::Impatient;
@@ -44,8 +44,8 @@ fn target(path: &Path, resume: bool) -> Target {
     Target { path: path.to_owned(), resume, replace: false }
 }
 
-/// A tile with any number of samples equals that of a plain render with this number, to the bit, also with
-/// light subpaths.
+/// Tests that a tile with any number of samples is bit-identical to that of a plain render with
+/// this number, also with light subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_tile_is_that_of_a_plain_render_of_its_samples() {
@@ -78,7 +78,8 @@ fn a_tile_is_that_of_a_plain_render_of_its_samples() {
     assert!(few.is_err_and(|e| e.to_string().contains("36")));
 }
 
-/// Whole, repeatedly stopped, or in merged parts, with one thread or two: the same bytes.
+/// Tests that a render has the same bytes if it is made at once, repeatedly stopped, or merged from parts,
+/// with one or two threads.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn however_it_is_made_it_is_the_same() {
@@ -174,7 +175,7 @@ impl Image {
         }
     }
 
-    /// Weighted sums of independent images.
+    /// Returns the weighted sums of independent images.
     fn pooled(images: &[Self], weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         let of = |f: &dyn Fn(&Self, f64) -> f64| {
@@ -188,12 +189,12 @@ impl Image {
     }
 }
 
-/// Comparison of many renders with the truth.
+/// Comparison of many renders with the ground truth.
 #[derive(Debug)]
 struct Verdict {
-    /// Mean deviation of lit pixels, each in errors of the truth, over the error of this mean.
+    /// Mean deviation of lit pixels from the ground truth, divided by the standard error of this mean.
     bias: f64,
-    /// Mean square of deviations in stated errors.
+    /// Mean square of deviation divided by stated error.
     z2: f64,
 }
 
@@ -227,9 +228,10 @@ impl Verdict {
     }
 }
 
-/// Over 32 seeds, means equal those of plain renders with other seeds (5 sigma), and deviations agree with
-/// the stated errors. Negative controls: if single pixels stop by their own errors, means are biased; if
-/// weights ignore the numbers of samples, errors are wrong. The same comparison detects both.
+/// Tests, over 32 seeds, that means equal those of plain renders with other seeds (5 sigma), and deviations
+/// agree with the stated errors. Negative controls: if single pixels stop by their own errors, means are
+/// biased; if weights ignore the numbers of samples, errors are wrong. The same comparison must detect both
+/// faults.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn errors_are_honest() {
@@ -349,8 +351,8 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     }
 }
 
-/// Foreign files at the path of the rounds stay, whatever the options; and rounds that another process writes
-/// are not removed.
+/// Tests that other files at the path of the rounds are never removed, and that rounds that another
+/// process writes are not removed.
 #[test]
 fn nothing_else_is_removed_and_one_renders() {
     let folder = tempfile::tempdir().expect("a folder");

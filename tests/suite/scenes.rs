@@ -1,4 +1,4 @@
-//! The shipped scenes: they load; meshes, and shapes that refract or contain a medium, are closed; both
+//! Tests the shipped scenes: they load; meshes, and shapes that refract or contain a medium, are closed; both
 //! devices see the main objects; and each twin differs from its scene only in materials and media.
 
 use glam::{DVec2, Vec3, Vec3A};
@@ -153,7 +153,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
     }
 }
 
-/// The part that a scene and its twin share.
+/// Returns the part that a scene and its twin share.
 fn without_materials(mut scene: Table) -> Table {
     for key in ["name", "materials", "media"] {
         scene.remove(key);
@@ -185,8 +185,8 @@ fn twins_differ_in_materials_and_media_alone() {
     }
 }
 
-/// Volume in cubic metres; an error if an edge does not join exactly two triangles that traverse it in
-/// opposite directions. Vertices at equal positions count as one.
+/// Returns the volume of a mesh in cubic metres, or an error if an edge does not join exactly two
+/// triangles that traverse it in opposite directions. Vertices at equal positions count as one.
 fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
     let mut welded = HashMap::new();
     let ids: Vec<usize> = mesh
@@ -219,7 +219,7 @@ fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
     Ok(volume)
 }
 
-/// Smallest cosine between a triangle's geometric normal and its corners' shading normals.
+/// Returns the smallest cosine between a triangle's geometric normal and its corners' shading normals.
 fn worst_normal(mesh: &Mesh) -> f32 {
     let cosines = mesh.indices.iter().flat_map(|corners| {
         let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
@@ -229,7 +229,7 @@ fn worst_normal(mesh: &Mesh) -> f32 {
     cosines.fold(1.0, f32::min)
 }
 
-/// Checks that the shape is closed, with its front outward.
+/// Checks that a shape is closed and that its front faces outward.
 fn check_closed(folder: &str, shape: &Table) -> Result<(), String> {
     let (kind, value) = shape.iter().next().unwrap();
     match kind.as_str() {

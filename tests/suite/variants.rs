@@ -1,5 +1,4 @@
-//! Variants of scene files from the user's point of view: rendered, distinguished, refused if mixed; and
-//! applications.
+//! Tests variants of scene files (rendered, distinguished, refused if mixed) and applications.
 
 use crate::harness::{assert_same_store, read, run, stderr, stdout};
 use serde_json::json;
@@ -232,8 +231,8 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
-/// A wall behind a pane of glass, with a ball in between: fractions, numbers and texture coordinates in
-/// closed form.
+/// Tests a wall behind a pane of glass, with a ball in between: fractions, numbers and texture
+/// coordinates in closed form.
 #[test]
 fn truth_maps_look_through_glass() {
     let text = r#"
@@ -315,9 +314,8 @@ slices = [{ name = "photo" }]
 vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
 "#;
 
-/// The noise of two variants is independent, so that training data do not share noise with test data. With
-/// one seed for all variants, as the studio once rendered them (and still renders a file without a number),
-/// the noise is equal.
+/// Tests that the noise of two variants is independent, so that training data and test data have
+/// different noise. With one seed for all variants, the noise would be equal.
 #[test]
 fn variants_of_one_seed_have_their_own_noise() {
     let folder = tempfile::tempdir().expect("a folder");

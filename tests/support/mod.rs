@@ -17,13 +17,13 @@ pub fn edit(text: &str, from: &str, to: &str) -> String {
     text.replacen(from, to, 1)
 }
 
-/// The mirror room as shipped.
+/// Returns the mirror room as shipped.
 pub fn shipped() -> String {
     std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
 }
 
-/// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its
-/// meshes have absolute paths, so that the text works in any folder.
+/// Returns the mirror room with square images of `camera` and `projector` pixels, and other slices
+/// and figures. Its meshes have absolute paths, so that the text works in any folder.
 pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
     let all = shipped();
     let mut text = all[..all.find("[[slices]]").expect("slices")].to_owned();
@@ -50,17 +50,17 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    /// A whole field of a slice.
+    /// Returns a whole field of a slice.
     pub fn field(&self, slice: &str, field: Field) -> Tensor {
         self.store.slice(slice).unwrap().read_all(field).unwrap()
     }
 
-    /// The mean of a slice.
+    /// Returns the mean of a slice.
     pub fn mean(&self, slice: &str) -> Tensor {
         self.field(slice, Field::Mean)
     }
 
-    /// The standard error of a slice.
+    /// Returns the standard error of a slice.
     pub fn std_error(&self, slice: &str) -> Tensor {
         self.field(slice, Field::StdError)
     }

@@ -1,6 +1,6 @@
-//! A tank of cloudy water behind glass, without connections. Camera paths hit an emitter of finite size at
-//! random; its size shrinks towards the point light that manifold connections and bidirectional paths connect
-//! to.
+//! Tests a tank of cloudy water behind glass, without connections. Camera paths hit an emitter of
+//! finite size at random; its size shrinks towards the point light that manifold connections and
+//! bidirectional paths connect to.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -15,7 +15,8 @@ use sunstone::transport::scene::Integrator;
 
 const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
 
-/// The tank, seen through one wide pixel, with a Lambertian plate in the water.
+/// Returns the scene-file text of the tank, seen through one wide pixel, with a Lambertian plate in the
+/// water.
 fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     let spp = spp * samples_factor();
     format!(
@@ -33,7 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Intensity and the two linear Stokes elements for unpolarized light, with their errors.
+/// Returns the intensity and the two linear Stokes elements for unpolarized light, with their errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -53,8 +54,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     })
 }
 
-/// A ball of radius r and constant radiance acts at a distance as a point of intensity π r² times the
-/// radiance; the difference decreases with r².
+/// Tests that a ball of radius r and constant radiance acts at a distance as a point of intensity π
+/// r² times the radiance; the difference decreases with r².
 #[test]
 fn shrinking_lights_become_points() {
     let at = format!("{:?}", LAMP.to_array());

@@ -1,12 +1,13 @@
-//! Attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo is visible
-//! directly.
+//! Tests attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo
+//! is visible directly.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::Path;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, Wavelength, X, Y};
 
-/// Two triangles of the unit square; `more` has the remaining keys of the object and the material.
+/// Returns the scene-file text of two triangles of the unit square; `more` has the remaining keys of the
+/// object and the material.
 fn scene(folder: &Path, material: &str, more: &str) -> String {
     let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
         property float color_0\nproperty float color_1\nproperty float color_2\nproperty float weight_0\n\
@@ -26,13 +27,14 @@ fn scene(folder: &Path, material: &str, more: &str) -> String {
     )
 }
 
-/// Red, green and blue of pixel (i, j), the mean of samples over the pixel.
+/// Returns the red, green and blue of pixel (i, j), the mean of samples over the pixel.
 fn seen(text: &str, [i, j]: [usize; 2]) -> [f32; 3] {
     let image = render_text(text).mean("image");
     [2, 1, 0].map(|l| image.at(&[(Y, j), (X, i), (Wavelength, l), (StokesOut, 0), (StokesIn, 0)]))
 }
 
-/// Colours of vertices are linear over a triangle, so that the mean over a pixel is the value at its centre.
+/// Tests that colours of vertices are linear over a triangle, so that the mean over a pixel is the value at
+/// its centre.
 #[test]
 fn colours_of_vertices_are_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -58,7 +60,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Each face has one colour; a number may be a weight.
+/// Tests that each face has one colour, and that a number can be a weight.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

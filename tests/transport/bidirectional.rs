@@ -1,4 +1,5 @@
-//! Bidirectional paths against camera paths, where those find all light, and each strategy alone.
+//! Compares bidirectional paths with camera paths in scenes whose light camera paths find completely, and
+//! tests each strategy alone.
 
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -9,8 +10,8 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Camera and projector of 16 x 16 pixels in front of a box of 2 m, and slices that resolve everything a path
-/// carries.
+/// Returns the scene-file text of the camera and projector of 16 x 16 pixels in front of a box of 2
+/// m, and slices that resolve everything a path carries.
 pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
@@ -25,7 +26,7 @@ pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     )
 }
 
-/// Three walls, a floor and a ceiling of a box open toward the camera.
+/// Scene text of three walls, a floor and a ceiling of a box open toward the camera.
 pub const WALLS: &str = "
     [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [-1, -1, -1], u = [2, 0, 0], v = [0, 2, 0] }
     [[objects]]\nmaterial = \"red\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 2, 0], v = [0, 0, 2] }
@@ -76,7 +77,7 @@ pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) {
     }
 }
 
-/// Camera paths against bidirectional paths.
+/// Compares camera paths with bidirectional paths.
 fn compare(text: &str, share: f32, least: usize) {
     let path = with(text, Integrator::Path, None);
     let both = with(text, Integrator::Bidirectional, None);
@@ -86,7 +87,7 @@ fn compare(text: &str, share: f32, least: usize) {
 pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
-/// Each strategy alone gives the light with its number of interactions.
+/// Tests that each strategy alone gives the light of the paths with its number of interactions.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn every_strategy_alone() {
@@ -117,7 +118,7 @@ fn every_strategy_alone() {
     }
 }
 
-/// Metal, plastic, rough glass, polarizing sheets, a smooth-shaded mesh, a point emitter.
+/// Tests metal, plastic, rough glass, polarizing sheets, a smooth-shaded mesh, a point emitter.
 #[test]
 fn surfaces_of_all_kinds() {
     let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/knot.glb");
@@ -135,7 +136,7 @@ fn surfaces_of_all_kinds() {
     compare(&text, 0.05, 40);
 }
 
-/// Rough glass: transmission from both sides, with the squared indices.
+/// Tests transmission of rough glass from both sides, with the squared refractive indices.
 #[test]
 fn rough_glass() {
     let text = devices(256, 4, 4)
@@ -150,14 +151,14 @@ fn rough_glass() {
 pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
-/// A flat mirror reflects the projector's light onto a wall that the camera sees: as from the projector's
-/// mirror image. Camera paths never find this light.
+/// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees: as
+/// from the projector's mirror image. Camera paths never find this light.
 #[test]
 fn mirror_throws_light_on_a_wall() {
     thrown_on_a_wall(60.0, 120_000, "");
 }
 
-/// The same for pixels so narrow that no light subpath hits the surface they see.
+/// Tests the mirror's light for a pixel so narrow that no light subpath hits the visible surface.
 #[test]
 fn mirror_throws_light_into_a_narrow_pixel() {
     for focal_px in [60.0, 600.0, 6000.0] {
@@ -227,8 +228,8 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
-/// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point
-/// light.
+/// Returns the scene-file text of a mirror, a glass ball, a glossy coat under glass and a window in
+/// a box, lit by a projector and a point light.
 pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
         + DIFFUSE
@@ -242,8 +243,8 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
            "
 }
 
-/// Plain paths, plus a few samples of light redirected by mirrors and glass, find all light of bidirectional
-/// paths; neither part alone does.
+/// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, find all
+/// light of bidirectional paths, and that neither part alone does.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn redirected_light_and_plain_paths_are_all_light() {
@@ -258,7 +259,7 @@ fn redirected_light_and_plain_paths_are_all_light() {
     assert!(seen.is_err());
 }
 
-/// Lenses of finite aperture, out of focus, on camera and projector.
+/// Tests lenses of finite aperture, out of focus, on camera and projector.
 #[test]
 fn lenses() {
     let lens = |focus: f64| format!("aperture = {{ radius = 0.2, focus = {focus} }}\n");
@@ -280,9 +281,8 @@ fn lenses() {
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
 
-/// Light from the projector through an object equals what a camera in the projector's place would see of a
-/// projector in the camera's place: T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with
-/// camera subpaths.
+/// Tests reciprocity: the light through an object is the same if camera and projector are
+/// exchanged, T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with camera subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_devices_find_the_same() {

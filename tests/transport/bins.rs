@@ -1,6 +1,6 @@
-//! Time bins of 25 ps and exact s', per pixel, of bidirectional paths: against f64 quadrature for single
-//! scattering, in a medium, through glass and over a mirror, and against camera paths for multiple
-//! scattering.
+//! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a
+//! medium, through glass, over a mirror) is compared with f64 quadrature, multiple scattering with
+//! camera paths.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -32,7 +32,7 @@ struct Bins {
     error: Vec<f64>,
 }
 
-/// Time bins, and projector pixels, of light with a number of interactions, or of all light.
+/// Returns the time bins, and projector pixels, of light with a number of interactions, or of all light.
 fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -50,7 +50,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     })
 }
 
-/// The head of a scene with these slices.
+/// Returns the head of a scene with these slices.
 fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, bounces: bool) -> String {
     let spp = samples(spp);
     format!(
@@ -66,13 +66,13 @@ fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, b
 struct Share {
     radiance: f64,
     time_ps: f64,
-    /// Position on the projector's image where it starts.
+    /// Position on the projector's image at which the contribution starts, in pixels.
     at: [f64; 2],
-    /// Possible value of a sample that finds it.
+    /// Value of a sample that finds the contribution.
     hit: f64,
 }
 
-/// Planted errors: a shift in time, and one of s'.
+/// Deliberate errors for negative controls: a shift in time, and a shift of s'.
 #[derive(Clone, Copy)]
 struct Fault {
     ps: f64,
@@ -81,8 +81,8 @@ struct Fault {
 
 const NONE: Fault = Fault { ps: 0.0, px: 0.0 };
 
-/// Values of both kinds of bins by quadrature over n × n points of every pixel, and the largest value of a
-/// sample of a pixel.
+/// Returns the values of both kinds of bins by quadrature over n × n points of every pixel, and the
+/// largest value of a sample of a pixel.
 fn quadrature(
     n: u32,
     start_ps: f64,
@@ -122,7 +122,7 @@ fn quadrature(
 struct Found {
     bins: usize,
     lit: usize,
-    /// Bins with many hits, and the sum of z² over them.
+    /// Number of bins with many hits; the next field is the sum of z² over these bins.
     known: usize,
     chi2: f64,
     most: f64,
@@ -138,8 +138,8 @@ impl Found {
         }
     }
 
-    /// No bin deviates by 5 sigma, and neither do those with many hits together: z² has a mean of 1 and,
-    /// because errors are estimated from as few as [`MANY`] hits, a variance of 3.
+    /// Returns whether no bin deviates by 5 sigma, and the bins with many hits together do not either: z² has
+    /// a mean of 1 and, because errors are estimated from as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
         self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
@@ -204,7 +204,7 @@ fn holds(
     }
 }
 
-/// The radiance of a Lambertian wall z = 0 at a point.
+/// Returns the radiance of a Lambertian wall z = 0 at a point.
 fn wall(projector: &Device, p: DVec3) -> (f64, f64, [f64; 2]) {
     let to = projector.origin - p;
     let (at, factor) = projector.project(p);
@@ -217,7 +217,7 @@ fn white() -> String {
     ) + &plate(DVec3::ZERO, DVec3::Z, 5.0, "white")
 }
 
-/// A wall seen through a pane of glass.
+/// Tests a wall seen through a pane of glass against quadrature.
 #[test]
 fn through_glass_as_quadrature_says() {
     let camera = Device::look_at([0.3, 0.1, 2.0], DVec3::new(-0.2, 0.0, 0.0), [SIZE; 2], 14.0);
@@ -241,7 +241,7 @@ fn through_glass_as_quadrature_says() {
     });
 }
 
-/// A wall seen in a mirror.
+/// Tests a wall seen in a mirror against quadrature.
 #[test]
 fn over_a_mirror_as_quadrature_says() {
     let camera = Device::look_at([0.0, 0.1, 1.3], DVec3::new(1.0, 0.1, 0.6), [SIZE; 2], 24.0);
@@ -266,13 +266,13 @@ fn over_a_mirror_as_quadrature_says() {
 
 const HALF: f64 = 0.06;
 
-/// Exit distance of a ray that starts in the cube of 0.12 m about the origin.
+/// Returns the exit distance of a ray that starts in the cube of 0.12 m about the origin.
 fn way_out(p: DVec3, d: DVec3) -> f64 {
     let out = (DVec3::splat(HALF) * d.signum() - p) / d;
     out.min_element()
 }
 
-/// Light scattered once by molecules.
+/// Tests light scattered once by molecules against quadrature.
 #[test]
 fn in_a_medium_as_quadrature_says() {
     let camera = Device::look_at([0.2, 0.1, 2.5], DVec3::ZERO, [SIZE; 2], 366.0);
@@ -308,9 +308,9 @@ fn in_a_medium_as_quadrature_says() {
     });
 }
 
-/// Contribution of a hit to each bin: k of h hits among n samples have the mean k h/n and the squared error k
-/// h²/n². Uses the largest contribution in the surrounding bins: a few hits may all be weak, and their error
-/// then ignores strong ones.
+/// Returns the contribution of one hit to each bin: k of h hits among n samples have the mean k h/n
+/// and the squared error k h²/n². Uses the largest contribution in the surrounding bins: a few hits
+/// may all be weak, and their error then ignores strong ones.
 fn hits(of: &Bins) -> Vec<f64> {
     const AROUND: usize = 8;
     let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
@@ -363,7 +363,7 @@ fn agree(what: &str, path: &str, both: &str) {
 
 const START: f64 = 20000.0;
 
-/// A box of 2 m, open toward camera and projector.
+/// Returns the scene-file text of a box of 2 m, open toward camera and projector.
 fn boxed(spp: u32, depth: u32, seed: u32, more: [&str; 2]) -> String {
     let camera = Device::look_at([0.3, 0.4, 3.6], DVec3::ZERO, [SIZE; 2], 17.0);
     let projector = Device::look_at([-0.7, 0.8, 3.3], DVec3::new(0.1, -0.2, 0.0), [SIZE; 2], 17.0);
@@ -390,7 +390,7 @@ fn paths_agree_in_a_medium() {
     agree("medium", &of(3), &of(4));
 }
 
-/// A pane in front of the camera, which camera paths pass, and a mirror outside its view. The projector
+/// Tests a pane in front of the camera, which camera paths pass, and a mirror outside its view. The projector
 /// illuminates neither directly: only bidirectional paths would find the light that they reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {

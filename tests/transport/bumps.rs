@@ -1,4 +1,4 @@
-//! Bump maps in closed form: Lambert's cosine for normals tilted by heights.
+//! Tests bump maps in closed form: Lambert's cosine for normals tilted by heights.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -9,7 +9,7 @@ use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, X, Y};
 
 const LIGHT: DVec3 = DVec3::new(-0.3, 0.4, -1.0);
 
-/// Heights a u + b v of an image of 64 × 64 pixels, away from its edges.
+/// Writes heights a u + b v to an image of 64 × 64 pixels, away from its edges.
 fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     let file = folder.join("ramp.exr");
     let mid = |i: u32| (f64::from(i) + 0.5) / 64.0;
@@ -18,8 +18,8 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     file
 }
 
-/// A camera of one pixel, so narrow that it sees a point, from above; `object` has all keys except the
-/// material.
+/// Returns a camera of one pixel, so narrow that it sees a point, from above; `object` has all keys
+/// except the material.
 fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> f64 {
     let file = ramp(folder, slopes);
     let file = file.display();
@@ -37,7 +37,7 @@ fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> 
     f64::from(render_text(&text).mean("m").at(&at))
 }
 
-/// Radiance of albedo 0.5 for a normal of any length.
+/// Returns the radiance of albedo 0.5 for a normal of any length.
 fn lambert(normal: DVec3) -> f64 {
     0.5 / PI * normal.normalize().dot(-LIGHT.normalize())
 }
@@ -47,9 +47,9 @@ fn check(found: f64, normal: DVec3, what: &str) {
     assert!((found - want).abs() < 2e-3 * want, "{what}: {found}, closed form {want}");
 }
 
-/// A rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v) have the slopes 0.25 a and b
-/// there. Images rotated and scaled by `uv` follow the chain rule. Copies of a group stretch their base, not
-/// the heights.
+/// Tests bump maps on a rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v)
+/// have the slopes 0.25 a and b there. Images rotated and scaled by `uv` follow the chain rule.
+/// Copies of a group stretch their base, not the heights.
 #[test]
 fn ramps_tilt_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -76,7 +76,7 @@ fn ramps_tilt_a_plane() {
     check(stretched, DVec3::new(-along_x, -along_y, 1.0), "a stretched copy");
 }
 
-/// A ball of 0.8 m, whose u runs around z and whose v runs down from +z.
+/// Tests bump maps on a ball of 0.8 m, whose u runs around z and whose v runs down from +z.
 #[test]
 fn ramps_tilt_a_ball() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Materials composed of others, and materials with images.
+//! Tests materials composed of other materials, and materials with images.
 
 use crate::optics::surface_at;
 use crate::support::render_text;
@@ -33,7 +33,8 @@ fn flat(uv: [f32; 2]) -> Surface {
     surface_at(Vec3A::Z, Vec3A::X, uv)
 }
 
-/// Value of a named material between two directions, in frames that do not depend on the material.
+/// Returns the value of a named material between two directions, in frames that do not depend on the
+/// material.
 fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> Mueller {
     set.materials
         .eval(set.names[name], at, wo, wi)
@@ -41,7 +42,7 @@ fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> M
         .unwrap_or_default()
 }
 
-/// Largest difference of elements.
+/// Returns the largest difference of elements.
 fn off(a: &Mueller, b: &Mueller) -> f32 {
     (0..16).map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs())).fold(0.0, f32::max)
 }
@@ -52,7 +53,7 @@ fn weighted(terms: &[(f32, Mueller)]) -> Mueller {
         .fold(Mueller::ZERO, |sum, (w, m)| sum + m.scaled(sunstone::optics::spectrum::Spectral::splat(*w)))
 }
 
-/// Directions above the surface.
+/// Returns `n` pairs of random directions above the surface.
 fn directions(n: usize, seed: u64) -> Vec<[Vec3A; 2]> {
     let mut stream = Stream::new(seed, 0, 0);
     let mut draw = || warp::cosine_hemisphere(stream.uniform2());
@@ -83,8 +84,8 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Delta lobes of a mixture: each with its fraction, in the list of lobes and among samples (40,000, 5
-/// sigma).
+/// Tests the delta lobes of a mixture: each has its fraction, in the list of lobes and among
+/// samples (40,000, 5 sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
     let set = set(FILE);
@@ -112,14 +113,14 @@ fn mixtures_of_mirrors_keep_shares() {
     assert!((sum / n - want).abs() < 5.0 * (m - d).abs() * (0.75 * 0.25 / n).sqrt());
 }
 
-/// An image of one colour; returns the PNG file's name for TOML.
+/// Writes an image of one colour; returns the PNG file's name for TOML.
 fn picture(folder: &Path, name: &str, rgb: [u8; 3]) -> String {
     let path = folder.join(name);
     image::RgbImage::from_pixel(4, 4, image::Rgb(rgb)).save(&path).unwrap();
     format!("{:?}", path.to_str().unwrap())
 }
 
-/// Images of numbers are linear: 102/255 is 0.4.
+/// Tests that images of numbers are linear: 102/255 is 0.4.
 #[test]
 fn images_of_numbers_are_linear() {
     let folder = tempfile::tempdir().unwrap();
@@ -143,8 +144,9 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
     }
 }
 
-/// A plane with a tilting normal map is as bright as a tilted plane: E·ρ/π·cos of the angle between the
-/// tilted normal and the light, for a distant point light. The map's x is the surface's u, its y is up.
+/// Tests that a plane with a tilting normal map is as bright as a tilted plane: E·ρ/π·cos of the angle
+/// between the tilted normal and the light, for a distant point light. The map's x is the surface's u, its y
+/// is up.
 #[test]
 fn a_normal_map_tilts_the_normal() {
     let folder = tempfile::tempdir().unwrap();
@@ -184,7 +186,7 @@ name = "image"
     }
 }
 
-/// In a render: white in front, black behind.
+/// Tests a render of a material that is white in front and black behind.
 #[test]
 fn a_black_back_is_black() {
     for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {
@@ -216,9 +218,9 @@ name = "image"
     }
 }
 
-/// The shipped metamers have the same colour in every direction under unpolarized light, but different
-/// polarization. The depolarization index of Gil & Bernabéu (1985), |M without M00| / (√3 M00), distinguishes
-/// them.
+/// Tests that the shipped metamers have the same colour in every direction under unpolarized light,
+/// but different polarization. The depolarization index of Gil & Bernabéu (1985), |M without M00| /
+/// (√3 M00), distinguishes them.
 #[test]
 fn metamers_differ_in_depolarization_alone() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/metamers.toml");

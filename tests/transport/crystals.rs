@@ -1,4 +1,4 @@
-//! Uniaxial crystals: slabs are wave plates between Fresnel faces, in all 16 elements.
+//! Tests uniaxial crystals: slabs are wave plates between Fresnel faces, in all 16 elements.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at,
@@ -16,7 +16,7 @@ use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
 use sunstone::transport::material::constants::lookup;
 use sunstone::transport::material::{Filling, Lanes, Lobe};
 
-/// n_o and n_e of quartz at 550 nm (Ghosh 1999).
+/// Refractive indices n_o and n_e of quartz at 550 nm (Ghosh 1999).
 pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
 /// Fresnel transmission of power into index `eta` relative to the index on the incident side, in the s-frame.
@@ -40,7 +40,7 @@ pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M
 /// which grows with the coordinates, would exceed a wavelength.
 const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
 
-/// A slab across z from 0 to `top`.
+/// Returns the scene-file text of a slab across z from 0 to `top`.
 fn slab(top: f64) -> String {
     format!(
         "[[objects]]\nmaterial = \"crystal\"\nshape.cube = {{ min = [0.25, -0.5, 0.0], max = [0.75, 0.03, {top:?}] }}\n"
@@ -50,7 +50,7 @@ fn slab(top: f64) -> String {
 /// A power of two, which f32 represents exactly: about 1 mm, 16 waves of quartz.
 const THICK: f64 = 1.0 / 1024.0;
 
-/// Camera above a slab, rough gold below it, lit from the side below the slab.
+/// A scene with a camera above a slab, and rough gold below the slab that is lit from the side.
 pub struct Slab {
     camera: Device,
     lamp: Device,
@@ -61,7 +61,7 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// A slab of mean index `mean`, seen along -`d`.
+    /// Returns a slab of mean index `mean`, seen along -`d`.
     pub fn new(d: DVec3, mean: f64) -> Self {
         let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
         let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
@@ -117,8 +117,8 @@ impl Slab {
     }
 }
 
-/// Every sample without inner reflections has the same matrix, so its shape is exact and its mean
-/// statistical.
+/// Checks a slab. Every sample without inner reflections has the same matrix up to a factor, so the
+/// normalized matrix is exact and only the factor is statistical.
 fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
     let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);
@@ -130,7 +130,7 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     assert_close(&(got / g), &(want / w), tolerance, what);
 }
 
-/// Axis in the face, at 45°, at normal incidence: a wave plate of 16.3 waves.
+/// Tests a slab with the axis in the face at 45° and normal incidence: a wave plate of 16.3 waves.
 #[test]
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -142,8 +142,7 @@ fn a_quartz_slab_is_a_wave_plate() {
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// By name, at three wavelengths with separate directions in a dispersive crystal: each has its own
-/// retardance.
+/// Tests a crystal by name at three wavelengths, which have separate directions and retardances.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
@@ -162,7 +161,7 @@ fn every_wavelength_has_its_own_retardance() {
     );
 }
 
-/// Oblique rays, arbitrary axis.
+/// Tests oblique rays with arbitrary axes.
 #[test]
 fn slanting_rays_and_axes() {
     for (d, axis) in [
@@ -174,7 +173,7 @@ fn slanting_rays_and_axes() {
     }
 }
 
-/// Along the optic axis a crystal acts as glass.
+/// Tests that a crystal acts as glass along the optic axis.
 #[test]
 fn no_retardance_along_the_axis() {
     check(DVec3::Z, DVec3::Z, QUARTZ, 1e-5, "along the axis");
@@ -183,7 +182,7 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Two inner reflections: three paths through the slab, each a retarder in its own direction.
+/// Tests two inner reflections: three paths through the slab, each a retarder in its own direction.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -220,8 +219,8 @@ fn inner_reflections_cross_again() {
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "three ways");
 }
 
-/// Rough gold and the projector inside a crystal with a plane face: the connection to the projector is
-/// retarded too.
+/// Tests rough gold and a projector inside a crystal with a plane face: the crystal also retards
+/// the connection to the projector.
 #[test]
 fn connections_inside_a_crystal() {
     let (n_o, n_e) = (1.5, 1.500_001);
@@ -263,7 +262,8 @@ fn inside_of(set: &MaterialSet, name: &str) -> Filling {
     Filling { index: 1.5, crystal: set.names[name] }
 }
 
-/// Realizable, lossless, and with the same eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
+/// Tests that the matrices of paths in a crystal are realizable, lossless, and with the same
+/// eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
 #[test]
 fn ways_are_realizable_and_reciprocal() {
     let set = crystals(
@@ -298,8 +298,8 @@ fn ways_are_realizable_and_reciprocal() {
     assert!(set.materials.propagate(clear, Vec3A::Z, 1.0).is_none());
 }
 
-/// A broad spectral line: the mean of the plate's matrices over a Gaussian spectrum, by quadrature, at
-/// constant n_e - n_o.
+/// Tests a broad spectral line: the matrix is the mean of the plate's matrices over a Gaussian
+/// spectrum, by quadrature, at constant n_e - n_o.
 #[test]
 fn a_broad_line_is_depolarized_by_a_thick_plate() {
     const FWHM: f64 = 2.0;
@@ -331,7 +331,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     }
 }
 
-/// Faces reflect and transmit like glass of the mean index; weights are values over probabilities.
+/// Tests that faces reflect and transmit like glass of the mean index; weights are values over probabilities.
 #[test]
 fn faces_are_those_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");

@@ -1,4 +1,4 @@
-//! One bounce off a Lambertian plane: radiance, s' and travel time from geometry alone.
+//! Tests one bounce off a Lambertian plane: radiance, s' and travel time follow from geometry.
 
 use crate::optics::{C, Device, head};
 use crate::support::{Rendered, render_text};
@@ -16,13 +16,13 @@ const SLICES: &str = "[[slices]]\nname = \"sum\"\n\
     [[slices]]\nname = \"all\"\nprojector = \"all\"\n\
     [[slices]]\nname = \"time\"\ntime = { start_ps = 0, bin_ps = 25, bins = 512 }\n";
 
-/// A large plane through the origin.
+/// Returns the scene-file text of a large plane through the origin.
 fn plane(normal: DVec3) -> String {
     let matter = format!("[materials.m.diffuse]\nalbedo = {ALBEDO}\n");
     matter + &crate::optics::plate(DVec3::ZERO, normal, 5.0, "m")
 }
 
-/// Values for one camera direction on the plane.
+/// Expected values for one camera direction.
 struct Seen {
     radiance: f64,
     time_ps: f64,
@@ -42,7 +42,7 @@ fn see(camera: &Device, projector: &Device, normal: DVec3, px: f64, py: f64) -> 
     }
 }
 
-/// Mean radiance over a pixel's footprint, by a midpoint rule.
+/// Returns the mean radiance over a pixel's footprint, by a midpoint rule.
 fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32) -> f64 {
     const N: u32 = 12;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(N);
@@ -95,7 +95,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
     single
 }
 
-/// A plane at distance d, frontal and tilted, with coaxial camera and projector: all 256 pixels.
+/// Tests a plane at distance d, frontal and tilted, with coaxial camera and projector: all 256 pixels.
 #[test]
 fn coaxial_lambert_plane() {
     let d = 0.5;
@@ -122,7 +122,7 @@ fn coaxial_lambert_plane() {
     }
 }
 
-/// All light of a narrow frontal plane is in the single bin at 2d/c.
+/// Tests that all light of a narrow frontal plane is in the single bin at 2d/c.
 #[test]
 fn coaxial_plane_is_one_bin() {
     let d = 0.5;
@@ -140,7 +140,8 @@ fn coaxial_plane_is_one_bin() {
     }
 }
 
-/// A tilted plane, an offset projector of 6 × 5 pixels, 768 camera pixels, both with distorting lenses.
+/// Tests a tilted plane with an offset projector of 6 × 5 pixels, 768 camera pixels, both with distorting
+/// lenses.
 #[test]
 fn offset_projector_finds_its_pixel() {
     let mut camera = Device::look_at([-0.2, 0.1, 1.0], DVec3::ZERO, [32, 24], 150.0);

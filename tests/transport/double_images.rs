@@ -1,5 +1,5 @@
-//! Birefringent crystals: two images with orthogonal polarizations, at the positions of the two rays of wave
-//! theory.
+//! Tests birefringent crystals: two images with orthogonal polarizations, at the positions of the
+//! two rays of wave theory.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
 use crate::support::{Rendered, render_text};
@@ -12,15 +12,15 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::material::Lanes;
 
-/// Calcite at 550 nm.
+/// Ordinary refractive index of calcite at 550 nm.
 const N_O: f64 = 1.66127;
 const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// A slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its upper face by
-/// light that leaves along `d`, and a small white disk 0.1 below it where the line (without a crystal) is
-/// shifted by `shift`.
+/// Returns a slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its
+/// upper face by light that leaves along `d`, and a small white disk 0.1 below it where the line
+/// (without a crystal) is shifted by `shift`.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -65,15 +65,17 @@ fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, 
     assert_eq!(lit, [bin], "{what}: {} ps", (outer + optical) / C);
 }
 
-/// Transmittance of s or p power through two faces of index n, at cosines c (outside) and e (inside).
+/// Returns the transmittance of s or p power through two faces of index n, at cosines c (outside) and e
+/// (inside).
 fn faces(n: f64, c: f64, p: bool) -> f64 {
     let e = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
     let r = if p { (n * c - e) / (n * c + e) } else { (c - n * e) / (c + n * e) };
     (1.0 - r * r).powi(2)
 }
 
-/// Normal incidence, the axis at 45° in the plane of x and z: the ordinary image is not shifted, the other
-/// one is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°, calcite's walk-off).
+/// Tests normal incidence with the axis at 45° in the plane of x and z: the ordinary image is not shifted,
+/// and the extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°,
+/// calcite's walk-off).
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();
@@ -94,8 +96,8 @@ fn double_image_of_calcite() {
     }
 }
 
-/// Oblique in the plane of x and z with the axis along y: both rays obey Snell's law, each with its own
-/// index.
+/// Tests oblique rays in the plane of x and z with the axis along y: both rays obey Snell's law,
+/// each with its own index.
 #[test]
 fn slanting_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);
@@ -108,8 +110,8 @@ fn slanting_rays_refract_with_their_own_index() {
     }
 }
 
-/// For any direction: sampled light is realizable and follows Snell's law in its index vector, and both sides
-/// of the face agree on pairs of paths (a ray that entered leaves where it came from).
+/// Tests, for any direction, that sampled light is realizable and follows Snell's law in its index
+/// vector, and both sides of the face agree on pairs of paths (each path and its reverse).
 #[test]
 fn faces_of_a_splitting_crystal() {
     let text = format!(

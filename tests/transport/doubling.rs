@@ -1,4 +1,5 @@
-//! Polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's slabs.
+//! Computes polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's
+//! slabs.
 //!
 //! Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma & Hovenier (1987, A&A 183,
 //! 371), with the project's signs. z is the normal of the slab; a direction of travel has cosine ±μ to it and
@@ -92,7 +93,7 @@ impl Square {
     }
 }
 
-/// Nodes and weights of Gauss's rule on 0..1.
+/// Returns the nodes and weights of Gauss's rule on 0..1.
 pub fn gauss(count: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
         let n = count as f64;
@@ -116,19 +117,19 @@ pub fn gauss(count: usize) -> Vec<(f64, f64)> {
 /// A scattering matrix per steradian as a function of the cosine of the scattering angle.
 pub type Scattering<'a> = &'a dyn Fn(f64) -> Elements<f64>;
 
-/// The direction of travel with signed cosine `mu` to z and azimuth `phi`.
+/// Returns the direction of travel with signed cosine `mu` to z and azimuth `phi`.
 pub fn direction(mu: f64, phi: f64) -> DVec3 {
     let s = (1.0 - mu * mu).max(0.0).sqrt();
     DVec3::new(s * phi.cos(), s * phi.sin(), mu)
 }
 
-/// The first axis of the Stokes frame of a direction with that azimuth.
+/// Returns the first axis of the Stokes frame of a direction with that azimuth.
 pub fn horizontal(phi: f64) -> DVec3 {
     DVec3::new(-phi.sin(), phi.cos(), 0.0)
 }
 
-/// The scattering matrix between directions of travel, each with the first axis of its frame: `[d, x]` of the
-/// outgoing light, and of the incoming light.
+/// Returns the scattering matrix between directions of travel, each with the first axis of its
+/// frame: `[d, x]` of the outgoing light, and of the incoming light.
 pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec3; 2]) -> M {
     let e = scattering(d.dot(d_in).clamp(-1.0, 1.0));
     #[rustfmt::skip]
@@ -144,13 +145,14 @@ pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec
     turn(d, s, x) * matrix * turn(d_in, x_in, s)
 }
 
-/// The same between directions of signed cosine and azimuth, in the frames of their azimuths.
+/// Returns the scattering matrix between directions given by signed cosine and azimuth, in the frames of
+/// these azimuths.
 pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M {
     let [out, into] = [out, into].map(|[mu, phi]| [direction(mu, phi), horizontal(phi)]);
     scattered(scattering, out, into)
 }
 
-/// Sign of entry (i, j) under X = diag(1, 1, -1, -1).
+/// Returns the sign of entry (i, j) under X = diag(1, 1, -1, -1).
 fn mirror(i: usize, j: usize) -> f64 {
     if (i % 4 < 2) == (j % 4 < 2) { 1.0 } else { -1.0 }
 }
@@ -172,9 +174,9 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// A slab of optical depth `tau` and single-scattering albedo `albedo`, with `count` nodes of Gauss's
-    /// rule and the cosines `of_interest` (> 0), with the given `orders` of the Fourier series. `halvings` is
-    /// the number of doublings from the thinnest layer.
+    /// Returns a slab of optical depth `tau` and single-scattering albedo `albedo`, with `count`
+    /// nodes of Gauss's rule and the cosines `of_interest` (> 0), with the given `orders` of the
+    /// Fourier series. `halvings` is the number of doublings from the thinnest layer.
     pub fn new(
         scattering: Scattering,
         [tau, albedo]: [f64; 2],
@@ -236,7 +238,7 @@ impl Slab {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
-    /// The same slab under a pane that reflects and transmits light of a cosine by these matrices, from
+    /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from
     /// either side; downward light is not computed. Adding, with a layer that keeps directions: between the
     /// two, with upward light U and the light D = P U that the pane returns, U = R (1 + w D).
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
@@ -259,7 +261,7 @@ impl Slab {
         Self { nodes: self.nodes.clone(), tau: self.tau, modes: modes.collect() }
     }
 
-    /// Power that leaves upward and downward (diffuse and unscattered light) over incident power.
+    /// Returns the power that leaves upward and downward (diffuse and unscattered light) over incident power.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
         let j = 4 * self.node(mu_in);
@@ -302,9 +304,9 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
     out
 }
 
-/// A layer so thin that the light inside is the mean of what enters and leaves (Wiscombe 1976, "diamond"):
-/// with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is ((1 - G)/(1 + G) + B w) of
-/// the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
+/// Returns a layer so thin that the light inside is the mean of what enters and leaves (Wiscombe
+/// 1976, "diamond"): with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is
+/// ((1 - G)/(1 + G) + B w) of the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;
@@ -327,8 +329,9 @@ fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: 
     }
 }
 
-/// Two equal layers, each of optical depth `tau`, stacked (Hansen & Travis 1974, eq. 3.10): with downward
-/// light D and upward light U between them, U = R E + R w D, D = T + X R X w U.
+/// Returns the layer that results from stacking two equal layers, each of optical depth `tau` (Hansen &
+/// Travis 1974, eq. 3.10): with downward light D and upward light U between them, U = R E + R w D, D = T + X
+/// R X w U.
 fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     let (r, t) = (&layer.reflect, &layer.transmit);
     let e = |i: usize| (-tau / nodes[i / 4].0).exp();
@@ -346,7 +349,7 @@ fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     }
 }
 
-/// Rayleigh's matrix per steradian.
+/// Returns Rayleigh's matrix per steradian.
 pub fn rayleigh(mu: f64) -> Elements<f64> {
     let unit = 3.0 / (16.0 * PI);
     Elements {

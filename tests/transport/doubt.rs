@@ -1,5 +1,6 @@
-//! Unreliable error estimates are marked, and the others are honest. In marble, where few samples carry most
-//! of a pixel's light, deviations over seeds agree with the unmarked errors.
+//! Tests that unreliable error estimates are marked, and that unmarked error estimates are correct. In
+//! marble, where few samples carry most of a pixel's light, deviations over seeds agree with the unmarked
+//! errors.
 
 use crate::support::edit;
 use std::path::Path;
@@ -15,7 +16,7 @@ const SIZE: usize = 48;
 const SPP: u32 = 32;
 const SEEDS: usize = 24;
 
-/// Means over wavelengths, with their errors, of the statue.
+/// Returns the means over wavelengths, with their errors, of the statue.
 fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/sss_statue/scene.toml");
     let all = std::fs::read_to_string(&path).expect("the scene");
@@ -41,8 +42,8 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .collect()
 }
 
-/// The mean of z² over selected pixels of each seed, where z is the deviation from the mean of the other
-/// seeds over the error of both. Returns its mean over seeds, and five standard errors of that.
+/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this
+/// mean. z is the deviation from the mean of the other seeds, divided by the error of both.
 fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     let others = (seeds.len() - 1) as f64;
     let each: Vec<f64> = seeds
@@ -67,8 +68,8 @@ fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     [mean, 5.0 * (spread / (n - 1.0) / n).sqrt()]
 }
 
-/// 32 samples per pixel, 24 seeds. Negative controls: marks shifted by half an image, and errors of two
-/// thirds.
+/// Tests 32 samples per pixel and 24 seeds. Negative controls are marks shifted by half an image,
+/// and errors of two thirds.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn unmarked_errors_are_as_stated_and_marked_ones_too_short() {

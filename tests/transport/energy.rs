@@ -1,4 +1,5 @@
-//! White furnace: under constant radiance 1, the returned radiance is each material's directional albedo.
+//! White furnace tests: under constant radiance 1, the returned radiance is each material's directional
+//! albedo.
 
 use crate::optics::{Device, M, ggx_g2, head, mirror, mueller, of_image, plate, project};
 use crate::support::render_text;
@@ -19,7 +20,7 @@ fn sphere(material: &str, spp: u32, depth: u32) -> crate::support::Rendered {
     render_text(&text)
 }
 
-/// Surfaces that return all light in one bounce vanish in the furnace, in every sample.
+/// Tests that surfaces that return all light in one bounce vanish in the furnace, in every sample.
 #[test]
 fn lossless_opaque_spheres_vanish() {
     for material in ["diffuse.albedo = 1", "conductor = { n = 0.001, k = 100 }"] {
@@ -31,7 +32,8 @@ fn lossless_opaque_spheres_vanish() {
     }
 }
 
-/// So does glass, on average, and unpolarized light stays unpolarized.
+/// Tests that a glass sphere vanishes in the furnace on average, and that unpolarized light stays
+/// unpolarized.
 #[test]
 fn glass_sphere_vanishes() {
     let r = sphere("dielectric.ior = 1.5", 4000, 1000);
@@ -59,8 +61,8 @@ fn glass_sphere_vanishes() {
     }
 }
 
-/// ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint rule over facet
-/// slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
+/// Returns ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint
+/// rule over facet slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
 fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
     const U: u32 = 600;
     const PHI: u32 = 400;
@@ -87,7 +89,7 @@ fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) ->
     sum
 }
 
-/// Rough metal at three angles and three roughnesses, gold and a lossless one.
+/// Tests rough metal at three angles and three roughnesses, gold and a lossless one.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn rough_conductor_returns_its_directional_albedo() {
@@ -123,8 +125,9 @@ fn rough_conductor_returns_its_directional_albedo() {
     }
 }
 
-/// Spheres that lose or gain at most a small part of the light, whatever the number of inner reflections:
-/// rough faces lose light between facets, and faces of split crystals are approximate to (n_e - n_o)².
+/// Tests spheres that lose or gain at most a small part of the light, whatever the number of inner
+/// reflections: rough faces lose light between facets, and faces of split crystals are approximate to (n_e -
+/// n_o)².
 #[test]
 fn spheres_nearly_vanish() {
     let split = "axis = [0.5, -0.3, 0.8], split = true";

@@ -1,5 +1,4 @@
-//! Objects filled with a medium whose surface transmits light without bending: the medium acts for any such
-//! surface.
+//! Tests objects filled with a medium whose surface transmits light without refraction.
 
 use crate::optics::{Device, M, head, mueller, samples_factor};
 use crate::support::render_text;
@@ -9,8 +8,8 @@ use std::f64::consts::PI;
 /// Optical depth along the sphere's diameter.
 const DEPTH: f64 = 2.0;
 
-/// Materials that transmit light without bending, with the transmittance and reflectance of their surface at
-/// normal incidence, for light that has possibly passed one of them before.
+/// Materials that transmit light without refraction, with the transmittance and reflectance of
+/// their surface at normal incidence, for light that has possibly passed one of them before.
 struct Sheet {
     keys: &'static str,
     /// Transmittance of a first and of a second passage.
@@ -51,7 +50,7 @@ const SHEETS: [Sheet; 10] = [
     },
 ];
 
-/// A sphere of radius 0.5 about the origin, filled with `medium`.
+/// Returns the scene-file text of a sphere of radius 0.5 about the origin, filled with `medium`.
 fn sphere(medium: &str) -> String {
     format!(
         "[media.m.homogeneous]\n{medium}\n[[objects]]\nmaterial = \"s\"\ninterior = \"m\"\n\
@@ -61,7 +60,7 @@ fn sphere(medium: &str) -> String {
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// Mean and standard error of a pixel that looks along the z axis through the sphere's centre.
+/// Returns the mean and standard error of a pixel that looks along the z axis through the sphere's centre.
 fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
     let camera = Device::ray([0.0, 0.0, z], DVec3::new(0.0, 0.0, z - 1.0));
     let text = head(spp * samples_factor(), 200, seed)
@@ -80,8 +79,8 @@ fn check([mean, error]: [M; 2], want: f64, what: &str) {
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
 
-/// Under uniform illumination, from outside along the diameter and from the centre, with multiple
-/// reflections.
+/// Tests absorbing media under uniform illumination, from outside along the diameter and from the
+/// centre, with multiple reflections.
 #[test]
 fn absorbing_media_behind_every_kind_of_sheet() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -104,8 +103,8 @@ fn absorbing_media_behind_every_kind_of_sheet() {
     }
 }
 
-/// A wall seen directly, lit by a point light at the sphere's centre, or by one on the far side of the
-/// sphere.
+/// Tests a wall seen directly, lit by a point light at the sphere's centre, or by one on the far
+/// side of the sphere.
 #[test]
 fn connections_to_points_of_light_through_filled_sheets() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -141,7 +140,7 @@ fn connections_to_points_of_light_through_filled_sheets() {
     }
 }
 
-/// Sheets without an effect bound a scattering medium like a null boundary.
+/// Tests that sheets without an effect act as a null boundary of a scattering medium.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn scattering_media_do_not_notice_idle_sheets() {

@@ -1,5 +1,5 @@
-//! Frames of camera and emitters: rolls act as rotation matrices, and a point emitter equals a projector
-//! without a lens.
+//! Tests the frames of camera and emitters: rolls act as rotation matrices, and a point emitter
+//! equals a projector without a lens.
 
 use crate::optics::{Device, GOLD_KEYS, M, assert_close, head, mueller, plate, rotation};
 use crate::support::render_text;
@@ -7,7 +7,7 @@ use glam::DVec3;
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// A rough gold plate through the origin.
+/// Returns the scene-file text of a rough gold plate through the origin.
 fn gold_plate() -> String {
     format!("[materials.gold.rough_conductor]\n{GOLD_KEYS}\nalpha = 0.35\n").replace(", k", "\nk")
         + &plate(DVec3::ZERO, DVec3::Z, 2.0, "gold")
@@ -18,7 +18,7 @@ fn single(camera: &Device, light: &str) -> M {
     mueller(&r.mean("m"), &[])
 }
 
-/// M(roll_c, roll_p) = R(θ_c) M R(-θ_p), θ counter-clockwise looking toward the source.
+/// Tests that M(roll_c, roll_p) = R(θ_c) M R(-θ_p), with θ counter-clockwise looking toward the source.
 ///
 /// Light leaves the projector along forward, so that turning its right by θ is toward forward × right = down;
 /// it reaches the camera along -forward, so that there θ is from right toward up.
@@ -40,8 +40,8 @@ fn rolls_are_rotation_matrices() {
     }
 }
 
-/// A point of intensity I acts like a projector of irradiance E = I at 1 m, except for the lens's factor
-/// 1/cos³θ.
+/// Tests that a point emitter of intensity I acts like a projector of irradiance E = I at 1 m,
+/// except for the lens's factor 1/cos³θ.
 #[test]
 fn a_point_emitter_is_a_projector_without_lens() {
     let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [40, 40], 60.0).rolled(0.4);

@@ -1,4 +1,4 @@
-//! A glass slab in front of a lit plane: power, polarization, optical path, dispersion.
+//! Tests a glass slab in front of a lit plane: power, polarization, optical path, dispersion.
 
 use crate::optics::{C, Device, M, head, mueller, plate};
 use crate::support::{Rendered, render_text};
@@ -9,8 +9,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, StokesIn, StokesOut, T, Waveleng
 const FRONT: f64 = 0.7;
 const BACK: f64 = 0.4;
 
-/// A slab across the z axis, rotated about y, lit from below; the camera on the axis at z = 2 looks down.
-/// `material` is the slab's, `target` the lit object.
+/// Returns the scene-file text of a slab across the z axis, rotated about y, lit from below; the
+/// camera on the axis at z = 2 looks down. `material` is the slab's, `target` the lit object.
 fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
     let camera = Device::look_at([0.0, 0.0, 2.0], DVec3::ZERO, [1, 1], 1e7);
     head.to_owned()
@@ -27,7 +27,7 @@ fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
         )
 }
 
-/// Radiance of the wall at (x, 0, 0) and its distance from the projector.
+/// Returns the radiance of the wall at (x, 0, 0) and its distance from the projector.
 fn wall(x: f64) -> (f64, f64) {
     let lamp = Device::look_at([-0.6, 0.0, 0.15], DVec3::ZERO, [8, 8], 6.0);
     let point = DVec3::new(x, 0.0, 0.0);
@@ -35,14 +35,14 @@ fn wall(x: f64) -> (f64, f64) {
     (0.001 / PI * lamp.project(point).1 * to.normalize().z, to.length())
 }
 
-/// Mean and standard error of element [i][0] after `bounces` interactions.
+/// Returns the mean and standard error of element [i][0] after `bounces` interactions.
 fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     let at = [(Bounces, bounces), (StokesOut, i), (StokesIn, 0)];
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
-/// Normal incidence, index 3: R = 1/4. Every order of inter-reflection has its closed form T²R²ᵏ and its own
-/// delay; their sum is T²/(1 - R²).
+/// Tests normal incidence with index 3: R = 1/4. Every order of inter-reflection has its closed
+/// form T²R²ᵏ and its own delay; their sum is T²/(1 - R²).
 #[test]
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
@@ -81,8 +81,8 @@ fn slab_at_normal_incidence() {
     assert!(5.0 * sigma < 0.2 * (want - radiance * pass), "too few samples to see inter-reflections");
 }
 
-/// A slab rotated to Brewster's angle of 1.5: p is transmitted completely, s with its squared transmittance;
-/// the ray is shifted sideways and the path inside is longer by 1/cosθ_t.
+/// Tests a slab rotated to Brewster's angle of 1.5: p is transmitted completely, s with its squared
+/// transmittance; the ray is shifted sideways and the path inside is longer by 1/cosθ_t.
 #[test]
 fn slab_at_brewster_angle() {
     const N: f64 = 1.5;
@@ -119,8 +119,8 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Wall and projector inside a medium with a plane face: radiance decreases by n² on its way out, and travel
-/// times inside are n times longer.
+/// Tests a wall and a projector inside a medium with a plane face: radiance decreases by n² on its
+/// way out, and travel times inside are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;
@@ -147,7 +147,7 @@ fn radiance_leaves_a_dense_medium() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Three wavelengths with separate refracted paths equal three renders of one wavelength each.
+/// Tests that three wavelengths with separate refracted paths equal three renders of one wavelength each.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn dispersion_is_unbiased() {

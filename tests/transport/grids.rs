@@ -1,11 +1,11 @@
-//! Media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
+//! Tests media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::{Path, PathBuf};
 
-/// A grid file: values of each point, x fastest.
+/// Returns a grid file: values of each point, x fastest.
 fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32]) -> PathBuf {
     let words = [1, size[0], size[1], size[2], channels].map(i32::to_le_bytes);
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
@@ -16,8 +16,8 @@ fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32])
     file
 }
 
-/// One pixel that looks along -z at (0.3, 0.6) of the unit cube filled with `medium`, under uniform white
-/// light.
+/// Returns the scene-file text of one pixel that looks along -z at (0.3, 0.6) of the unit cube
+/// filled with `medium`, under uniform white light.
 fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 400\nrr_depth = 1000000\nseed = 4\nintegrator = \"{integrator}\"\n\
@@ -28,8 +28,8 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     )
 }
 
-/// exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same in a box of half the
-/// cube, and rotated away from the ray; with nearest-neighbour lookup.
+/// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
+/// in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
 #[test]
 fn what_passes_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -52,7 +52,8 @@ fn what_passes_is_the_exponential_of_the_integral() {
     }
 }
 
-/// A medium that scatters all light shows the surrounding white light, for any density distribution.
+/// Tests that a medium that scatters all light has the radiance of the surrounding white light, for any
+/// density distribution.
 #[test]
 fn furnaces_of_uneven_clouds() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -70,8 +71,8 @@ fn furnaces_of_uneven_clouds() {
     }
 }
 
-/// A grid of equal values is a homogeneous medium, up to rounding along the same paths; the scattering albedo
-/// may also be a grid.
+/// Tests that a grid of equal values is a homogeneous medium, up to rounding along the same paths;
+/// the scattering albedo may also be a grid.
 #[test]
 fn equal_numbers_are_an_even_medium() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -93,7 +94,8 @@ fn equal_numbers_are_an_even_medium() {
     }
 }
 
-/// Both integrators find the same light of a projector in a heterogeneous cloud in front of a wall.
+/// Tests that both integrators find the same light of a projector in a heterogeneous cloud in front of a
+/// wall.
 #[test]
 fn uneven_clouds_are_the_same_from_both_ends() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,6 +1,7 @@
-//! Imported materials keep the albedo of their source models: a square under uniform illumination 1, seen
-//! along its normal, shows the directional albedo there. Values are those of the specifications, of Mitsuba
-//! 3.9.1, or closed forms; `validation/import_albedo.py` compares all angles with Mitsuba.
+//! Tests that imported materials keep the albedo of their source models: a square under uniform illumination
+//! 1, seen along its normal, shows the directional albedo at normal incidence. Values are those of the
+//! specifications, of Mitsuba 3.9.1, or closed forms; `validation/import_albedo.py` compares all angles with
+//! Mitsuba.
 
 use crate::mesh_files::square;
 use crate::optics::{Device, head};
@@ -13,7 +14,7 @@ use sunstone::scene::mitsuba::import::Import;
 
 const SKY: &str = "[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"m\"\n";
 
-/// Radiance of a scene at 450, 550 and 660 nm.
+/// Returns the radiance of a scene at 450, 550 and 660 nm.
 fn seen(folder: &Path, text: &str) -> [f64; 3] {
     let scene = from_text(&folder.join("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
     let mean = render_scene(&scene).mean("m");
@@ -51,7 +52,7 @@ fn gltf(material: &str) -> [f64; 3] {
     object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
-/// An imported BSDF of Mitsuba on a rectangle.
+/// Returns an imported BSDF of Mitsuba on a rectangle.
 fn mitsuba(bsdf: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let xml = format!(
@@ -115,7 +116,7 @@ fn mtl_colours_are_those_of_the_whole_surface() {
     }
 }
 
-/// Mitsuba 3.9.1, scalar_rgb, 65,536 samples, along the normal.
+/// Compares with Mitsuba 3.9.1, scalar_rgb, 65,536 samples, along the normal.
 #[test]
 fn facets_of_a_coat_weaken_the_body_as_in_the_source() {
     for (alpha, want) in [("0.1", 0.5033), ("0.4", 0.4242), ("1", 0.2649)] {
@@ -161,8 +162,8 @@ fn holes_show_what_is_behind() {
     near(opaque, gltf(opaque), [0.492; 3], NOISE);
 }
 
-/// Clipping planes of Mitsuba that cut the scene are refused, because the result would differ. Planes that
-/// cut nothing are ignored.
+/// Tests that clipping planes of Mitsuba that cut the scene are refused, because the result would
+/// differ. Planes that cut nothing are ignored.
 #[test]
 fn clipping_planes_that_cut_are_refused() {
     let imported = |near: &str, far: &str| {

@@ -1,5 +1,5 @@
-//! More than one bounce: a diffuse corner against quadrature, integrating spheres and boxes, Russian
-//! roulette.
+//! Tests more than one bounce: a diffuse corner against quadrature, integrating spheres and boxes,
+//! Russian roulette.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{Rendered, render_text};
@@ -10,7 +10,7 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const BIN_PS: f64 = 50.0;
 const BINS: usize = 400;
 
-/// Floor z = 0 and wall x = 0, the camera looks at one point of the floor.
+/// Tests the floor z = 0 and the wall x = 0 against quadrature; the camera sees one point of the floor.
 #[test]
 fn diffuse_corner() {
     const N: u32 = 2000;
@@ -92,7 +92,7 @@ fn diffuse_corner() {
     assert!(sigma < 10.0);
 }
 
-/// In a diffuse sphere the irradiance after k ≥ 2 bounces is constant: L_k = ρᵏ I / (π R²).
+/// Tests that in a diffuse sphere the irradiance after k ≥ 2 bounces is constant: L_k = ρᵏ I / (π R²).
 #[test]
 fn integrating_sphere() {
     const RHO: f64 = 0.7;
@@ -126,8 +126,8 @@ fn integrating_sphere() {
     }
 }
 
-/// A closed box with a rough gold lid: equal with and without Russian roulette, in every bounce and Stokes
-/// element.
+/// Tests a closed box with a rough gold lid: results are equal with and without Russian roulette,
+/// in every bounce and Stokes element.
 #[test]
 fn roulette_is_unbiased_in_a_box() {
     let render = |roulette: &str, seed| {

@@ -1,12 +1,12 @@
-//! Scenes with instances equal those with copies: meshes with smooth normals and textures, metal, filled
-//! glass; rotated, mirrored and stretched, with both integrators.
+//! Tests that scenes with instances equal scenes with copies: meshes with smooth normals and
+//! textures, metal, filled glass; rotated, mirrored and stretched, with both integrators.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;
 use std::path::Path;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// A dented sphere with normals and texture coordinates, as OBJ.
+/// Returns the scene-file text of a dented sphere with normals and texture coordinates, as OBJ.
 fn ball(n: u32) -> String {
     let mut text = String::new();
     for i in 0..=n {
@@ -159,7 +159,7 @@ fn instances_render_as_copies() {
     compare(&render_scene(&one), &render_scene(&two), 0.02);
 }
 
-/// With bidirectional paths, over mirrors and through glass.
+/// Compares instances with copies by bidirectional paths, over mirrors and through glass.
 #[test]
 fn instances_are_copies_from_both_ends() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Light separated by the interactions of its path: closed forms for each kind, sums, comparison of
-//! integrators, and a planted error.
+//! Tests light separated by the interactions of its path: closed forms for each kind, sums,
+//! comparison of integrators, and a planted error.
 
 use crate::bidirectional::{FOG, WALLS, devices, redirecting, with};
 use crate::optics::{
@@ -13,7 +13,7 @@ use sunstone::tensor::axes::AxisKind::{Label, StokesIn, StokesOut, Wavelength};
 use sunstone::tensor::label::{self, DIFFUSE as BODY, GLOSSY, MEDIUM, SPECULAR};
 use sunstone::transport::scene::Integrator;
 
-/// Mean light of a set, M00 of the single wavelength of a one-pixel slice.
+/// Returns the mean light of a set, M00 of the single wavelength of a one-pixel slice.
 fn light(t: &Tensor, set: u8) -> f64 {
     t.at(&[(Label, set.into()), (StokesOut, 0), (StokesIn, 0)]).into()
 }
@@ -28,7 +28,8 @@ fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
 const MUELLER: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nlabels = true\n\
                        [[slices]]\nname = \"all\"\npolarization = \"mueller\"\n";
 
-/// The camera's ray, a point light and a plate at the origin that faces +z; the material's table.
+/// Returns the scene-file text of the camera's ray, a point light and a plate at the origin that faces +z;
+/// the material's table.
 fn plate_under_a_point(material: &str, integrator: &str) -> String {
     let camera = Device::ray([0.8, 0.3, 2.0], DVec3::ZERO);
     head(1, 2, 1)
@@ -41,7 +42,7 @@ fn plate_under_a_point(material: &str, integrator: &str) -> String {
         + MUELLER
 }
 
-/// A Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
+/// Tests that light of a Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
 #[test]
 fn direct_light_of_a_lambert_plate_is_diffuse() {
     for integrator in ["integrator = \"path\"", "integrator = \"path\"\nmanifold = true"] {
@@ -55,8 +56,8 @@ fn direct_light_of_a_lambert_plate_is_diffuse() {
     }
 }
 
-/// The two lobes of plastic, all 16 elements, against plastic with one of them alone; also blended, two-sided
-/// and depolarized.
+/// Compares the two lobes of plastic, all 16 elements, with plastic that has only one of the lobes;
+/// also blended, two-sided and depolarized.
 #[test]
 fn lobes_of_plastic_are_parted_exactly() {
     let plastic = |albedo: f64, specular: f64| {
@@ -101,7 +102,7 @@ fn lobes_of_plastic_are_parted_exactly() {
     }
 }
 
-/// Over a gold mirror to a Lambertian wall: specular and diffuse, with the mirror's matrix.
+/// Tests light over a gold mirror to a Lambertian wall: specular and diffuse, with the mirror's matrix.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));
@@ -133,8 +134,8 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     assert_close(&mueller(&t, &[(Label, (SPECULAR | BODY).into())]), &want, 1e-4, "mirror");
 }
 
-/// A slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) / (8 π
-/// σ_t); from the wall, ρ E e^(-2 σ_t L) / π; both, by the third kind. 5 standard errors.
+/// Tests a slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) /
+/// (8 π σ_t); from the wall, ρ E e^(-2 σ_t L) / π; both, by the third kind. 5 standard errors.
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -179,7 +180,7 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     }
 }
 
-/// All light of a slice of intensities, and its error as if elements were independent.
+/// Returns all light of a slice of intensities, and its error as if elements were independent.
 fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     let (mean, error) = (r.mean(slice), r.std_error(slice));
     let light = mean.data.iter().map(|v| f64::from(*v)).sum();
@@ -187,8 +188,8 @@ fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     (light, variance.sqrt())
 }
 
-/// A scene with every feature, rendered by each integrator: parts add up to the whole, element by element, up
-/// to rounding.
+/// Tests a scene with every feature and each integrator: the parts add up to the whole, element by
+/// element, up to rounding.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn parts_add_up_to_the_whole() {
@@ -255,8 +256,8 @@ fn parts_add_up_to_the_whole() {
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 
-/// The largest deviation between two renders over labels, in errors, for elements whose errors are known in
-/// both; `swapped`: with two bits of the first render's labels exchanged.
+/// Returns the largest deviation between two renders over labels, in errors, for elements whose
+/// errors are known in both; `swapped`: with two bits of the first render's labels exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {
@@ -289,8 +290,8 @@ fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usiz
     (most, count)
 }
 
-/// Camera paths and bidirectional paths, label by label, 5 standard errors. The planted error must be
-/// detected.
+/// Compares camera paths and bidirectional paths label by label, within 5 standard errors. A
+/// deliberate error must be detected.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn integrators_agree_label_by_label() {
@@ -316,7 +317,7 @@ fn integrators_agree_label_by_label() {
     }
 }
 
-/// A sky that is seen directly, and over glass and a mirror.
+/// Tests a sky that is seen directly, and over glass and a mirror.
 #[test]
 fn what_is_seen_straight_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);

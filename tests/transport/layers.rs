@@ -1,5 +1,5 @@
-//! Ground truth against closed forms in f64, ray by ray: 16 rays per pixel, through the centres of its 4 × 4
-//! parts.
+//! Compares ground truth with closed forms in f64, ray by ray: 16 rays per pixel, through the
+//! centres of its 4 × 4 parts.
 //!
 //! Tolerances are those of f32: 2e-6 of the scene's size for lengths, 2e-5 for normals of meshes and
 //! quadrics.
@@ -12,7 +12,7 @@ use sunstone::transport::render::layers::{Options, layers};
 
 const RAYS: u32 = 16;
 
-/// A camera five metres up the z axis, image up is +y.
+/// Returns a camera five metres up the z axis, image up is +y.
 fn camera() -> Device {
     Device::look_at([0.0, 0.0, 5.0], DVec3::ZERO, [20, 16], 25.0)
 }
@@ -30,7 +30,7 @@ fn made(body: &str, through: bool) -> LayerSet {
     layers(&scene_of(&scene(body)), options)
 }
 
-/// The directions of a pixel's rays.
+/// Returns the directions of a pixel's rays.
 fn rays(camera: &Device, x: u32, y: u32) -> Vec<DVec3> {
     let part = |i: u32| (f64::from(i) + 0.5) / 4.0;
     (0..RAYS).map(|i| camera.direction(f64::from(x) + part(i % 4), f64::from(y) + part(i / 4))).collect()
@@ -49,7 +49,7 @@ fn one(set: &LayerSet, name: &str, x: u32, y: u32) -> f64 {
     set.real(name, x, y).expect("a layer")[0].into()
 }
 
-/// Distance along a ray from `o` to a ball.
+/// Returns the distance along a ray from `o` to a ball.
 fn ball(o: DVec3, d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let b = (centre - o).dot(d);
     let q = b * b - (centre - o).length_squared() + radius * radius;
@@ -64,7 +64,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
     (got - want).abs().max_element() < by
 }
 
-/// A ball without a background: all layers, including its rim.
+/// Tests a ball without a background: all layers, including its rim.
 #[test]
 fn a_ball_has_its_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
@@ -119,8 +119,8 @@ fn a_ball_has_its_depth_normals_and_rim() {
     assert!(inside > 30 && rim > 8 && outside > 100, "{inside} {rim} {outside}");
 }
 
-/// A tilted metal rectangle in front of a wall: edges are not mixed, metal has no albedo, normals face the
-/// camera on both sides.
+/// Tests a tilted metal rectangle in front of a wall: edges are not mixed, metal has no albedo,
+/// normals face the camera on both sides.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
     let (corner, u, v) =
@@ -169,7 +169,7 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
     assert!(edges > 20, "{edges}");
 }
 
-/// An image whose texels are camera pixels, and a map that tilts all normals equally.
+/// Tests an image whose texels are camera pixels, and a map that tilts all normals equally.
 #[test]
 fn pictures_and_normal_maps_are_seen() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -208,7 +208,7 @@ fn pictures_and_normal_maps_are_seen() {
     }
 }
 
-/// A triangle with normals at its corners.
+/// Tests a triangle with normals at its corners.
 #[test]
 fn normals_of_a_mesh_are_interpolated() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -245,7 +245,7 @@ fn normals_of_a_mesh_are_interpolated() {
     }
 }
 
-/// Copies have the object of their group and a separate number, each at its own position.
+/// Tests that copies have the object of their group and a separate number, each at its own position.
 #[test]
 fn copies_are_told_apart() {
     let set = made(
@@ -288,8 +288,8 @@ fn copies_are_told_apart() {
     assert_eq!(objects.expect("names"), ["wall", "pearls/objects[0]", "pearls/clasp"]);
 }
 
-/// A tilted pane of glass: it is the first visible object; looking through it shows the wall behind, at the
-/// position of Snell's law.
+/// Tests a tilted pane of glass. The pane is the first visible object; rays through the pane hit
+/// the wall behind at the position given by Snell's law.
 #[test]
 fn glass_is_looked_through() {
     let (n, thick, turn) = (1.5, 0.4, 0.5_f64);
@@ -327,7 +327,7 @@ fn glass_is_looked_through() {
     }
 }
 
-/// Water with a card in it: one refraction, and a boundary of a medium that does not affect light.
+/// Tests a card in water: one refraction, and a boundary of a medium that does not affect light.
 #[test]
 fn what_stands_in_water_is_found_by_one_bend() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\

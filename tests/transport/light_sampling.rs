@@ -10,8 +10,8 @@ use sunstone::transport::light::sky::{Rows, Sky};
 const ROWS: usize = 16;
 const COLUMNS: usize = 32;
 
-/// Deviation of Pearson's chi² of 2^18 samples from its mean in standard deviations, on a grid in (z, φ), and
-/// the integral of the density.
+/// Returns the deviation of Pearson's chi² of 2^18 samples from its mean in standard deviations, on
+/// a grid in (z, φ), and the integral of the density.
 fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (f64, f64) {
     const N: usize = 1 << 18;
     const SUB: usize = 48;
@@ -73,7 +73,7 @@ fn environment([w, h]: [usize; 2], value: impl Fn(usize, usize) -> f32, rows: Ro
     Sky::new([w, h], texels.collect(), rows, to_world, light).expect("not black")
 }
 
-/// An image with a dark half, a bright spot and a gradient, rotated and mirrored.
+/// Tests the sampling of an image with a dark half, a bright spot and a gradient, rotated and mirrored.
 #[test]
 fn chi2_sky() {
     let value = |i: usize, j: usize| match (i, j) {
@@ -89,7 +89,7 @@ fn chi2_sky() {
     }
 }
 
-/// One lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its
+/// Tests one lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its
 /// neighbours in closed form: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
 #[test]
 fn a_lit_texel_keeps_its_peak_and_its_flux() {
@@ -148,7 +148,7 @@ fn chi2_spot() {
     agree(|u| spot.sample(u), |d| spot.density(d), "spot");
 }
 
-/// A wide, tilted frustum.
+/// Returns a wide, tilted frustum.
 fn frustum() -> Profile {
     let z = Vec3A::new(0.2, -0.6, 1.0).normalize();
     let x = z.cross(Vec3A::X).normalize();
@@ -164,15 +164,15 @@ fn chi2_frustum() {
     agree(|u| frustum.sample(u), |d| frustum.density(d), "frustum");
 }
 
-/// The integral of 1/cos³ over its directions is the rectangle's area at 1 m.
+/// Tests that the integral of 1/cos³ over the directions of a frustum is the rectangle's area at 1 m.
 #[test]
 fn a_frustum_has_its_solid_angle() {
     let got = frustum().solid_angle();
     assert!((got / (4.0 * 0.9 * 0.5) - 1.0).abs() < 1e-5, "{got}");
 }
 
-/// Intensity over its maximum, integrated over all directions, in closed form: 2π (1 - cos b) + ∫ falling
-/// part.
+/// Tests the relative intensity of a spot, integrated over all directions, against the closed form
+/// 2π (1 - cos b) + ∫ falling part.
 #[test]
 fn a_spot_has_its_solid_angle() {
     let (beam, cutoff) = (0.3_f32, 0.9_f32);

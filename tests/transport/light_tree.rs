@@ -1,5 +1,5 @@
-//! Selection among many lights: exact probabilities, irradiance against closed forms, and the noise of
-//! unequal lamps.
+//! Tests the selection among many lights: exact probabilities, irradiance against closed forms, and
+//! the noise of unequal lamps.
 
 use crate::lights::{check, m00, quadrature, shining, text};
 use crate::support::render_text;
@@ -40,7 +40,7 @@ fn receiver(stream: &mut Stream) -> Receiver {
     Receiver { p, normal: warp::sphere(stream.uniform2()) }
 }
 
-/// The fractions of evenly spaced numbers that select each light equal the stated probabilities.
+/// Tests that the fractions of evenly spaced numbers that select each light equal the stated probabilities.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn lights_are_chosen_with_the_stated_probabilities() {
@@ -83,7 +83,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
     }
 }
 
-/// Every light that reaches a point has a positive probability.
+/// Tests that every light that reaches a point has a positive probability.
 #[test]
 fn no_light_that_reaches_a_point_is_left_out() {
     let mut stream = Stream::new(9, 0, 0);
@@ -111,7 +111,7 @@ fn no_light_that_reaches_a_point_is_left_out() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// A large distant lamp and a small near one illuminate a plane equally, at powers of 3200 to 1.
+/// Tests a large distant lamp and a small near lamp that illuminate a plane equally, at powers of 3200 to 1.
 #[test]
 fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
     // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
@@ -138,7 +138,7 @@ fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
     }
 }
 
-/// A ceiling of 300 balls: π L (r/d)² cosθ of each.
+/// Tests a ceiling of 300 balls: π L (r/d)² cosθ of each.
 #[test]
 fn many_spheres_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);
@@ -155,7 +155,7 @@ fn many_spheres_light_a_plane() {
     }
 }
 
-/// A rectangle as a mesh of 800 triangles illuminates like the rectangle, from near one corner.
+/// Tests that a rectangle as a mesh of 800 triangles illuminates like the rectangle, from near one corner.
 #[test]
 fn a_lamp_of_many_triangles_lights_a_plane() {
     const N: i32 = 20;
@@ -182,7 +182,7 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// 400 points and spots, of which one is selected: I cosθ/d² of each.
+/// Tests 400 points and spots, of which one is selected: I cosθ/d² of each.
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

@@ -1,6 +1,6 @@
-//! Common light sources, against closed forms and quadrature: emitting disks, spheres, rectangles, tubes and
-//! ellipsoids over a Lambertian plane, with both integrators; the sky; spots, luminaires, directional light
-//! and beams; frames, filters and travel times.
+//! Compares common light sources with closed forms and quadrature: emitting disks, spheres,
+//! rectangles, tubes and ellipsoids over a Lambertian plane, with both integrators; the sky; spots,
+//! luminaires, directional light and beams; frames, filters and travel times.
 
 use crate::optics::{C, Device, M, head, mueller, of_image};
 use crate::support::{Rendered, render_text};
@@ -17,7 +17,7 @@ const BOTH: [&str; 2] = ["path", "bidirectional"];
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
-/// One ray at a point of the plane.
+/// Returns the scene-file text of one ray at a point of the plane.
 pub fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
     let camera = Device::ray([0.3, -4.0, 2.5], DVec3::new(at[0], at[1], 0.0));
     let render = format!("integrator = \"{integrator}\"\n");
@@ -41,12 +41,12 @@ pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     assert!(sigma <= error * want, "{what}: error {sigma:.1e} of {want}");
 }
 
-/// An emitting object.
+/// Returns the scene-file text of an emitting object.
 pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
 
-/// A disk parallel to the plane, off its axis (Siegel & Howell, configuration B-14).
+/// Tests a disk parallel to the plane, off its axis (Siegel & Howell, configuration B-14).
 #[test]
 fn disks_light_a_plane() {
     let (h, r) = (1.5, 0.8);
@@ -64,7 +64,7 @@ fn disks_light_a_plane() {
     }
 }
 
-/// A sphere: π L (r/d)² cosθ if it is above the horizon, up to rounding if only its cone is sampled.
+/// Tests a sphere: π L (r/d)² cosθ if it is above the horizon, up to rounding if only its cone is sampled.
 #[test]
 fn spheres_light_a_plane() {
     let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
@@ -80,8 +80,8 @@ fn spheres_light_a_plane() {
     }
 }
 
-/// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives the
-/// point, the normal times area for u, v in 0..1, and the radiance there over 2.
+/// Returns the irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface`
+/// gives the point, the normal times area for u, v in 0..1, and the radiance there over 2.
 pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);
@@ -96,7 +96,7 @@ pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64
     (0..N * N).map(one).sum::<f64>() / f64::from(N * N)
 }
 
-/// A tilted rectangle, which is a mesh, with an image of four squares.
+/// Tests a tilted rectangle, which is a mesh, with an image of four squares.
 #[test]
 fn rectangles_with_images_light_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -128,7 +128,7 @@ fn rectangles_with_images_light_a_plane() {
     }
 }
 
-/// A non-spherical ellipsoid, and a tube that is not round: points are sampled non-uniformly over them.
+/// Tests a non-spherical ellipsoid, and a tube that is not round: points are sampled non-uniformly over them.
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
@@ -170,7 +170,8 @@ fn ellipsoids_and_tubes_light_a_plane() {
     }
 }
 
-/// Seen directly: radiance, travel time, one-sided or two-sided emission, and polarization.
+/// Tests emitters that are seen directly: radiance, travel time, one-sided or two-sided emission, and
+/// polarization.
 #[test]
 fn lights_are_seen_as_they_are() {
     let seen = |more: &str, from: f64, integrator: &str| {
@@ -218,7 +219,7 @@ fn lights_are_seen_as_they_are() {
     }
 }
 
-/// Malus between a light's filter and a polarizer: ½ cos² of the angle between them, in column 0.
+/// Tests Malus's law between a light's filter and a polarizer: ½ cos² of the angle between them, in column 0.
 #[test]
 fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
@@ -233,7 +234,8 @@ fn light_through_two_polarizers_obeys_malus() {
     }
 }
 
-/// Connections find light through a sheet, and random paths find it in a mirror: nothing is counted twice.
+/// Tests that connections find light through a sheet, that random paths find light in a mirror, and that no
+/// light is counted twice.
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
     let (h, r) = (1.0, 0.5);
@@ -263,8 +265,8 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
     }
 }
 
-/// A white sphere in an emitting one vanishes, and so does a ball of glass, with either integrator; also a
-/// cloud without absorption.
+/// Tests that a white sphere or a ball of glass in an emitting sphere vanishes, with either
+/// integrator; also a cloud without absorption.
 #[test]
 fn furnaces_of_shining_walls() {
     let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
@@ -295,8 +297,8 @@ fn furnaces_of_shining_walls() {
     }
 }
 
-/// An image of the sky of radiance a + b·y, over planes that face up, obliquely and down: π a + 2π/3 b n·y,
-/// rotated or not.
+/// Tests an image of the sky of radiance a + b·y, over planes that face up, obliquely and down: π a
+/// + 2π/3 b n·y, rotated or not.
 #[test]
 fn skies_light_planes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -322,7 +324,8 @@ fn skies_light_planes() {
     }
 }
 
-/// A sky with a single bright texel: connections find it, and it is seen in its direction.
+/// Tests a sky with a single bright texel: connections find the texel, and the camera sees it in its
+/// direction.
 #[test]
 fn suns_are_found_and_stand_where_they_should() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -349,7 +352,7 @@ fn suns_are_found_and_stand_where_they_should() {
     assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
 }
 
-/// Directional and point lights: irradiances at single points, exact up to rounding.
+/// Tests directional and point lights: irradiances at single points, exact up to rounding.
 #[test]
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -459,8 +462,8 @@ fn spots_luminaires_directional_light_and_beams() {
     }
 }
 
-/// All power of a beam lands on a plane: its irradiance over the plane, from the camera's grid of rays from
-/// far above.
+/// Tests that all power of a beam reaches a plane: the irradiance over the plane, from the camera's
+/// grid of rays from far above.
 #[test]
 fn a_beam_loses_no_power() {
     for more in
@@ -479,8 +482,8 @@ fn a_beam_loses_no_power() {
     }
 }
 
-/// Travel time counts from the emitting surface, the plane of a directional light's origin, or a beam's
-/// origin; without an origin it is overflow.
+/// Tests that travel time counts from the emitting surface, the plane of a directional light's
+/// origin, or a beam's origin; without an origin it is overflow.
 #[test]
 fn light_takes_its_time() {
     let from = DVec3::new(0.3, -4.0, 2.5);
@@ -521,7 +524,8 @@ fn light_takes_its_time() {
     }
 }
 
-/// The total is the light of the projector and the lamps; `ambient` is that of the lamps alone.
+/// Tests that the total is the light of the projector and the lamps, and that `ambient` is the light of the
+/// lamps alone.
 #[test]
 fn ambient_light_is_apart() {
     let camera = Device::look_at([0.0, -3.0, 2.0], DVec3::ZERO, [6, 6], 8.0);

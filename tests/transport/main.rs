@@ -1,4 +1,4 @@
-//! The tracer against closed forms and independent f64 quadrature.
+//! Compares the tracer with closed forms and independent f64 quadrature.
 //!
 //! A statistical bound is five standard errors at a fixed seed; other values must agree up to f32 rounding.
 

@@ -1,5 +1,5 @@
-//! Light refracted by smooth interfaces, connected to points behind them: against rays traced in f64, and
-//! against light subpaths.
+//! Tests light that smooth interfaces refract, connected to points behind the interfaces: against
+//! rays traced in f64, and against light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -11,8 +11,8 @@ use sunstone::transport::scene::Integrator;
 pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;
 
-/// Half the sum and half the difference of an interface's transmittances for s and p, at the cosine of
-/// incidence, from index 1 to `n`.
+/// Returns half the sum and half the difference of an interface's transmittances for s and p, at
+/// the cosine of incidence, from index 1 to `n`.
 pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let s = ((cos - n * far) / (cos + n * far)).powi(2);
@@ -28,9 +28,9 @@ pub struct Meridian {
     pub passed: [f64; 2],
 }
 
-/// The radiance, its part that depends on the light's polarization, and the travel time for a white wall at
-/// height `wall` below the light, at distance `rho` from the axis. `trace` gives the ray that starts at an
-/// angle to the axis.
+/// Returns the radiance, its part that depends on the light's polarization, and the travel time for
+/// a white wall at height `wall` below the light, at distance `rho` from the axis. `trace` gives
+/// the ray that starts at an angle to the axis.
 pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
     for _ in 0..200 {
@@ -94,7 +94,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     assert!((bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52, "{bin} {}", time / BIN_PS);
 }
 
-/// A plane-parallel slab between light and wall, at several angles.
+/// Tests a plane-parallel slab between light and wall, at several angles.
 #[test]
 fn flat_slab_bends_light_as_snell_says() {
     for rho in [0.05, 0.5, 1.1] {
@@ -117,7 +117,7 @@ fn flat_slab_bends_light_as_snell_says() {
     }
 }
 
-/// Light through a pane arrives at the right time, to 0.01 ps in scenes of every size.
+/// Tests that light through a pane arrives at the correct time, to 0.01 ps in scenes of every size.
 #[test]
 fn light_through_a_pane_is_on_time() {
     for (scale, rho) in [(1.0, 0.05), (1.0, 0.5), (10.0, 0.05), (10.0, 0.5), (100.0, 0.05), (100.0, 0.5)] {
@@ -165,7 +165,8 @@ fn light_through_a_pane_is_on_time() {
     }
 }
 
-/// A ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height `wall`.
+/// Returns a ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height
+/// `wall`.
 pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     let (n, radius): (f64, f64) = (1.5, 0.25);
     let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
@@ -193,7 +194,8 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
-/// A ball of glass on the axis between light and wall, weak enough for a single path.
+/// Tests a ball of glass on the axis between light and wall, which refracts so weakly that there is a single
+/// path.
 #[test]
 fn ball_bends_light_as_rays_say() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
@@ -224,8 +226,8 @@ fn walks_agree(text: &str, least: usize) {
     assert!(sharp >= least, "{sharp}");
 }
 
-/// Light subpaths through the same glass, without manifold connections, give the same; also weighted together
-/// with them.
+/// Tests that light subpaths through the same glass, without manifold connections, give the same
+/// light; also weighted together with them.
 #[test]
 fn manifolds_and_walks_agree() {
     let text = head(3000, 8, 5)
@@ -239,7 +241,8 @@ fn manifolds_and_walks_agree() {
     walks_agree(&text, 3);
 }
 
-/// The same through a wave plate of quartz, in front of metal that preserves polarization.
+/// Compares manifold connections with light subpaths through a wave plate of quartz, in front of metal that
+/// preserves polarization.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn manifolds_and_walks_agree_through_crystals() {
@@ -256,14 +259,14 @@ fn manifolds_and_walks_agree_through_crystals() {
     walks_agree(&text, 12);
 }
 
-/// Means and errors of two renders, element by element.
+/// Returns the means and errors of two renders, element by element.
 fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32)> {
     let (m, n) = (a.mean("m"), b.mean("m"));
     let (x, y) = (a.std_error("m"), b.std_error("m"));
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Object and light behind the same water: light subpaths cannot connect the path in and out.
+/// Tests an object and a light behind the same water: light subpaths cannot connect the path in and out.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
     // Camera and lamp above the slab; for comparison, the same wall without glass.

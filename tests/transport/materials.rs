@@ -1,5 +1,5 @@
-//! Single materials: samplers follow their densities, weights are values over densities, and light is
-//! reversible.
+//! Tests single materials: samplers follow their densities, weights are values over densities, and
+//! light is reversible.
 
 use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
@@ -16,7 +16,7 @@ use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// A table of one material, with index 0.
+/// Returns a table of one material, with index 0.
 pub fn table(material: Material) -> Materials {
     Materials { list: vec![material], ..Materials::default() }
 }
@@ -38,7 +38,7 @@ fn diffuse() -> Materials {
     table(Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])) }))
 }
 
-/// A frame in general position: columns x, y, normal.
+/// Returns a frame in general position: columns x, y, normal.
 pub fn axes() -> Mat3A {
     Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
 }
@@ -48,13 +48,13 @@ pub fn surface() -> Surface {
     surface_at(n, axes().x_axis, [0.0; 2])
 }
 
-/// A direction with given cosine to the normal and azimuth.
+/// Returns a direction with given cosine to the normal and azimuth.
 pub fn toward(cos: f32, phi: f32) -> Vec3A {
     let s = (1.0 - cos * cos).sqrt();
     axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
 }
 
-/// Every material and angle that the tests below cover.
+/// Returns every material and angle that the tests below cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for cos in [1.0_f32, 0.6, 0.2, 0.05] {
@@ -143,7 +143,7 @@ fn samples_follow_their_density() {
     }
 }
 
-/// All elements and lanes of an interaction between fixed frames.
+/// Returns all elements and lanes of an interaction between fixed frames.
 pub fn elements(s: &Scatter, wo: Vec3A, wi: Vec3A) -> [[f32; 16]; 4] {
     let m = s.between(wo, perpendicular(wo), wi, perpendicular(wi));
     std::array::from_fn(|lane| std::array::from_fn(|e| m.m[e / 4][e % 4].to_array()[lane]))
@@ -193,7 +193,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// The BSDF (without cosine) of lane 0 between axes `xo` and `xi`, in f64 from the interaction's own frames.
+/// Returns the BSDF (without cosine) of lane 0 between axes `xo` and `xi`, in f64 from the interaction's own
+/// frames.
 pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> Option<M> {
     let at = surface();
     let s = materials.eval(0, &at, o, i)?;
@@ -226,8 +227,8 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// The same for matrices between axes, from `value`. Also returns the largest effect of the sign flip, over
-/// M00.
+/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of
+/// the sign flip, divided by M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
@@ -261,7 +262,7 @@ pub fn reciprocal(
     (pairs, strongest)
 }
 
-/// Two directions on the front, at least 3° above the horizon.
+/// Returns two directions on the front, at least 3° above the horizon.
 pub fn pair_in_front(stream: &mut Stream) -> [Vec3A; 2] {
     std::array::from_fn(|_| {
         let [u, v] = stream.uniform2();

@@ -1,4 +1,5 @@
-//! Measured materials against the material that a table was made from, and properties of their interpolation.
+//! Compares measured materials with the material from which the table was made, and tests properties of their
+//! interpolation.
 
 use crate::materials::{axes, follow_density, is_reciprocal, pair_in_front, surface, toward, weights_agree};
 use crate::optics::M;
@@ -65,14 +66,14 @@ impl Bench {
         }
     }
 
-    /// A table made from a metal, bands 450 and 550 nm.
+    /// Returns a table made from a metal, bands 450 and 550 nm.
     fn of_metal(&self, alpha: f32, counts: [usize; 3]) -> Materials {
         let axes = Axes::even(counts, vec![450, 550]);
         tabulate(&self.path(), &axes, &[(&metal(alpha), 0)]).expect("a table");
         self.open(&[450.0, 550.0])
     }
 
-    /// A table of given values.
+    /// Returns a table of given values.
     fn of(&self, axes: &Axes, nm: &[f64], mut value: impl FnMut([usize; 4], usize) -> f32) -> Materials {
         let (h, bands) = (axes.theta_h.len(), axes.wavelengths_nm.len());
         write(&self.path(), axes, |phi, slab| {
@@ -87,7 +88,7 @@ impl Bench {
     }
 }
 
-/// A pair of directions with cosines of at least `least`.
+/// Returns a pair of directions with cosines of at least `least`.
 fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     let mut draw = || {
         let [u, v] = stream.uniform2();
@@ -96,15 +97,15 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// One lane of the matrix between axes that depend only on the rays.
+/// Returns one lane of the matrix between axes that depend only on the rays.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Root mean square and largest difference of any element between a table and its source, over M00, for pairs
-/// within 60° of the normal (cells that touch the horizon have holes).
+/// Returns the root mean square and largest difference of any element between a table and its
+/// source, over M00, for pairs within 60° of the normal (cells that touch the horizon have holes).
 fn error(counts: [usize; 3]) -> [f64; 2] {
     let (bench, source) = (Bench::new(), metal(0.5));
     let table = bench.of_metal(0.5, counts);
@@ -134,7 +135,7 @@ fn tables_converge_to_their_source_at_second_order() {
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
-/// At an entry the table equals its source up to rounding, including frames and cosine.
+/// Tests that at an entry the table equals its source up to rounding, including frames and cosine.
 #[test]
 fn entries_are_the_source() {
     let (bench, source) = (Bench::new(), metal(0.4));
@@ -160,7 +161,7 @@ fn entries_are_the_source() {
     assert!(compared > 300, "{compared}");
 }
 
-/// A table is as reciprocal as its source where both φ_d and φ_d + π are entries.
+/// Tests that a table is as reciprocal as its source where both φ_d and φ_d + π are entries.
 #[test]
 fn reciprocity_is_inherited() {
     let bench = Bench::new();
@@ -168,8 +169,8 @@ fn reciprocity_is_inherited() {
     assert_eq!(is_reciprocal("table", &table, |_| 1.0, pair_in_front, 5e-4), 700);
 }
 
-/// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, with or without
-/// holes at the horizon.
+/// Tests that a table of realizable matrices gives realizable matrices, with or without holes at
+/// the horizon, because interpolation is a convex sum.
 #[test]
 fn realizability_is_inherited() {
     let bench = Bench::new();
@@ -217,8 +218,9 @@ fn the_azimuth_of_the_difference_goes_round() {
     }
 }
 
-/// Holes are left out and the other corners get more weight: a constant stays constant if one corner exists,
-/// and is 0 if none does. An entry with one invalid element is also a hole, only in its own band.
+/// Tests that holes are excluded and the other corners get more weight: a constant stays constant if one
+/// corner exists, and is 0 if none does. An entry with one invalid element is also a hole, only in its own
+/// band.
 #[test]
 fn holes_are_bridged() {
     let bench = Bench::new();

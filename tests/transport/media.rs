@@ -1,5 +1,5 @@
-//! Single media: matrices are normalized, realizable and reciprocal; samplers follow their densities; tables
-//! agree with their theory; milk has measured properties.
+//! Tests single media: matrices are normalized, realizable and reciprocal; samplers follow their
+//! densities; tables agree with their theory; milk has measured properties.
 
 use crate::materials::{elements, pearson, reciprocal};
 use crate::optics::{M, turn};
@@ -44,7 +44,7 @@ fn mie(radius: f64, n: f64, k: f64) -> Media {
     media(PhaseOptics::Particles(spheres(&SizeDistribution::Single { radius }, [n, k])))
 }
 
-/// Every phase function that the tests below cover.
+/// Returns every phase function that the tests below cover.
 fn cases() -> &'static [(&'static str, Media)] {
     static CASES: OnceLock<Vec<(&'static str, Media)>> = OnceLock::new();
     CASES.get_or_init(make_cases)
@@ -82,7 +82,8 @@ fn all() -> Lanes {
     Lanes::first(4)
 }
 
-/// Directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 - cosθ.
+/// Returns the directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 -
+/// cosθ.
 fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     let wo = DVec3::new(0.36, -0.48, 0.8);
     let (x, cos) = (wo.any_orthonormal_vector(), 1.0 - forward);
@@ -127,7 +128,8 @@ fn matrices_are_normalized() {
     assert!((f64::from(value.m00().to_array()[0]) - 0.25 / PI).abs() < 1e-7);
 }
 
-/// The mean cosine of tables equals that of the series; for Henyey & Greenstein it is their parameter.
+/// Tests that the mean cosine of tables equals that of the series; for Henyey & Greenstein it is their
+/// parameter.
 #[test]
 fn mean_cosines_are_known() {
     let check = |name: &str, media: &Media, want: [f64; 4]| {
@@ -162,7 +164,8 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> [[f64; 4]; 4] {
     m.lane(lane).map(|row| row.map(f64::from))
 }
 
-/// Cloude: no matrix polarizes more light than exists, at any angle, for all valid parameters.
+/// Tests by Cloude's criterion that no matrix polarizes more light than exists, at any angle, for all valid
+/// parameters.
 #[test]
 fn matrices_can_exist() {
     let mut all_cases = cases().to_vec();
@@ -191,8 +194,8 @@ fn matrices_can_exist() {
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
-/// A dipole at 90°, forward and backward; parallel over perpendicular light at 90° is the depolarization
-/// factor.
+/// Tests a dipole at 90°, forward and backward; parallel over perpendicular light at 90° is the
+/// depolarization factor.
 #[test]
 fn rayleigh_has_its_closed_form() {
     let unit = 3.0 / (16.0 * PI);
@@ -253,7 +256,7 @@ fn the_plane_does_not_matter_where_there_is_none() {
     }
 }
 
-/// Pearson's chi² of 10⁵ samples in 64 rings of equal probability times 8 sectors.
+/// Tests Pearson's chi² of 10⁵ samples in 64 rings of equal probability times 8 sectors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
@@ -299,8 +302,8 @@ fn samples_follow_their_density() {
     }
 }
 
-/// Weights are values over densities, and no active lane's weight is above the number of active lanes (except
-/// for the difference between the interpolations of value and density).
+/// Tests that weights are values divided by densities, and that no active lane's weight is above the number
+/// of active lanes (except for the difference between the interpolations of value and density).
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, media)) in cases().iter().enumerate() {
@@ -327,8 +330,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// For a single lane with S11 sampling, every weight is 1: exactly for closed forms, within the grid's error
-/// for tables.
+/// Tests that for a single lane with S11 sampling, every weight is 1: exactly for closed forms,
+/// within the grid's error for tables.
 #[test]
 fn single_wavelengths_have_constant_weights() {
     for (name, media) in cases() {
@@ -363,9 +366,9 @@ fn light_may_run_backwards() {
     }
 }
 
-/// Tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to forward peaks half a degree
-/// wide, and exceptions are counted: large transparent spheres of one size have deeper minima between their
-/// fringes.
+/// Tests that tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to
+/// forward peaks half a degree wide, and exceptions are counted: large transparent spheres of one
+/// size have deeper minima between their fringes.
 #[test]
 fn tables_meet_the_theory() {
     for (radius, n, k, bound) in [
@@ -402,8 +405,8 @@ fn tables_meet_the_theory() {
     }
 }
 
-/// N = f/V, μ_s = N C_sca; amounts by volume, number and mass agree; mixtures add; a list of sizes is a
-/// mixture.
+/// Tests the bulk properties N = f/V and μ_s = N C_sca; amounts by volume, number and mass agree;
+/// mixtures add; a list of sizes is a mixture.
 #[test]
 fn bulk_properties_add_up() {
     let (radius, f) = (3e-7, 0.02);
@@ -441,9 +444,9 @@ fn bulk_properties_add_up() {
     }
 }
 
-/// Comparison with the measurements of whole and skimmed milk by Jensen et al. (2001): reduced scattering of
-/// 2.55, 3.21, 3.77 and 0.70, 1.22, 1.90 per mm in red, green, blue; absorption increases tenfold from red to
-/// blue.
+/// Compares milk with the measurements of whole and skimmed milk by Jensen et al. (2001): reduced
+/// scattering of 2.55, 3.21, 3.77 and 0.70, 1.22, 1.90 per mm in red, green, blue; absorption
+/// increases tenfold from red to blue.
 #[test]
 fn milk_is_like_milk() {
     let milk = |fat_percent, concentration| {

@@ -1,5 +1,5 @@
-//! Memory of a mesh from its file to its tree: at most 200 bytes per triangle at any time, and little more
-//! for a thousand instances.
+//! Tests the memory of a mesh from its file to its tree: at most 200 bytes per triangle at any
+//! time, and little more for a thousand instances.
 
 use crate::optics::{Device, head};
 use glam::DVec3;
@@ -48,8 +48,8 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// The maximum number of bytes held at the same time while something is made. On one thread, so that
-/// everything is counted.
+/// Returns the maximum number of bytes that are allocated at the same time during `make`, which
+/// runs on one thread so that all allocations are counted.
 fn most<T: Send>(make: impl FnOnce() -> T + Send) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("a thread").install(|| {

@@ -1,5 +1,5 @@
-//! Mesh files with textures: glTF against OBJ of the same model, embedded materials against hand-written
-//! ones, and media in meshes that are open, inside out, or intersecting.
+//! Tests mesh files with textures: glTF against OBJ of the same model, embedded materials against
+//! hand-written ones, and media in meshes that are open, inside out, or intersecting.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -48,7 +48,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     write("square.gltf", text.as_bytes());
 }
 
-/// The square seen from the front; `more` has its object and materials.
+/// Returns the square seen from the front; `more` has its object and materials.
 fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [16, 16], 30.0);
     let text = head(16, 3, 2).replace("[550]", "[450, 550, 660]") + &camera.keys("camera") + more + LIGHT;
@@ -236,8 +236,8 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Light that enters a filled object through one of its surfaces and leaves it through another: the end and
-/// the side of a tube, and parts of a mesh with different materials. exp(-2 · length) of the path inside.
+/// Tests light that enters a filled object through one of its surfaces and leaves it through another: the end
+/// and the side of a tube, and parts of a mesh with different materials. exp(-2 · length) of the path inside.
 #[test]
 fn parts_of_a_filled_object_are_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Rough metal, rough glass and plastic alone: samplers, weights, reciprocity, realizability, energy, and
-//! limits with closed forms.
+//! Tests rough metal, rough glass and plastic alone: samplers, weights, reciprocity, realizability,
+//! energy, and limits with closed forms.
 
 use crate::materials::{
     bsdf, elements, follow_density, is_reciprocal, pair_in_front, surface, table, toward, weights_agree,
@@ -53,7 +53,7 @@ fn glass(interior: Spectral, roughness: Roughness) -> Materials {
     }))
 }
 
-/// With all options or none.
+/// Returns plastic with all options or none.
 fn plastic(roughness: Roughness, options: bool) -> Materials {
     let eta = Spectral::new([1.5, 1.52, 1.6, 1.4]);
     let mut materials = Materials::default();
@@ -74,12 +74,12 @@ fn plastic(roughness: Roughness, options: bool) -> Materials {
     materials
 }
 
-/// A direction from outside (cos > 0) or inside.
+/// Returns a direction from outside (cos > 0) or inside.
 fn seen_from(cos: f32, phi: f32) -> Vec3A {
     if cos > 0.0 { toward(cos, phi) } else { -toward(-cos, phi) }
 }
 
-/// Every material and every cosine of `wo` that the tests below cover.
+/// Returns every material and every cosine of `wo` that the tests below cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for distribution in [Ggx, Beckmann] {
@@ -123,7 +123,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// For dispersive glass and any two directions, each wavelength has the value of glass with its index.
+/// Tests that for dispersive glass and any two directions, each wavelength has the value of glass with its
+/// index.
 #[test]
 fn each_wavelength_has_its_own_facet() {
     let flint = [1.5, 1.6, 1.8, 2.0];
@@ -178,7 +179,7 @@ fn materials_are_reciprocal() {
     }
 }
 
-/// Cloude's coherency matrix has no negative eigenvalue, for any pair of directions.
+/// Tests that Cloude's coherency matrix has no negative eigenvalue, for any pair of directions.
 #[test]
 fn matrices_are_realizable() {
     let r = roughness(Ggx, Correlated, 0.3);
@@ -214,7 +215,7 @@ fn matrices_are_realizable() {
     assert!(checked > 14_000, "{checked}");
 }
 
-/// erf from its series.
+/// Returns the error function erf(x) from its series.
 fn erf(x: f64) -> f64 {
     let (mut term, mut sum) = (x, x);
     for n in 1..100 {
@@ -236,7 +237,7 @@ fn g1(distribution: Distribution, cos: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + (erf(a) - 1.0) / 2.0 + (-a * a).exp() / (2.0 * a * PI.sqrt()))
 }
 
-/// Fresnel's power reflectance.
+/// Returns Fresnel's power reflectance.
 fn reflectance(cos: f64, eta: f64) -> f64 {
     let root = eta * eta - 1.0 + cos * cos;
     if root <= 0.0 {
@@ -249,8 +250,8 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-/// Power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible ones, by a
-/// midpoint rule over facet slopes. For facets that only reflect, `through` is false.
+/// Returns the power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible
+/// ones, by a midpoint rule over facet slopes. For facets that only reflect, `through` is false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
     const PHI: u32 = 100;
@@ -340,7 +341,7 @@ fn rough_glass_returns_its_directional_albedo() {
     }
 }
 
-/// No material returns more unpolarized light than is incident, also with correlated masking.
+/// Tests that no material returns more unpolarized light than is incident, also with correlated masking.
 #[test]
 fn no_energy_is_made() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {
@@ -373,7 +374,8 @@ fn no_energy_is_made() {
     }
 }
 
-/// At α = 0.001 the mean of each lobe equals the smooth interface, all 16 elements, from both sides.
+/// Tests that at α = 0.001 the mean of each lobe equals the smooth interface, all 16 elements, from both
+/// sides.
 #[test]
 fn the_smooth_limit_is_the_smooth_interface() {
     const N: u32 = 20_000;
@@ -413,7 +415,8 @@ fn the_smooth_limit_is_the_smooth_interface() {
     }
 }
 
-/// Fresnel refraction of power from `d_in` to `d_out` by the facet between them, each in its own frame.
+/// Returns the Fresnel refraction of power from `d_in` to `d_out` by the facet between them, each in its own
+/// frame.
 fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, eta: f64) -> M {
     let root = (eta * eta - 1.0 + cos * cos).sqrt();
     let (s, p) = (2.0 * cos / (cos + root), 2.0 * eta * cos / (eta * eta * cos + root));
@@ -463,8 +466,8 @@ fn a_projector_shines_through_rough_glass() {
     }
 }
 
-/// A white base that returns light through a smooth surface with interreflection, plus the surface's
-/// reflection, returns all light; the model of Baek et al. is the product of two transmittances.
+/// Tests that a white base that returns light through a smooth surface with interreflection, plus the
+/// surface's reflection, returns all light; the model of Baek et al. is the product of two transmittances.
 #[test]
 fn interreflection_conserves_energy() {
     let eta = Spectral::new([1.5, 1.33, 2.0, 1.05]);
@@ -503,8 +506,8 @@ fn interreflection_conserves_energy() {
     }
 }
 
-/// White furnace: facets plus a white base below them return all light, at any roughness and angle. With
-/// transmittances of the smooth mean surface instead, rough coats lose or gain up to a third.
+/// Tests in a white furnace that facets plus a white base below them return all light, at any roughness and
+/// angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up to a third.
 #[test]
 fn a_white_base_below_facets_returns_all_light() {
     const STEPS: u32 = 400;
@@ -549,7 +552,7 @@ fn a_white_base_below_facets_returns_all_light() {
     }
 }
 
-/// The single-scattering lobe is a surface reflection with separate width and colour.
+/// Tests that the single-scattering lobe is a surface reflection with separate width and colour.
 #[test]
 fn single_scattering_is_a_second_reflection() {
     let layer = |alpha: f32, specular: Spectral, single_scatter| {
@@ -581,8 +584,8 @@ fn single_scattering_is_a_second_reflection() {
     }
 }
 
-/// Away from the highlight, plastic's light is polarized in the plane of n and `wo` (negative s1 in a frame
-/// perpendicular to it), more at grazing exit: shape from polarization relies on this sign.
+/// Tests that away from the highlight plastic's light is polarized in the plane of n and `wo` (negative s1 in
+/// a frame perpendicular to it), more at grazing exit: shape from polarization relies on this sign.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);

@@ -1,4 +1,4 @@
-//! Walls that are lit over mirrors and seen in a mirror: against mirror images, and rays traced in f64.
+//! Tests walls that are lit over mirrors and seen in a mirror: against mirror images, and rays traced in f64.
 
 use crate::manifold::{ALBEDO, Meridian, expected, transmission};
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, assert_close, head, mirror, mueller, plate, project};
@@ -22,13 +22,13 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// A camera that sees a point in a mirror, and its viewing direction.
+/// Returns a camera that sees a point in a mirror, and its viewing direction.
 fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
     Device::ray(origin.to_array(), image(plane, point))
 }
 
-/// Mirror matrix for light from `point` to the camera, which arrives from direction `-d_out`; and the path
-/// length.
+/// Returns the mirror matrix for light from `point` to the camera, which arrives from direction
+/// `-d_out`; and the path length.
 pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
@@ -37,8 +37,8 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// The irradiance matrix of light from the lamp over mirrors, in their order, at a point of a wall with
-/// normal `n`, in some frame at the wall; and the path length.
+/// Returns the irradiance matrix of light from the lamp over mirrors, in their order, at a point of
+/// a wall with normal `n`, in some frame at the wall; and the path length.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
@@ -57,14 +57,14 @@ fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64
     (m * e, length)
 }
 
-/// A Lambertian wall.
+/// Returns a Lambertian wall.
 fn wall() -> M {
     let mut m = M::zeros();
     m[(0, 0)] = ALBEDO / PI;
     m
 }
 
-/// The scene's devices, materials and wall, and slices.
+/// Returns the scene's devices, materials and wall, and slices.
 fn text(camera: &Device, lamp: &Device, spp: u32, depth: u32, wall: &str) -> String {
     head(spp, depth, 3)
         + &camera.keys("camera")
@@ -95,7 +95,7 @@ pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     assert!(seen.iter().all(|s| *s), "{times_ps:?}");
 }
 
-/// One mirror on both sides, all sixteen elements, exactly: nothing is random.
+/// Tests one mirror on both sides, all sixteen elements, exactly: nothing is random.
 #[test]
 fn one_mirror_is_an_image() {
     let plane = (-DVec3::X, -1.5);
@@ -123,7 +123,7 @@ fn one_mirror_is_an_image() {
     }
 }
 
-/// Two mirrors that face each other: light takes both, in either order.
+/// Tests two mirrors that face each other: light is reflected by both mirrors, in either order.
 #[test]
 fn two_mirrors_are_images_of_images() {
     let (right, left) = ((-DVec3::X, -1.5), (DVec3::X, -1.5));
@@ -142,8 +142,8 @@ fn two_mirrors_are_images_of_images() {
     comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
 }
 
-/// Three and four in a row, and a third mirror perpendicular to them: every possible order counts, and no
-/// other.
+/// Tests three and four mirrors in a row, and a third mirror perpendicular to them: every possible
+/// order counts, and no other.
 #[test]
 fn rows_of_mirrors_are_images_of_images() {
     let (right, left, back) = ((-DVec3::X, -1.5), (DVec3::X, -1.5), (DVec3::Y, -1.0));
@@ -188,8 +188,8 @@ fn rows_of_mirrors_are_images_of_images() {
     }
 }
 
-/// True if light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the axes, one after the
-/// other on its way to a point, and nothing else before.
+/// Returns whether light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the
+/// axes, one after the other on its way to a point, and nothing else before.
 fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     let images: Vec<DVec3> = row
         .iter()
@@ -227,7 +227,7 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
 
-/// A pane of glass between lamp and mirror refracts light on its way there.
+/// Tests a pane of glass between lamp and mirror, which refracts the light.
 #[test]
 fn mirror_behind_glass() {
     let plane = (-DVec3::X, -1.5);
@@ -264,8 +264,9 @@ fn mirror_behind_glass() {
     comes_at(&r, 5, &[(optical + back) / C]);
 }
 
-/// A ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at height
-/// 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no `rho`.
+/// Returns a ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at
+/// height 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no
+/// `rho`.
 pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
     let t = b - (b * b - (1.0 - 0.09)).sqrt();
@@ -279,7 +280,7 @@ pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     (Meridian { rho, optical: t + s, passed }, cos, up)
 }
 
-/// Mirror balls, with a random search for paths: one against rays in f64, two against each alone.
+/// Tests mirror balls, with a random search for paths: one against rays in f64, two against each alone.
 #[test]
 fn balls_bring_what_rays_say() {
     let plane = (-DVec3::X, -1.5);
@@ -318,8 +319,8 @@ fn balls_bring_what_rays_say() {
     assert!((got + other.0 - both.0).abs() < 5.0 * sigma, "{got} + {other:?} is not {both:?}");
 }
 
-/// Behind dispersive glass, every wavelength searches for paths over a ball separately, and finds the same as
-/// alone.
+/// Tests that behind dispersive glass every wavelength searches for paths over a ball separately,
+/// and finds the same light as in a render of this wavelength alone.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn wavelengths_find_balls_by_themselves() {

@@ -1,4 +1,5 @@
-//! Polarization optics and devices in f64, written from the project's conventions, independent of the crate.
+//! Implements polarization optics and devices in f64, written from the project's conventions, independent of
+//! the crate.
 
 use crate::support::Rendered;
 use glam::{DVec3, Vec3A};
@@ -17,24 +18,24 @@ pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 /// Vacuum light speed, metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
-/// R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along `d`,
-/// counter-clockwise looking toward the source.
+/// Returns R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along
+/// `d`, counter-clockwise looking toward the source.
 pub fn turn(d: DVec3, from: DVec3, to: DVec3) -> M {
     rotation(to.dot(d.cross(from)).atan2(to.dot(from)))
 }
 
-/// R(θ).
+/// Returns the Mueller matrix R(θ) of a rotation of the basis by θ.
 pub fn rotation(theta: f64) -> M {
     let (s, c) = (2.0 * theta).sin_cos();
     M::new(1., 0., 0., 0., 0., c, s, 0., 0., -s, c, 0., 0., 0., 0., 1.)
 }
 
-/// `axis` projected perpendicular to `d`.
+/// Returns `axis` projected perpendicular to `d`, normalized.
 pub fn project(axis: DVec3, d: DVec3) -> DVec3 {
     (axis - d * axis.dot(d)).normalize()
 }
 
-/// Fresnel amplitudes of reflection (s, p) for the relative index `eta`.
+/// Returns the Fresnel amplitudes of reflection (s, p) for the relative index `eta`.
 pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
     let one = Complex::new(1.0, 0.0);
     let cos_t = (one - Complex::new(1.0 - cos * cos, 0.0) / (eta * eta)).sqrt();
@@ -44,7 +45,7 @@ pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
     [s, p]
 }
 
-/// Fresnel reflection, s-frame on both sides.
+/// Returns the matrix of Fresnel reflection, in s-frames on both sides.
 pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     let [s, p] = amplitudes(cos, eta);
     let (a, b) = ((s.norm_sqr() + p.norm_sqr()) / 2.0, (s.norm_sqr() - p.norm_sqr()) / 2.0);
@@ -53,25 +54,26 @@ pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c)
 }
 
-/// A mirror facet that reflects light from direction `d_in` (frame `x_in`) to `d_out` (frame `x_out`).
+/// Returns a mirror facet that reflects light from direction `d_in` (frame `x_in`) to `d_out` (frame
+/// `x_out`).
 pub fn mirror(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, eta: Complex<f64>) -> M {
     let h = (d_out - d_in).normalize();
     let s = d_in.cross(d_out).normalize();
     turn(d_out, s, x_out) * reflection(d_out.dot(h), eta) * turn(d_in, x_in, s)
 }
 
-/// Smith's Λ of GGX.
+/// Returns Smith's Λ of GGX.
 fn lambda(cos: f64, alpha: f64) -> f64 {
     let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
 }
 
-/// Smith's height-correlated G2 of GGX.
+/// Returns Smith's height-correlated G2 of GGX.
 pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
 }
 
-/// BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
+/// Returns BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
 pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
     let c = n.dot((wo + wi).normalize());
     let t = c * c * (alpha * alpha - 1.0) + 1.0;
@@ -88,12 +90,12 @@ pub struct Device {
     pub forward: DVec3,
     pub resolution: [u32; 2],
     pub focal: f64,
-    /// k1, k2, k3, p1, p2.
+    /// Distortion coefficients k1, k2, k3, p1, p2.
     pub distortion: [f64; 5],
 }
 
 impl Device {
-    /// A device at `origin` that looks at `target`, +y (or +x) up.
+    /// Returns a device at `origin` that looks at `target`, +y (or +x) up.
     pub fn look_at(origin: [f64; 3], target: DVec3, resolution: [u32; 2], focal: f64) -> Self {
         let origin = DVec3::from_array(origin);
         let forward = (target - origin).normalize();
@@ -102,12 +104,12 @@ impl Device {
         Self { origin, right, down: forward.cross(right), forward, resolution, focal, distortion: [0.0; 5] }
     }
 
-    /// A camera of one pixel, so narrow that it sees a point.
+    /// Returns a camera of one pixel, so narrow that it sees a point.
     pub fn ray(origin: [f64; 3], target: DVec3) -> Self {
         Self::look_at(origin, target, [1, 1], 1e7)
     }
 
-    /// Rotated about its axis: image right rotates toward `forward × right` (image down).
+    /// Returns the device rotated about its axis: image right rotates toward `forward × right` (image down).
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
         Self { right, down: self.forward.cross(right), ..self.clone() }
@@ -123,7 +125,8 @@ impl Device {
         ]
     }
 
-    /// Unit direction through a continuous pixel position; distortion is inverted by fixed-point iteration.
+    /// Returns the unit direction through a continuous pixel position; distortion is inverted by fixed-point
+    /// iteration.
     pub fn direction(&self, px: f64, py: f64) -> DVec3 {
         let [w, h] = self.resolution.map(f64::from);
         let q = [(px - w / 2.0) / self.focal, (py - h / 2.0) / self.focal];
@@ -139,7 +142,8 @@ impl Device {
         (self.right * p[0] + self.down * p[1] + self.forward).normalize()
     }
 
-    /// Continuous pixel position of a point and its irradiance at normal incidence per unit drive, 1/(z² cosθ).
+    /// Returns the continuous pixel position of a point and its irradiance at normal incidence per unit
+    /// drive, 1/(z² cosθ).
     pub fn project(&self, p: DVec3) -> ([f64; 2], f64) {
         let v = p - self.origin;
         let z = v.dot(self.forward);
@@ -149,7 +153,7 @@ impl Device {
         (pixel, v.length() / z.powi(3))
     }
 
-    /// The table `name` of a scene file.
+    /// Returns the table `name` of a scene file.
     pub fn keys(&self, name: &str) -> String {
         let (r, d, f, o) = (self.right, self.down, self.forward, self.origin);
         let [k1, k2, k3, p1, p2] = self.distortion;
@@ -166,12 +170,12 @@ impl Device {
     }
 }
 
-/// Factor for the samples of tests that use it, from the variable `SAMPLES`.
+/// Returns the factor by which some tests multiply their samples, from the variable `SAMPLES`.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
 }
 
-/// A point of a surface at the origin.
+/// Returns a point of a surface at the origin.
 pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
     Surface {
         p: Vec3A::ZERO,
@@ -185,7 +189,7 @@ pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
     }
 }
 
-/// The mean over an image of the first of every `stride` numbers of a slice, and its standard error.
+/// Returns the mean over an image of the first of every `stride` numbers of a slice, and its standard error.
 pub fn of_image(r: &Rendered, slice: &str, stride: usize) -> (f64, f64) {
     let first = |t: Tensor| t.data.into_iter().step_by(stride).map(f64::from).collect::<Vec<_>>();
     let (mean, error) = (first(r.mean(slice)), first(r.std_error(slice)));
@@ -199,14 +203,15 @@ pub fn assert_refused(path: &Path, text: &str, words: &str) {
     assert!(message.as_ref().is_some_and(|m| m.contains(words)), "{words}: {message:?}");
 }
 
-/// The head of a scene file, without Russian roulette.
+/// Returns the head of a scene file, without Russian roulette.
 pub fn head(spp: u32, max_depth: u32, seed: u32) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = {max_depth}\nrr_depth = 1000000\nseed = {seed}\n"
     )
 }
 
-/// A square object of half width `half` about `centre`, its front toward `normal`.
+/// Returns the scene-file text of a square object of half width `half` about `centre`, its front toward
+/// `normal`.
 pub fn plate(centre: DVec3, normal: DVec3, half: f64, material: &str) -> String {
     let u = normal.normalize().any_orthonormal_vector() * half;
     let v = normal.normalize().cross(u);
@@ -219,7 +224,7 @@ pub fn plate(centre: DVec3, normal: DVec3, half: f64, material: &str) -> String 
     )
 }
 
-/// The Mueller matrix at the given indices of a slice that resolves polarization.
+/// Returns the Mueller matrix at the given indices of a slice that resolves polarization.
 pub fn mueller(t: &Tensor, at: &[(AxisKind, usize)]) -> M {
     M::from_fn(|i, j| {
         let mut at = at.to_vec();
@@ -234,7 +239,7 @@ pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     assert!(error <= tolerance, "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}");
 }
 
-/// The helper functions reproduce the pinned numbers that fix every sign.
+/// Tests that the helper functions reproduce the pinned numbers that fix every sign.
 #[test]
 fn reflection_has_the_pinned_signs() {
     let gold = reflection(0.5, GOLD);

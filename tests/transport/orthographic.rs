@@ -1,5 +1,5 @@
-//! Orthographic cameras in closed form: the positions of their rays, intersections, travel times, and
-//! refusals.
+//! Tests orthographic cameras in closed form: the positions of their rays, intersections, travel
+//! times, and refusals.
 
 use crate::optics::{C, assert_refused};
 use crate::support::{Rendered, render_text};
@@ -30,8 +30,8 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
     [Field::Mean, Field::StdError].map(|f| f64::from(r.field("m", f).at(&at)))
 }
 
-/// A point light above the plane: each pixel sees the mean irradiance of its own parallelogram, all at the
-/// same distance.
+/// Tests a point light above the plane: each pixel sees the mean irradiance of its own
+/// parallelogram, all at the same distance.
 #[test]
 fn each_pixel_sees_its_own_place() {
     let light = DVec3::new(0.1, 0.15, 0.3);
@@ -58,7 +58,7 @@ fn each_pixel_sees_its_own_place() {
     }
 }
 
-/// Every point on a pixel's ray projects to that pixel.
+/// Tests that every point on a pixel's ray projects to that pixel.
 #[test]
 fn points_fall_on_the_pixels_that_see_them() {
     let slice = "[[slices]]\nname = \"m\"\n[[emitters]]\nenvironment.radiance = 1\n";
@@ -73,8 +73,8 @@ fn points_fall_on_the_pixels_that_see_them() {
     }
 }
 
-/// Travel time counts from the image plane: without perspective, all columns of a row have equal distances to
-/// a parallel surface.
+/// Tests that travel time counts from the image plane: without perspective, all columns of a row
+/// have equal distances to a parallel surface.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {
     // From the light's plane, 3 m above z = 0, straight down, and back along the camera's axis.
@@ -95,7 +95,7 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// A ball of fog that the image plane intersects: rays begin inside or outside it.
+/// Tests a ball of fog that the image plane intersects: rays begin inside or outside it.
 #[test]
 fn rays_begin_in_what_is_around_them() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
@@ -119,7 +119,7 @@ fn rays_begin_in_what_is_around_them() {
     }
 }
 
-/// Features that need a pinhole are refused.
+/// Tests that features that require a pinhole are refused.
 #[test]
 fn what_needs_a_pinhole_is_refused() {
     let projector = "[projector]\nresolution = [4, 4]\nfov_x_deg = 30\n\

@@ -1,6 +1,6 @@
-//! Sheets between a surface and the projector, which users of other programs lack (Mitsuba 3's issue 1462,
-//! "projector's light can't walk through polarizer or circular": a pinhole behind any BSDF renders black
-//! there).
+//! Tests sheets between a surface and the projector, which users of other programs lack (Mitsuba
+//! 3's issue 1462, "projector's light can't walk through polarizer or circular": a pinhole behind
+//! any BSDF renders black there).
 //!
 //! Closed forms for renders. Light passes a sheet without bending, so that only the matrix changes.
 
@@ -22,13 +22,13 @@ fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
     sheet(at, lamp.right, -lamp.down, material)
 }
 
-/// Axis of a sheet made by [`in_front`] as a line in space.
+/// Returns the axis of a sheet made by [`in_front`], as a direction in world space.
 fn axis(lamp: &Device, deg: f64) -> DVec3 {
     let (s, c) = deg.to_radians().sin_cos();
     lamp.right * c - lamp.down * s
 }
 
-/// A point of a white wall at the origin, seen from above and lit from the side through `sheets`.
+/// Returns a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
 fn wall(lamp: &Device, materials: &str, sheets: &str, slices: &str) -> Rendered {
     let camera = Device::ray([0.1, 0.0, 2.0], DVec3::ZERO);
     let text = head(2, 6, 1)
@@ -47,9 +47,9 @@ fn lamp() -> Device {
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
 
-/// Malus between projector and wall: two sheets transmit ½cos² of their angle, and for polarized light also
-/// the factor of the sheet near the projector. Each sheet is one interaction; crossed sheets transmit
-/// nothing.
+/// Tests Malus's law between projector and wall: two sheets transmit ½cos² of their angle, and for
+/// polarized light also the factor of the sheet near the projector. Each sheet is one interaction;
+/// crossed sheets transmit nothing.
 #[test]
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
@@ -74,8 +74,8 @@ fn malus_between_projector_and_wall() {
     }
 }
 
-/// The user's circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it make light of one
-/// handedness, which a second such filter in front of the camera distinguishes.
+/// Tests a circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it make light
+/// of one handedness, which a second such filter in front of the camera distinguishes.
 #[test]
 fn circular_filters_tell_handedness() {
     // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
@@ -98,8 +98,8 @@ fn circular_filters_tell_handedness() {
     assert!(left.abs() > 0.9 && (left + right).abs() < 1e-3, "{left} {right}");
 }
 
-/// All 16 elements of two tilted sheets between the projector and rough gold, and the travel time to all
-/// digits.
+/// Tests all 16 elements of two tilted sheets between the projector and rough gold, and the travel
+/// time to all digits.
 #[test]
 fn tilted_sheets_between_projector_and_metal() {
     let (target, eye) = (DVec3::new(0.05, 0.1, -0.02), DVec3::new(0.3, -0.5, 1.9));
@@ -147,7 +147,7 @@ fn tilted_sheets_between_projector_and_metal() {
     assert!(lit > 0.0 && bins.data.iter().sum::<f32>() == lit, "sheets take no time");
 }
 
-/// A corner of two walls, a projector with or without `sheets`, one camera.
+/// Returns a corner of two walls, a projector with or without `sheets`, one camera.
 fn corner(max_depth: u32, sheets: &str) -> Rendered {
     let camera = Device::look_at([0.5, 0.6, 1.4], DVec3::new(-0.3, 0.0, -0.2), [12, 9], 14.0);
     let text = head(4, max_depth, 3)
@@ -170,9 +170,9 @@ fn scanner() -> Device {
     Device::look_at([0.1, -0.2, 1.3], DVec3::new(-0.4, 0.1, -0.3), [7, 5], 8.0)
 }
 
-/// An ideal polarizer directly in front of a scanner's pinhole halves every element of T, direct and
-/// indirect, in the same projector pixel and the same time bin, sample by sample; two crossed ones, or a
-/// block of glass, transmit nothing.
+/// Tests that an ideal polarizer directly in front of a scanner's pinhole halves every element of
+/// T, direct and indirect, in the same projector pixel and the same time bin, sample by sample; two
+/// crossed ones, or a block of glass, transmit nothing.
 #[test]
 fn a_filter_near_the_pinhole_halves_everything() {
     let bare = corner(4, "");
@@ -197,7 +197,8 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert!(dark(&block).data.iter().all(|v| *v == 0.0), "glass bends light");
 }
 
-/// A path of `max_depth` 2 has one interaction: with a sheet in between, the wall's interaction exceeds it.
+/// Tests that a path of `max_depth` 2 has one interaction: with a sheet in between, the wall's interaction
+/// exceeds it.
 #[test]
 fn sheets_count_for_max_depth() {
     let sheets = in_front(&scanner(), 0.1, "p");
@@ -207,7 +208,8 @@ fn sheets_count_for_max_depth() {
     assert!((sum(&direct) / sum(&filtered) - 2.0).abs() < 1e-4);
 }
 
-/// Sheets also transmit light of point emitters, and blends of sheets and holes transmit their fraction.
+/// Tests that sheets also transmit light of point emitters, and blends of sheets and holes transmit their
+/// fraction.
 #[test]
 fn points_shine_through_blends() {
     let lamp = lamp();

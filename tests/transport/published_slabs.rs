@@ -1,5 +1,5 @@
-//! Doubling against published values: Coulson's tables, Siewert's spheroids, Chandrasekhar's atmosphere; and
-//! invariants of doubling.
+//! Compares doubling with published values: Coulson's tables, Siewert's spheroids, Chandrasekhar's
+//! atmosphere; and invariants of doubling.
 //!
 //! The tables are quoted to their printed digits.
 
@@ -152,7 +152,7 @@ fn thick_slabs_end_as_chandrasekhars_atmosphere() {
     }
 }
 
-/// For single scattering, the closed form; for multiple scattering, reciprocity and energy.
+/// Tests doubling: the closed form for single scattering; reciprocity and energy for multiple scattering.
 #[test]
 fn doubling_keeps_its_invariants() {
     let (mu, mu0, phi) = (0.7, 0.3, 1.1);

@@ -1,5 +1,5 @@
-//! Crystals with rough faces: facets alone, the smooth crystal as their limit, and retardance on every kind
-//! of path.
+//! Tests crystals with rough faces: facets alone, the smooth crystal as their limit, and retardance
+//! on every kind of path.
 
 use crate::crystals::{QUARTZ, Slab, way};
 use crate::materials::{
@@ -15,10 +15,10 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::Bounces;
 use sunstone::transport::material::{Lanes, Materials};
 
-/// Mean of the indices below.
+/// Mean of the ordinary and the extraordinary refractive index.
 const MEAN: f64 = 1.55;
 
-/// One crystal with index 0; `keys` are those other than its axis.
+/// Returns one crystal with index 0; `keys` are those other than its axis.
 fn crystal(keys: &str) -> Materials {
     let text = format!(
         "wavelengths_nm = [450, 550, 633, 660]\n[materials]\na.crystal = {{ axis = [1, 2, 2], {keys} }}\n"
@@ -32,7 +32,7 @@ fn of(roughness: f64) -> Materials {
     crystal(&format!("n_o = 1.5, n_e = 1.6, roughness = {roughness}"))
 }
 
-/// Directions from outside and from inside.
+/// Returns the directions from outside and from inside.
 fn seen_from() -> [Vec3A; 4] {
     [toward(0.9, 1.4), toward(0.3, 1.4), -toward(0.9, 1.4), -toward(0.4, 1.4)]
 }
@@ -72,7 +72,7 @@ fn facets_are_reciprocal() {
     assert!(pairs > 100, "{pairs} pairs see each other");
 }
 
-/// Facets are realizable; the crystal is inside its face, and nothing outside.
+/// Tests that matrices of facets are realizable, and that the crystal is only inside its face.
 #[test]
 fn matrices_are_realizable_and_the_crystal_is_inside() {
     let m = crystal("name = \"calcite\", roughness = 0.3");
@@ -102,8 +102,8 @@ fn matrices_are_realizable_and_the_crystal_is_inside() {
     assert!(checked > 10_000, "{checked}");
 }
 
-/// A slab of quartz of 16 waves between nearly smooth faces is the wave plate between Fresnel faces, in all
-/// elements: within five standard errors plus the effect of the roughness.
+/// Tests that a slab of quartz of 16 waves between nearly smooth faces is the wave plate between
+/// Fresnel faces, in all elements: within five standard errors plus the effect of the roughness.
 #[test]
 fn nearly_smooth_faces_are_smooth() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();

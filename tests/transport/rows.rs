@@ -1,5 +1,5 @@
-//! Light over several mirrors in a row, or through curved glass on any path, to a wall that is seen in a
-//! mirror: against rays traced in f64, and against light subpaths to the same wall seen directly.
+//! Tests light over several mirrors in a row, or through curved glass on any path, to a wall that is seen in
+//! a mirror: against rays traced in f64, and against light subpaths to the same wall seen directly.
 
 use crate::manifold::{ALBEDO, Meridian, through_ball};
 use crate::mirrors::{Plane, comes_at, image, off_ball, to_camera};
@@ -13,7 +13,7 @@ use sunstone::transport::scene::Integrator;
 /// The mirror in which walls are seen: so small that it reflects no light to the wall.
 const VIEW: Plane = (DVec3::NEG_X, -1.5);
 
-/// A camera that sees a point in that mirror through one pixel, and the mirror.
+/// Returns a camera that sees a point in that mirror through one pixel, and the mirror.
 fn seen(origin: DVec3, point: DVec3, focal: f64, half: f64) -> (Device, String) {
     let to = image(VIEW, point);
     let camera = Device::look_at(origin.to_array(), to, [1, 1], focal);
@@ -48,8 +48,9 @@ fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     (of(r.mean("m")), of(r.std_error("m")))
 }
 
-/// Radiance and optical length of every path to distance `rho` from an axis, of rays in a plane with the axis
-/// that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the axis.
+/// Returns the radiance and optical length of every path to distance `rho` from an axis, of rays in a plane
+/// with the axis that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the
+/// axis.
 fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
     let n = 20_001;
     let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
@@ -77,8 +78,8 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
     out
 }
 
-/// A ball of glass directs a lamp's light to a wall in front of its focus on three paths, and inverted behind
-/// it. Without any one of the paths the sum would be wrong.
+/// Tests that a ball of glass directs a lamp's light to a wall in front of its focus on three
+/// paths, and inverted behind it. Without any one of the paths the sum would be wrong.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn every_way_through_a_ball_is_found() {
@@ -114,7 +115,7 @@ fn every_way_through_a_ball_is_found() {
     }
 }
 
-/// A mirror ball reflects light to a flat mirror, and that to a wall: as to the wall's image.
+/// Tests that a mirror ball reflects light to a flat mirror, and that to a wall: as to the wall's image.
 #[test]
 fn a_ball_and_a_flat_mirror_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
@@ -147,8 +148,8 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
 }
 
-/// Light subpaths to a piece of wall seen directly, and manifold connections to it seen in the mirror, over
-/// the mirror's reflectance.
+/// Returns the light subpaths to a piece of wall seen directly, and manifold connections to it seen
+/// in the mirror, over the mirror's reflectance.
 fn both(
     objects: &str,
     lamp: &Device,
@@ -179,7 +180,7 @@ fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     assert!(5.0 * sigma < share * a, "{a} ± {sigma} is too little known");
 }
 
-/// Two mirror balls, one after the other.
+/// Tests light over two mirror balls, one after the other.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn two_balls_in_a_row() {
@@ -258,7 +259,7 @@ fn a_mirror_under_a_normal_map() {
     agree([met, found], 0.2);
 }
 
-/// Calcite between lamp and wall, with two separate rays: both are traced, from one end to the other.
+/// Tests calcite between lamp and wall, with two separate rays: both are traced, from one end to the other.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_crystal_with_double_images() {

@@ -1,4 +1,5 @@
-//! Large scenes and small gaps: single precision is exact where it suffices, and other scenes are refused.
+//! Tests large scenes and small gaps: renders are exact if single precision suffices, and other scenes are
+//! refused.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{render_scene, render_text};
@@ -9,8 +10,8 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// A white wall at distance `z` from the camera along the rotated z axis, and `front` at distance `gap` in
-/// front of it, both of size `size`.
+/// Returns the scene-file text of a white wall at distance `z` from the camera along the rotated z
+/// axis, and `front` at distance `gap` in front of it, both of size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera =
         Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
@@ -39,7 +40,8 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
         + "[[slices]]\nname = \"m\"\nbounces = true\n"
 }
 
-/// Light that passed the sheet twice, or the pane four times, and was reflected by the wall in between.
+/// Returns the light that passed the sheet twice, or the pane four times, and was reflected by the wall in
+/// between.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
     scene.settings.manifold |= front == "pane";
@@ -48,9 +50,9 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     image.data.iter().map(|v| f64::from(*v)).sum()
 }
 
-/// A sheet or pane a micrometre in front of a wall transmits as much light as one at a larger distance, at 1,
-/// 10 and 100 m, or the scene is refused with the gap in the message. A sheet slightly farther away than the
-/// message requires works.
+/// Tests that a sheet or pane a micrometre in front of a wall transmits as much light as one at a
+/// larger distance, at 1, 10 and 100 m, or the scene is refused with the gap in the message. A
+/// sheet slightly farther away than the message requires works.
 #[test]
 fn a_micrometre_works_or_is_refused() {
     let straight = DMat3::IDENTITY;
@@ -100,7 +102,8 @@ fn a_micrometre_works_or_is_refused() {
     assert!(works >= 4, "{works}");
 }
 
-/// A rectangle of 200 m under a lamp: radiance to 1e-6 and times to 0.01 ps, wherever the camera looks.
+/// Tests a rectangle of 200 m under a lamp: radiance is accurate to 1e-6 and times to 0.01 ps at all
+/// positions.
 #[test]
 fn two_hundred_metres_are_exact() {
     let lamp = DVec3::new(8.0, -6.0, 48.0);

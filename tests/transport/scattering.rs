@@ -1,5 +1,5 @@
-//! Media and their boundaries with known results: single scattering by quadrature, absorption by Beer and
-//! Lambert, boundaries without effect, furnaces, travel times.
+//! Tests media and their boundaries with known results: single scattering by quadrature, absorption
+//! by Beer and Lambert, boundaries without effect, furnaces, travel times.
 
 use crate::doubling::{Scattering, rayleigh, scattered};
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
@@ -23,7 +23,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Distances, not below 0, between which a ray is inside.
+    /// Returns the distances, not below 0, between which a ray is inside.
     fn inside(self, p: DVec3, dir: DVec3) -> [f64; 2] {
         let [from, to] = match self {
             Self::Ball { centre, radius } => {
@@ -39,7 +39,7 @@ impl Shape {
         [from.max(0.0), to.max(0.0)]
     }
 
-    /// An object of a material, with additional keys.
+    /// Returns the scene-file text of an object of a material, with additional keys.
     fn object(self, material: &str, keys: &str) -> String {
         let list = |p: DVec3| format!("{:?}", p.to_array());
         let shape = match self {
@@ -227,7 +227,7 @@ fn single_scattering_is_a_quadrature() {
     }
 }
 
-/// A rough gold plate below the origin, lit and seen through any object in front of it.
+/// Returns a rough gold plate below the origin, lit and seen through any object in front of it.
 fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     let text = head(64, 6, 5)
         + &camera.keys("camera")
@@ -275,8 +275,8 @@ fn null_boundaries_are_not_noticed() {
     }
 }
 
-/// A glass ball with a clear medium inside is a glass ball; with an absorbing one, the transmission through
-/// its centre is known.
+/// Tests that a glass ball with a clear medium inside is a glass ball; with an absorbing one, the
+/// transmission through its centre is known.
 #[test]
 fn refractive_boundaries_are_those_of_glass() {
     let camera = Device::look_at([0.4, 0.3, 2.2], DVec3::new(0.0, 0.1, 0.4), [8, 8], 14.0);
@@ -368,8 +368,8 @@ fn lossless_media_vanish_in_the_furnace() {
     }
 }
 
-/// Overlapping objects: along every ray the medium of highest priority absorbs; from outside, and from a
-/// camera inside two of them.
+/// Tests overlapping objects: along every ray the medium of highest priority absorbs; from outside,
+/// and from a camera inside two of them.
 #[test]
 fn the_highest_priority_absorbs() {
     let shapes = [ball([-0.2, 0.0, 0.0], 0.6), ball([0.3, 0.1, 0.0], 0.5), ball([0.25, 0.05, 0.1], 0.2)];

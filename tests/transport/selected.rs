@@ -1,5 +1,5 @@
-//! Slices that keep few s' per camera pixel use additional paths, which give the same light with far smaller
-//! errors.
+//! Tests slices that keep few projector pixels s' per camera pixel use additional paths, which give
+//! the same light with far smaller errors.
 
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::array::Tensor;
@@ -13,7 +13,7 @@ use sunstone::transport::scene::Integrator;
 const SIZE: usize = 16;
 const SPP: u32 = 512;
 
-/// All s' separate: only by random paths.
+/// A slice with all projector pixels s' separate, which only random paths fill.
 const ALL: &str = r#"
 [[slices]]
 name = "matrices"
@@ -26,7 +26,7 @@ projector = "all"
 time = { start_ps = 12000, bin_ps = 1500, bins = 8 }
 "#;
 
-/// The same with few s'.
+/// Slices with few projector pixels s'.
 const FEW: &str = r#"
 [[slices]]
 name = "coaxial"
@@ -66,7 +66,7 @@ fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
     room_of(SIZE as u32, slices, seed, spp)
 }
 
-/// The room with a projector of `projector` pixels per row.
+/// Returns the room with a projector of `projector` pixels per row.
 fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
@@ -78,7 +78,7 @@ fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     arrays
 }
 
-/// Means and standard errors of a slice.
+/// Returns the means and standard errors of a slice.
 fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
     [Field::Mean, Field::StdError].map(|f| arrays.get(slice, f).expect("the field"))
 }
@@ -86,7 +86,8 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
 /// Indices along some axes.
 type Index = Vec<(AxisKind, usize)>;
 
-/// The s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own axes.
+/// Returns the s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own
+/// axes.
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
@@ -164,7 +165,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
     [worst, ratio / count]
 }
 
-/// 512 samples of each of 256 pixels, with both methods. Negative control: paths that count twice.
+/// Compares both methods with 512 samples of each of 256 pixels. Negative control: paths that count twice.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn few_s_primes_bring_what_chance_brings() {
@@ -182,7 +183,7 @@ fn few_s_primes_bring_what_chance_brings() {
     }
 }
 
-/// The same for bands about epipolar lines.
+/// Compares both methods for bands about epipolar lines.
 #[test]
 fn bands_bring_what_chance_brings() {
     let (by_chance, drawn) = (room_of(WIDE, ALONG, 1, SPP), room_of(WIDE, BAND, 2, SPP));
@@ -200,7 +201,7 @@ fn bands_bring_what_chance_brings() {
     assert!(ratio > 1.2, "variances fall by {ratio} alone");
 }
 
-/// Other slices are not affected.
+/// Tests that few s' do not change other slices of the render.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_slices_keep_their_bits() {

@@ -1,4 +1,5 @@
-//! Polarizer and retarder sheets, and coated mirrors: closed forms for renders, and their matrices alone.
+//! Tests polarizer and retarder sheets, and coated mirrors: closed forms for renders, and their matrices
+//! alone.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, of_image, project,
@@ -15,7 +16,8 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// A sheet of half width 0.2 about `centre`: its u direction is `u`, its normal `u × v`.
+/// Returns the scene-file text of a sheet of half width 0.2 about `centre`: its u direction is `u`, its
+/// normal `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     let corner = centre - (u + v) * 0.2;
     format!(
@@ -26,8 +28,8 @@ pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     )
 }
 
-/// Camera on the z axis at z = 2 above a white wall at z = 0, which the projector illuminates from the side;
-/// +x is image right, +y image up. `sheets` are between camera and wall.
+/// Returns the camera on the z axis at z = 2 above a white wall at z = 0, which the projector
+/// illuminates from the side; +x is image right, +y image up. `sheets` are between camera and wall.
 fn column(materials: &str, sheets: &str) -> Matrix4x1<f64> {
     let lamp = Device::look_at([-0.8, 0.0, 0.3], DVec3::ZERO, [3, 3], 8.0);
     let wall = format!(
@@ -52,7 +54,8 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Malus: two sheets transmit ½cos² of the angle between them, polarized along the one near the camera.
+/// Tests Malus's law: two sheets transmit ½cos² of the angle between them, polarized along the one near the
+/// camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
@@ -64,7 +67,8 @@ fn malus_by_two_sheets() {
     }
 }
 
-/// T and ε: crossed sheets transmit T²ε of unpolarized light, and one alone T(1 + ε)/2.
+/// Tests transmittance T and extinction ε: crossed sheets transmit T²ε of unpolarized light, and one alone
+/// T(1 + ε)/2.
 #[test]
 fn a_polarizer_leaks() {
     let leaky = "transmittance = 0.8, extinction = 0.01 }\n";
@@ -102,7 +106,7 @@ fn retarders_have_the_pinned_signs() {
     stokes(column(material, &behind), [0.5, 0.0, -0.5, 0.0], "polarizer behind");
 }
 
-/// Diattenuator or retarder in the frame of its axis.
+/// Returns the matrix of a diattenuator in the frame of its axis.
 pub fn diattenuator(t: f64, e: f64) -> M {
     let (a, b, c) = (t * (1.0 + e) / 2.0, t * (1.0 - e) / 2.0, t * e.sqrt());
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
@@ -113,7 +117,7 @@ pub fn retarder(delta: f64) -> M {
     M::new(1., 0., 0., 0., 0., 1., 0., 0., 0., 0., c, s, 0., 0., -s, c)
 }
 
-/// All 16 elements of tilted sheets in front of rough gold: a polarizer, a retarder, both faces.
+/// Tests all 16 elements of tilted sheets in front of rough gold: a polarizer, a retarder, both faces.
 #[test]
 fn tilted_sheets_in_front_of_metal() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.3, -0.5, 1.9));
@@ -155,8 +159,8 @@ fn tilted_sheets_in_front_of_metal() {
     assert_close(&got, &want, 1e-4, "two tilted sheets");
 }
 
-/// A mirror of silver under SiO, at 60° incidence, in front of rough gold: all 16 elements, films by Airy's
-/// sum in f64.
+/// Tests a mirror of silver under SiO, at 60° incidence, in front of rough gold: all 16 elements,
+/// films by Airy's sum in f64.
 #[test]
 fn a_coated_mirror_in_front_of_metal() {
     let (n_film, d_film, silver) = (1.978, 85.0, Complex::new(0.0596, 3.5974));
@@ -321,7 +325,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
 }
 
-/// Scene syntax: errors are reported with location and fix.
+/// Tests that errors in the keys of sheets are reported with location and fix.
 #[test]
 fn mistakes_are_named() {
     for (text, words) in [
@@ -376,7 +380,7 @@ fn mistakes_are_named() {
     assert!(error.to_string().contains("cover 380 to 1000 nm"), "{error}");
 }
 
-/// Names give the same materials as their numbers.
+/// Tests that names of the optical constants give the same materials as their values.
 #[test]
 fn names_stand_for_numbers() {
     let set = materials(
@@ -397,9 +401,9 @@ fn names_stand_for_numbers() {
     assert!((mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3, "SiO absorbs in the blue");
 }
 
-/// A surface that is partly a sheet is as bright as its other part alone times its fraction: lit by a point,
-/// by the projector and by an emitting disk, in both integrators, with and without the tracking of media that
-/// a null material requires.
+/// Tests that a surface that is partly a sheet is as bright as its other part alone times its
+/// fraction: lit by a point, by the projector and by an emitting disk, in both integrators, with
+/// and without the tracking of media that a null material requires.
 #[test]
 fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
     let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\

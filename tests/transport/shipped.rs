@@ -1,4 +1,4 @@
-//! Shipped scenes whose light both camera paths and bidirectional paths find: both find the same.
+//! Tests that camera paths and bidirectional paths find the same light in shipped scenes.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples, so that totals reach a given precision.
 
@@ -14,7 +14,7 @@ use sunstone::transport::scene::Integrator;
 /// Camera pixels per row.
 const SIZE: usize = 16;
 
-/// Means and errors of every pixel and wavelength.
+/// Returns the means and errors of every pixel and wavelength.
 fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 2] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(file);
     let all = std::fs::read_to_string(&path).expect("the scene");

@@ -1,4 +1,4 @@
-//! Multiple scattering in plane-parallel slabs: the tracer against doubling, all 16 elements.
+//! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, all 16 elements.
 //!
 //! The slab is a wide cube with a null boundary, z = -τ to 0, with a mean free path of 1 m. A projector so
 //! far away that its light is parallel illuminates it, and a single ray sees it. Media have index 1; spheres
@@ -16,9 +16,9 @@ use sunstone::transport::medium::size_distribution::SizeDistribution;
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
-/// Half width of the slab, m: light does not return from there.
+/// Half width of the slab in metres, so large that no light returns from its sides.
 const HALF: f64 = 40.0;
-/// Distance of the projector, m.
+/// Distance of the projector in metres.
 const FAR: f64 = 2e4;
 
 pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
@@ -28,7 +28,7 @@ pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
     ensemble
 }
 
-/// The scattering matrix of spheres per steradian.
+/// Returns the scattering matrix of spheres per steradian.
 pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     |mu| {
         let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
@@ -36,7 +36,7 @@ pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     }
 }
 
-/// The phase function of a medium file: spheres of a diameter, or Rayleigh's.
+/// Returns the phase function of a medium file: spheres of a diameter, or Rayleigh's.
 pub fn phase(diameter_nm: Option<f64>) -> String {
     match diameter_nm {
         None => "phase.rayleigh = {}\n".to_owned(),
@@ -54,13 +54,13 @@ pub fn phase(diameter_nm: Option<f64>) -> String {
 struct View {
     mu_in: f64,
     phi_in: f64,
-    /// Negative: seen from below.
+    /// Signed cosine of the direction of view against z; negative if the slab is seen from below.
     mu: f64,
     phi: f64,
 }
 
-/// Mean radiance per unit irradiance and its standard errors from the tracer, and the mean from doubling, all
-/// in the frames of camera and projector, which are rotated by `rolls`.
+/// Returns the mean radiance per unit irradiance and its standard errors from the tracer, and the
+/// mean from doubling, all in the frames of camera and projector, which are rotated by `rolls`.
 fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
@@ -151,7 +151,7 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
     View { mu_in, phi_in, mu, phi }
 }
 
-/// Oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
+/// Tests oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
 #[test]
 fn rayleigh_slabs_are_as_doubling_says() {
     let light = [0.6, 25.0];
@@ -166,7 +166,8 @@ fn rayleigh_slabs_are_as_doubling_says() {
     }
 }
 
-/// Spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered forward.
+/// Tests spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered
+/// forward.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_are_as_doubling_says() {
@@ -256,8 +257,8 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
     }
 }
 
-/// Reflection and transmission of a pane of glass at a cosine, with all inner reflections, from either side.
-/// The two polarizations and their correlation propagate independently.
+/// Returns the reflection and transmission of a pane of glass at a cosine, with all inner reflections, from
+/// either side. The two polarizations and their correlation propagate independently.
 fn pane(mu: f64) -> [M; 2] {
     let [s, p] = amplitudes(mu, nalgebra::Complex::new(1.5, 0.0)).map(|r| r.re);
     let once = [s * s, p * p, s * p];

@@ -1,4 +1,4 @@
-//! Chains of mirrors in front of a lit surface: all 16 elements, and Malus's law.
+//! Tests chains of mirrors in front of a lit surface: all 16 elements, and Malus's law.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate,
@@ -55,7 +55,7 @@ fn p(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// One silver mirror at exactly 60° incidence, then rough gold.
+/// Tests one silver mirror at exactly 60° incidence in front of rough gold.
 #[test]
 fn a_mirror_at_60_degrees() {
     let (s, c) = 60.0_f64.to_radians().sin_cos();
@@ -65,7 +65,7 @@ fn a_mirror_at_60_degrees() {
     check_chain(&points, p(-0.1, 0.06, 0.03), "askew");
 }
 
-/// Two and three mirrors with different planes of incidence.
+/// Tests two and three mirrors with different planes of incidence.
 #[test]
 fn mirrors_with_turned_planes_of_incidence() {
     let two = [p(-0.6, 0.1, 0.8), p(0.0, 0.0, 0.0), p(0.5, 0.4, 0.7), p(0.9, -0.5, 0.3), p(0.1, -0.9, 0.9)];

@@ -1,4 +1,5 @@
-//! The 25 shipped stand-ins: realizable Mueller matrices and energy conservation.
+//! Tests the 25 built-in substitutes for measured materials: realizable Mueller matrices and energy
+//! conservation.
 
 use crate::optics::surface_at;
 use glam::Vec3A;
@@ -16,7 +17,7 @@ fn stand_ins() -> MaterialSet {
     MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Index and name of every stand-in.
+/// Returns the index and name of every stand-in.
 fn likes(set: &MaterialSet) -> Vec<(String, u32)> {
     let all: Vec<_> = set
         .names

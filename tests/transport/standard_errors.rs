@@ -1,4 +1,4 @@
-//! Standard errors are honest: over many seeds, deviations from the mean over seeds agree with them.
+//! Tests standard errors: over many seeds, deviations from the mean over seeds agree with the errors.
 
 use crate::bidirectional::{FOG, WALLS};
 use crate::optics::head;
@@ -41,21 +41,21 @@ fn deviations_between_seeds_are_as_stated() {
     room(Integrator::Path, 256);
 }
 
-/// The same for samples stratified in 32 groups of 8.
+/// Tests standard errors for samples stratified in 32 groups of 8.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_groups_are_as_stated() {
     room(Integrator::Path, 32);
 }
 
-/// The same where plain paths and samples of redirected light are added, 16 of these.
+/// Tests standard errors of the sum of plain paths and 16 samples of redirected light.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_added_passes_are_as_stated() {
     room(Integrator::Caustics, 256);
 }
 
-/// The same for a band about epipolar lines with sampled s'.
+/// Tests standard errors for a band about epipolar lines with sampled s'.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_drawn_s_primes_are_as_stated() {
@@ -77,7 +77,8 @@ fn room(integrator: Integrator, replicates: u32) {
 /// If all elements have light, as here, almost none may be excluded.
 const LEFT_OUT: f64 = 0.01;
 
-/// Camera and projector in front of a box of 2 m, and slices that resolve time, pixel s' and polarization.
+/// Returns the scene-file text of the camera and projector in front of a box of 2 m, and slices that resolve
+/// time, pixel s' and polarization.
 fn box_of(spp: u32, depth: u32, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nintegrator = \"bidirectional\"\nspp = {spp}\nmax_depth = {depth}\nseed = 0\n\
@@ -94,13 +95,13 @@ fn box_of(spp: u32, depth: u32, more: &str) -> String {
     )
 }
 
-/// Bidirectional paths: splats into other pixels also count only as samples of those pixels.
+/// Tests standard errors of bidirectional paths, whose splats count as samples of the pixels that they hit.
 #[test]
 fn deviations_of_bidirectional_paths_are_as_stated() {
     honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
-/// Light scattered in a medium around a ball, with bidirectional paths.
+/// Tests standard errors of light scattered in a medium around a ball, with bidirectional paths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_in_media_are_as_stated() {
@@ -112,7 +113,8 @@ fn deviations_in_media_are_as_stated() {
     honest("media", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Light polarized by multiple scattering: a Rayleigh slab of depth 4, seen from below.
+/// Tests standard errors of light polarized by multiple scattering: a Rayleigh slab of depth 4, seen from
+/// below.
 #[test]
 fn deviations_of_slabs_are_as_stated() {
     let text = head(512, 1000, 0)

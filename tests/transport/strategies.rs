@@ -1,5 +1,5 @@
-//! Strategies can be disabled: light that several strategies find stays the same, with less noise if all are
-//! enabled.
+//! Tests disabled strategies: light that several strategies find stays the same, with less noise if
+//! all are enabled.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -8,7 +8,7 @@ use sunstone::transport::render::strategies::strategies;
 use sunstone::transport::scene::Integrator;
 use sunstone::transport::strategy::{Strategies, Strategy};
 
-/// A render without some strategies that it would use.
+/// Returns a render without some strategies that it would use.
 fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     let mut scene = scene_of(text);
     let manifold = scene.settings.manifold;
@@ -20,7 +20,8 @@ fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     render_scene(&scene)
 }
 
-/// A ball of stone in front of a wall, and a point light next to the projector.
+/// Returns the scene-file text of a ball of stone in front of a wall, and a point light next to the
+/// projector.
 fn stone(spp: u32, seed: u64, ior: &str, medium: &str) -> String {
     devices(spp, 60, seed as u32)
         + DIFFUSE
@@ -32,14 +33,15 @@ fn stone(spp: u32, seed: u64, ior: &str, medium: &str) -> String {
            [[emitters]]\npoint = { position = [0.5, 0.9, 2.5], intensity = [0.8, 0.6, 0.4] }\n"
 }
 
-/// The squared error of the light in a slice, over the squared light.
+/// Returns the squared error of the light in a slice, over the squared light.
 fn noise(r: &Rendered) -> f64 {
     let (mean, error) = (r.mean("m"), r.std_error("m"));
     let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     sum(&error.data) / sum(&mean.data)
 }
 
-/// Largest difference of two renders' light in errors: of all light, and of light of one to four bounces.
+/// Returns the largest difference of two renders' light in errors: of all light, and of light of one to four
+/// bounces.
 fn apart(a: &Rendered, b: &Rendered) -> f64 {
     let [a, b] = [a, b].map(|r| {
         let (mean, error) = (r.mean("m"), r.std_error("m"));
@@ -62,8 +64,8 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
     deviations.fold(0.0, f64::max)
 }
 
-/// The largest deviation, in errors, of elements that both renders know to a twentieth, and their number.
-/// Errors of other elements, which come from few random samples, are unreliable.
+/// Returns the largest deviation, in errors, of elements that both renders know to a twentieth, and
+/// their number. Errors of other elements, which come from few random samples, are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {
@@ -108,7 +110,8 @@ fn light_leaves_stones() {
     }
 }
 
-/// Bidirectional paths without one strategy whose paths other strategies also find: weights still sum to one.
+/// Tests bidirectional paths without one strategy whose paths other strategies also find: weights still sum
+/// to one.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn others_take_over() {

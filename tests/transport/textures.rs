@@ -1,9 +1,10 @@
-//! Albedo images: orientation, sRGB decoding, channel per wavelength, bilinear filtering with repetition.
+//! Tests albedo images: orientation, sRGB decoding, channel per wavelength, bilinear filtering with
+//! repetition.
 
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
 
-/// A 4 × 4 picture with no symmetry.
+/// Returns a 4 × 4 picture with no symmetry.
 fn picture() -> image::RgbImage {
     image::RgbImage::from_fn(4, 4, |x, y| {
         let v = |k: u32| ((x * 61 + y * 97 + k * 53 + x * y * 29) % 256) as u8;
@@ -16,9 +17,9 @@ fn linear(c: u8) -> f64 {
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// A plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with texels, so a
-/// pixel is the mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis, also across
-/// the border. 20,000 samples per pixel, 5 standard errors (plus 1e-5 for f32).
+/// Tests that a plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with
+/// texels, so a pixel is the mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis,
+/// also across the border. 20,000 samples per pixel, 5 standard errors (plus 1e-5 for f32).
 #[test]
 fn a_textured_plane_shows_its_picture() {
     let dir = tempfile::tempdir().unwrap();

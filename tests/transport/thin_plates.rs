@@ -1,6 +1,6 @@
-//! Thin plates of glass, and rough glass, are polarized, which users of other programs lack (Mitsuba 3's
-//! issue 1512, "why does the dielectric material display polarization information, while roughdielectric and
-//! thindielectric do not?").
+//! Tests that thin plates of glass, and rough glass, polarize light, which users of other programs
+//! lack (Mitsuba 3's issue 1512, "why does the dielectric material display polarization
+//! information, while roughdielectric and thindielectric do not?").
 
 use crate::optics::{
     Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at, turn,
@@ -18,14 +18,14 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// A Mueller matrix from amplitudes of s and p, times a factor of power.
+/// Returns a Mueller matrix from amplitudes of s and p, times a factor of power.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {
     let (a, b, c) = ((s * s + p * p) / 2.0, (s * s - p * p) / 2.0, s * p);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c) * factor
 }
 
-/// Reflection and transmission of a plate in s frames: the matrices of the orders, one by one, from Fresnel's
-/// amplitudes.
+/// Returns the reflection and transmission of a plate in s frames: the matrices of the orders, one
+/// by one, from Fresnel's amplitudes.
 fn orders(cos: f64, n: f64) -> [M; 2] {
     let cos_t = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let outer = amplitudes(cos, Complex::new(n, 0.0)).map(|z| z.re);
@@ -71,8 +71,8 @@ fn f64s(m: [[f32; 4]; 4]) -> M {
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// The closed forms equal the sums over all orders, for any incidence, index and wavelength. Their sum
-/// conserves light, and they are realizable and reciprocal.
+/// Tests that the closed forms equal the sums over all orders, for any incidence, index and
+/// wavelength. Their sum conserves light, and they are realizable and reciprocal.
 #[test]
 fn plates_are_the_sum_of_their_orders() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -131,8 +131,8 @@ fn a_gap_reflects_totally() {
     }
 }
 
-/// Lobes are sampled in proportion to their power, with compensating weights; all wavelengths continue
-/// together.
+/// Tests that lobes are sampled in proportion to their power, with compensating weights; all
+/// wavelengths continue together.
 #[test]
 fn lobes_are_taken_by_their_power() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -163,8 +163,8 @@ fn lobes_are_taken_by_their_power() {
     assert!(off < 5.0 * (n * p * (1.0 - p)).sqrt(), "{taken:?}, p = {p}");
 }
 
-/// A window pane in front of the camera, and another in front of the projector: each acts once, as in the
-/// closed form.
+/// Tests a window pane in front of the camera, and another in front of the projector: each acts
+/// once, as in the closed form.
 #[test]
 fn panes_on_both_sides() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.4, -0.3, 1.6));
@@ -196,8 +196,8 @@ fn panes_on_both_sides() {
     assert!(want[(1, 0)].abs() > 0.05 * want[(0, 0)] && want[(0, 1)].abs() > 0.05 * want[(0, 0)]);
 }
 
-/// Rough glass in a render: light from a facet has Fresnel's matrix, all 16 elements, almost completely
-/// s-polarized at Brewster's angle.
+/// Tests rough glass in a render: light from a facet has Fresnel's matrix, all 16 elements, almost
+/// completely s-polarized at Brewster's angle.
 #[test]
 fn rough_glass_is_polarized() {
     let brewster = 1.5_f64.atan();

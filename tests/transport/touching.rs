@@ -1,4 +1,4 @@
-//! Stacked objects whose surfaces touch within rounding.
+//! Tests stacked objects whose surfaces touch within rounding.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -24,7 +24,7 @@ fn table(z: f64) -> String {
     )
 }
 
-/// The scene's text, seen from above.
+/// Returns the scene's text, seen from above.
 fn text(objects: &str, more: &str) -> String {
     let camera = Device::ray([0.1, 0.2, 4.0], DVec3::new(0.1, 0.2, 0.0));
     head(60_000, 80, 3) + more + &camera.keys("camera") + MATERIALS + objects + SKY
@@ -37,17 +37,17 @@ fn seen(objects: &str) -> (f64, f64, Vec<String>) {
     (one(render.mean("m")), one(render.std_error("m")), scene.notes.clone())
 }
 
-/// Fresnel's reflectance of unpolarized light, from outside glass of index n.
+/// Returns Fresnel's reflectance of unpolarized light, from outside glass of index n.
 fn fresnel(cos: f64, n: f64) -> f64 {
     let inner = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let (s, p) = ((cos - n * inner) / (cos + n * inner), (n * cos - inner) / (n * cos + inner));
     0.5 * (s * s + p * p)
 }
 
-/// A wide glass block on a table under uniform illumination 1: a diffuse base below an interface shows
-/// (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with r and r' = 1 - (1 - r)/n² the interface's
-/// hemispherical reflectances from outside and inside. The light in the glass hits the table however the
-/// heights are rounded.
+/// Tests a wide glass block on a table under uniform illumination 1: a diffuse base below an
+/// interface shows (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with r and r' = 1 -
+/// (1 - r)/n² the interface's hemispherical reflectances from outside and inside. The light in the
+/// glass hits the table however the heights are rounded.
 #[test]
 fn glass_on_a_table_is_in_contact_with_it() {
     let (n, albedo) = (1.5, 0.5);
@@ -75,7 +75,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// A boundary that does not refract may be shifted: the table looks as if nothing were on it.
+/// Tests a boundary that does not refract and can be shifted: the table appears as without the boundary.
 #[test]
 fn a_boundary_that_bends_no_light_is_moved_off() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));

@@ -19,14 +19,14 @@ use sunstone::transport::material::measured::write::{tabulate, write};
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// A folder in memory if the system has one.
+/// Returns a folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the origin, camera
-/// and projector 50 away and 9° to either side, was black under the projector if its material was a measured
-/// table. Here it equals the metal that the table was made from.
+/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the
+/// origin, with camera and projector 50 m away and 9° to either side, was black under the projector
+/// if its material was a measured table. Here it equals the metal that the table was made from.
 #[test]
 fn measured_materials_under_a_projector() {
     let folder = folder();
@@ -174,7 +174,7 @@ fn every_wavelength_has_its_own_matrix() {
     }
 }
 
-/// A box with many materials, lit by a projector, at one sample per pixel.
+/// Returns a box with many materials, lit by a projector, at one sample per pixel.
 fn menagerie(seed: u32) -> Rendered {
     let names = [
         "rough_conductor = { metal = \"Au\", alpha = 0.1 }",
@@ -245,7 +245,7 @@ fn no_light_is_negative() {
     assert!(lit > 20_000 && full > 200, "{lit} lit, {full} of them fully polarizing");
 }
 
-/// A wall with a raised plate in front of it, direct and indirect light separate.
+/// Returns a wall with a raised plate in front of it, direct and indirect light separate.
 fn relief(camera: &Device, lamp: &Device) -> Rendered {
     let text = head(32, 3, 2)
         + &camera.keys("camera")
@@ -308,7 +308,7 @@ fn every_pixel_knows_where_its_light_started() {
     assert!(single > 200 && shadowed > 20, "{single} with one origin, {shadowed} in shadow");
 }
 
-/// Distance along a ray to the nearest of the relief's three planes.
+/// Returns the distance along a ray to the nearest of the relief's three planes.
 fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     let planes = [
         (DVec3::ZERO, DVec3::Z, 3.0),
@@ -326,8 +326,8 @@ fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     hits.fold(f64::INFINITY, f64::min)
 }
 
-/// The projector pixel that illuminates the point a camera ray sees; `None` in shadow or outside the
-/// projector's image.
+/// Returns the projector pixel that illuminates the point a camera ray sees; `None` in shadow or
+/// outside the projector's image.
 fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     let dir = camera.direction(px, py);
     let t = nearest(camera.origin, dir);

@@ -1,4 +1,4 @@
-//! Conversion of patterns, frames and histograms between Python and instruments.
+//! Converts patterns, frames and histograms between Python and instruments.
 
 use super::values::{Answer, shown};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -6,20 +6,20 @@ use pyo3::prelude::*;
 use pyo3::types::PyList;
 use sunstone::rig::instrument::{Failure, Fault, Histogram, Pattern, PixelFormat, RawFrame, pixels};
 
-/// A frame from Python, unconverted.
+/// A camera frame that a Python object returned.
 pub struct Picture {
-    /// Rows and columns.
+    /// Number of rows and of columns.
     pub shape: [usize; 2],
-    /// Digital numbers, rows from the top.
+    /// Digital numbers, row-major from the top.
     pub numbers: Vec<u32>,
-    /// The camera's frame number, if it counts frames.
+    /// The camera's frame number, if the camera counts frames.
     pub number: Option<u64>,
-    /// Camera clock, in nanoseconds.
+    /// Time stamp of the camera's clock in nanoseconds.
     pub timestamp_ns: u64,
 }
 
 impl Picture {
-    /// Reads a camera's reply: a `Frame` or only its array.
+    /// Reads a frame from a camera's reply: a `Frame`, or only the array.
     pub fn read(from: &Answer<'_, '_>, format: PixelFormat) -> Result<Self, String> {
         let of_frame = from.0.getattr("pixels").ok();
         let array = of_frame.as_ref().unwrap_or(from.0);
@@ -48,14 +48,14 @@ impl Picture {
     }
 }
 
-/// Reads shape and numbers of a two-dimensional array of one type.
+/// Reads the shape and the numbers of a two-dimensional array with elements of type `T`.
 fn table<T: numpy::Element + Copy + Into<u32>>(array: &Bound<'_, PyAny>) -> Option<([usize; 2], Vec<u32>)> {
     let array: PyReadonlyArray2<'_, T> = array.extract().ok()?;
     let shape = [array.shape()[0], array.shape()[1]];
     Some((shape, array.as_array().iter().map(|n| (*n).into()).collect()))
 }
 
-/// Reads the numbers of a one-dimensional array of one type.
+/// Reads the numbers of a one-dimensional array with elements of type `T`.
 fn list<T: numpy::Element + Copy + TryInto<u32>>(array: &Bound<'_, PyAny>) -> Option<Vec<u32>> {
     let array: PyReadonlyArray1<'_, T> = array.extract().ok()?;
     array.as_array().iter().map(|n| (*n).try_into().ok()).collect()
@@ -105,7 +105,7 @@ pub fn of_histogram<'py>(py: Python<'py>, h: &Histogram) -> PyResult<Bound<'py, 
     class.call1((counts, h.pulses, h.number, h.timestamp_ns, records))
 }
 
-/// Converts a frame to Python; a truncated frame is a failure that a retry can fix.
+/// Converts a frame to Python; a truncated frame becomes a failure that allows a retry.
 pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyAny>> {
     let Some(numbers) = pixels::unpack(frame) else {
         let what = format!("incomplete frame of {} bytes", frame.bytes.len());

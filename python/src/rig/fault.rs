@@ -1,21 +1,22 @@
-//! Conversion between Python exceptions of instruments and failures of a session.
+//! Converts between Python exceptions of instruments and failures of a session.
 
 use pyo3::exceptions::{PyConnectionError, PyException, PyOSError, PyTimeoutError};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 use sunstone::rig::instrument::{Failure, Fault};
 
-/// Python module that defines the classes named here.
+/// Name of the Python module that defines the instrument classes.
 pub const HOME: &str = "pysunstone.rig.instruments";
 
-/// The exception behind the last failure of any instrument in a session: the cause of the raised exception.
+/// The exception behind the last failure of any instrument in a session: it becomes the cause of the raised
+/// exception.
 #[derive(Clone, Default)]
 pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 
 impl Thrown {
-    /// Converts an exception to a failure: an `InstrumentError` states its fault; timeouts map to timeout;
-    /// `OSError` (including the errors of pyserial and PyUSB) maps to disconnected; all others are reported
-    /// to the user, because a retry does not fix a program.
+    /// Converts an exception to a failure: an `InstrumentError` states its fault; timeouts map to
+    /// timeout; `OSError` (including the errors of pyserial and PyUSB) maps to disconnected; all
+    /// other exceptions are reported to the user without a retry.
     pub fn failure(&self, py: Python<'_>, instrument: &str, method: &str, error: PyErr) -> Failure {
         let failure = describe(py, instrument, &error).unwrap_or_else(|| {
             let fault = if error.is_instance_of::<PyTimeoutError>(py) || of_name(py, &error, "TimeoutError") {
@@ -31,8 +32,8 @@ impl Thrown {
         failure
     }
 
-    /// Returns the exception for a failure that ended a session, with its cause. If the cause is not an
-    /// `Exception` but a request to exit, returns the cause itself.
+    /// Returns the exception, with its cause, for a failure that ended a session. If the cause is a
+    /// request to exit and not an `Exception`, returns the cause itself.
     pub fn raise(&self, py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         let cause = last.filter(|(of, _)| of == failure).map(|(_, cause)| cause);
@@ -74,7 +75,8 @@ fn describe(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> 
     Some(Failure::new(fault, instrument, what))
 }
 
-/// Tests the names of base classes. (Before Python 3.11, asyncio's timeout is a separate class.)
+/// Returns whether an exception has a base class with this name. Names are compared because before Python
+/// 3.11 asyncio's timeout is a separate class.
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
     let mut names = classes.iter().filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());

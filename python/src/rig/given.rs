@@ -1,5 +1,6 @@
-//! Instruments that are Python objects. The session's thread calls their methods and has Python's lock only
-//! during the call. Requests outside the limits are refused here, so that the objects need no checks.
+//! Instruments that are Python objects. The session's thread calls the objects' methods, and has Python's
+//! lock only during a call. This module refuses requests outside the limits, so that the objects need no
+//! checks.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;
@@ -21,7 +22,7 @@ pub struct Given<Limits, State> {
     thrown: Thrown,
     limits: Limits,
     state: State,
-    /// Number of frames or histograms taken. It continues after a reconnection.
+    /// Number of frames or histograms taken; a reconnection does not reset it.
     taken: u64,
 }
 
@@ -193,7 +194,7 @@ impl<S> Default for Acquiring<S> {
 }
 
 impl<L, S: Value> Given<L, Acquiring<S>> {
-    /// Passes settings, which are within the limits, to the object.
+    /// Passes settings to the object, after they were checked against the limits.
     fn configure_with(&mut self, settings: S, within: Duration) -> Result<(), Failure> {
         self.state = Acquiring::default();
         let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));
@@ -203,7 +204,7 @@ impl<L, S: Value> Given<L, Acquiring<S>> {
         Ok(())
     }
 
-    /// Begins an acquisition. `device` and `acquisition` are the nouns of messages.
+    /// Begins an acquisition. `device` and `acquisition` are nouns for messages.
     fn start(&mut self, method: &str, device: &str, acquisition: &str) -> Result<(), Failure> {
         if self.state.settings.is_none() {
             return Err(self.failure(Fault::Refused, format!("the {device} is not configured")));

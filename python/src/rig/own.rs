@@ -1,5 +1,5 @@
-//! The rig's instruments as Python objects with the methods that a session calls, so that a Python instrument
-//! can forward calls to them. An instrument that a session uses is unavailable to others.
+//! Wraps the rig's instruments as Python objects with the methods that a session calls. A Python instrument
+//! can forward calls to these objects. An instrument that a session uses is unavailable to others.
 
 use super::fault::{Thrown, exception};
 use super::values::{Answer, Value, within};
@@ -25,17 +25,17 @@ impl<D: ?Sized + Send> Slot<D> {
         Self { name: name.to_owned(), device: Mutex::new(Some(device)) }
     }
 
-    /// Takes the instrument, if it is available.
+    /// Takes the instrument out of the slot, or returns `None` if a session uses it.
     fn take(&self) -> Option<Box<D>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Returns the instrument.
+    /// Puts the instrument back into the slot.
     fn put(&self, device: Box<D>) {
         *self.device.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
     }
 
-    /// Uses the instrument without Python's lock.
+    /// Calls `work` with the instrument, without Python's lock.
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut D) -> T + Send) -> PyResult<T> {
         let done = detached(py, || {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
@@ -44,7 +44,7 @@ impl<D: ?Sized + Send> Slot<D> {
         done.ok_or_else(|| input(format!("{}: in use by a running session; wait until it ends", self.name)))
     }
 
-    /// Sends a request that the instrument may refuse.
+    /// Sends a request that the instrument can refuse to the instrument.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
@@ -53,7 +53,7 @@ impl<D: ?Sized + Send> Slot<D> {
         self.with(py, work)?.map_err(|failure| exception(py, &failure, ""))
     }
 
-    /// Sends a request with a deadline.
+    /// Sends a request with a deadline to the instrument.
     fn ask_within<T: Send>(
         &self,
         py: Python<'_>,
@@ -65,7 +65,7 @@ impl<D: ?Sized + Send> Slot<D> {
     }
 }
 
-/// Defines a Python class for one kind of instrument: the common methods and its own.
+/// Defines a Python class for one kind of instrument: the common methods and the methods of that kind.
 macro_rules! own {
     ($(#[$doc:meta])* $class:ident, $device:ident, $given:ident, { $($methods:tt)* }) => {
         $(#[$doc])*
@@ -73,13 +73,14 @@ macro_rules! own {
         pub struct $class(Slot<dyn $device>);
 
         impl $class {
-            /// Wraps an instrument.
+            /// Wraps an instrument as a Python object.
             pub fn new(device: Box<dyn $device>) -> Self {
                 let name = device.name().to_owned();
                 Self(Slot::new(&name, device))
             }
 
-            /// Takes the instrument out of an object of this class, or uses any other object as an instrument.
+            /// Takes the instrument out of an object of this class. An object of another class is used as a
+            /// Python instrument.
             pub fn lend(
                 name: &str,
                 object: &Bound<'_, PyAny>,

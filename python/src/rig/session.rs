@@ -1,4 +1,4 @@
-//! Sessions: a plan, a rig file, and instruments of the file and of Python.
+//! Runs sessions: a plan with a rig file, and instruments of the file and of Python.
 
 use super::fault::Thrown;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};
@@ -15,11 +15,12 @@ use sunstone::rig::session::run::{self, RunError};
 use sunstone::rig::session::run_store;
 use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 
-/// A plan with its rig.
+/// A measurement plan with its rig.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python owns: its clock and a simulated bench's connections.
+    /// The rig without its instruments, which Python owns. It contains the clock and the connections of a
+    /// simulated bench.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }
@@ -33,7 +34,7 @@ fn prepare(e: PrepareError) -> PyErr {
 }
 
 /// Load plan and rig, and connect the instruments of the rig file except the given ones. Return the session
-/// and its instruments by name. `progress` reports the render that a simulated bench plays.
+/// and its instruments by name. `progress` is called during the render for a simulated bench.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python gives them by name")]
 pub fn rig_open<'py>(
@@ -65,7 +66,7 @@ pub fn rig_open<'py>(
     Ok((session, own))
 }
 
-/// Adds an instrument, if there is one, to the instruments by name.
+/// Adds an instrument, if there is one, to the dictionary `own`.
 fn add<C>(own: &Bound<'_, PyDict>, name: &str, instrument: Option<C>) -> PyResult<()>
 where
     C: PyClass + Into<PyClassInitializer<C>>,
@@ -73,7 +74,7 @@ where
     instrument.map_or(Ok(()), |i| own.set_item(name, Bound::new(own.py(), i)?))
 }
 
-/// A rig whose instruments are lent by Python objects; they are returned when it is dropped.
+/// A rig whose instruments are lent by Python objects; the instruments are returned when the rig is dropped.
 struct Lent<'a, 'py> {
     session: &'a RigSession,
     objects: BTreeMap<String, Bound<'py, PyAny>>,
@@ -113,7 +114,7 @@ impl Drop for Lent<'_, '_> {
     }
 }
 
-/// Adds an object to a rig as the instrument with this name.
+/// Adds an object to a rig as the instrument called `name`.
 fn lend(
     rig: &mut Rig,
     session: &RigSession,
@@ -136,7 +137,8 @@ fn lend(
     Ok(())
 }
 
-/// Return the cost of a run: frames, seconds (also while stages move), bytes; and the element stages.
+/// Return the cost of a run (number of frames, seconds including stage movements, bytes) and the stages of
+/// the elements.
 #[pyfunction]
 pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResult<(u64, f64, f64, u64)> {
     let thrown = Thrown::default();
@@ -149,8 +151,8 @@ pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResu
     Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
 }
 
-/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of the rig's
-/// clock. The session runs on another thread; this one checks signals.
+/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of
+/// the rig's clock. The session runs on another thread, while the calling thread checks signals.
 #[pyfunction]
 pub fn rig_run<'py>(
     py: Python<'py>,

@@ -1,5 +1,5 @@
-//! Requests to instruments and their replies, as the data classes of `pysunstone.rig.instruments`. Replies
-//! are checked: fields exist, have the right type and are finite.
+//! Converts requests to instruments and their replies to and from the data classes of
+//! `pysunstone.rig.instruments`. Fields of replies must exist, have the right type and be finite.
 
 use super::fault::HOME;
 use pyo3::conversion::FromPyObjectOwned;
@@ -16,7 +16,7 @@ use sunstone::rig::ptu::record::RecordType;
 const FORMATS: [PixelFormat; 4] =
     [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
 
-/// Return value of a method, with its fields.
+/// Return value of an instrument's method, whose fields are read.
 pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// Formats an object for messages.
@@ -37,14 +37,14 @@ impl<'py> Answer<'_, 'py> {
         value.extract().map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
     }
 
-    /// Reads a finite number.
+    /// Reads a field that is a finite number; `units` is used in messages.
     pub fn number(&self, name: &str, units: &str) -> Result<f64, String> {
         let wanted = format!("a finite number of {units}");
         let value: f64 = self.field(name, &wanted)?;
         if value.is_finite() { Ok(value) } else { Err(format!("`{name}` is {value}; expected {wanted}")) }
     }
 
-    /// Reads two numbers, finite or infinite.
+    /// Reads a field of two numbers, which can be infinite.
     fn pair(&self, name: &str, units: &str) -> Result<[f64; 2], String> {
         let wanted = format!("two numbers of {units}");
         let pair: [f64; 2] = self.field(name, &wanted)?;
@@ -54,7 +54,7 @@ impl<'py> Answer<'_, 'py> {
         Ok(pair)
     }
 
-    /// Reads a duration.
+    /// Reads a field that is a duration in seconds.
     fn seconds(&self, name: &str) -> Result<Duration, String> {
         duration(name, self.number(name, "seconds")?)
     }
@@ -66,7 +66,7 @@ pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
         .map_err(|_| format!("`{name}` is {seconds}; expected seconds, 0 or more"))
 }
 
-/// Converts a deadline; infinity is replaced by a very long time.
+/// Converts a deadline; infinity becomes a very long time.
 pub fn within(seconds: f64) -> Result<Duration, String> {
     if seconds == f64::INFINITY {
         return Ok(Duration::from_secs(u64::from(u32::MAX)));
@@ -74,9 +74,9 @@ pub fn within(seconds: f64) -> Result<Duration, String> {
     duration("within_s", seconds)
 }
 
-/// A Python data class.
+/// A value that is a data class in Python.
 pub trait Value: Sized {
-    /// Name of the class.
+    /// Name of the Python class.
     const CLASS: &'static str;
 
     /// Reads the value from a return value or an argument.
@@ -91,13 +91,13 @@ pub trait Value: Sized {
     }
 }
 
-/// Returns a pair, which becomes a tuple in Python, unlike an array.
+/// Converts an array to a pair, because only a pair becomes a tuple in Python.
 fn pair<T>([a, b]: [T; 2]) -> (T, T) {
     (a, b)
 }
 
-/// Implements [`Value`] for a data class, field by field: how to read it from an answer, and its value for
-/// Python.
+/// Implements [`Value`] for a data class, field by field: how a field is read from an answer, and
+/// its value for Python.
 macro_rules! value {
     ($class:ident, $from:ident, $own:ident, { $($field:ident: $read:expr => $object:expr,)* }) => {
         impl Value for $class {

@@ -1,4 +1,5 @@
-//! Materials for commands that learn from data: a folder of tables, or the stand-ins.
+//! Reads the materials for commands that learn from data: a folder of measured tables, or the built-in
+//! substitutes.
 
 use crate::Failure;
 use std::path::PathBuf;
@@ -27,12 +28,12 @@ pub struct MaterialSource {
 }
 
 impl MaterialSource {
-    /// Reads the tables, or evaluates the stand-ins, and keeps `samples` matrices of each.
+    /// Reads the tables, or evaluates the stand-ins, and keeps `samples` matrices of each material.
     pub fn load(&self, samples: usize) -> Result<DataSet, Failure> {
         self.load_mapped(Settings::default().c, samples)
     }
 
-    /// Does the same as [`MaterialSource::load`] with the given c of arctan(c M).
+    /// Does the same as [`MaterialSource::load`] with the mapping arctan(c M) of the matrices.
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
         if let Some(folder) = &self.folder {

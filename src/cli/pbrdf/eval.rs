@@ -60,7 +60,7 @@ pub struct Arguments {
     uv: Pair,
 }
 
-/// Two numbers separated by a comma.
+/// Two numbers, which are separated by a comma on the command line.
 #[derive(Clone, Copy, Debug)]
 struct Pair([f64; 2]);
 
@@ -102,14 +102,15 @@ fn shown(direction: Direction) -> Value {
     })
 }
 
-/// Converts a single-precision matrix to shortest decimal form. Sets rounding noise far below M00 to 0.
+/// Converts a matrix to doubles whose shortest decimal form equals that of the single-precision values.
+/// Rounding errors far below M00 become 0.
 fn plain(m: [[f32; 4]; 4]) -> [[f64; 4]; 4] {
     let noise = m[0][0].abs() * 1e-9;
     let shortest = |v: f32| v.to_string().parse().unwrap_or(f64::from(v));
     m.map(|row| row.map(|v| if v.abs() <= noise { 0.0 } else { shortest(v) }))
 }
 
-/// The quantity to evaluate.
+/// The quantity that the command evaluates.
 #[derive(Clone, Copy)]
 enum What {
     Brdf(Direction),
@@ -155,7 +156,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(&readable(&value, 0))
 }
 
-/// Formats JSON with short values on one line, so that each row of a matrix is one line.
+/// Formats JSON with short values on one line, so that each row of a matrix is on one line.
 fn readable(value: &Value, indent: usize) -> String {
     const WIDTH: usize = 120;
     let short = value.to_string();

@@ -91,7 +91,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_paths([Some(&a.output), a.npz.as_ref(), a.prior.as_ref()].into_iter().flatten())
 }
 
-/// Returns the cumulative shares of the first components.
+/// Returns the cumulative shares of variance of the first components.
 fn together(share: &[f64; 16]) -> impl Iterator<Item = f64> {
     share.iter().scan(0.0, |sum, share| {
         *sum += share;

@@ -61,18 +61,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_path(&a.output)
 }
 
-/// Returns the lane of the nearest wavelength.
+/// Returns the index of the wavelength nearest to `wanted`, in nanometres.
 fn nearest(nm: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(nm, wanted).unwrap_or(0)
 }
 
-/// Returns the name of a placeholder material; names sort like their numbers.
+/// Returns the name of a placeholder material; the alphabetical order of names is that of their numbers.
 fn place(id: u32) -> String {
     format!("m{id:06}")
 }
 
-/// Renders one material. The scene's own materials are only placeholders, so that the file's materials, which
-/// may be large tables, are read once.
+/// Renders a sphere of one material. The scene contains only placeholder materials, so that the
+/// file's materials, which can be large tables, are read only once.
 fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid, Failure> {
     let camera = Camera::look_at([0.0, 0.0, 6.0], [0.0; 3]);
     let mut builder = SceneBuilder::new()
@@ -104,7 +104,8 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
     })
 }
 
-/// Returns the Mueller matrices of the only slice at the nearest wavelength, in row-major order from the top.
+/// Returns the Mueller matrices of a store's only slice at the wavelength nearest to `wavelength`, row-major
+/// from the top.
 fn matrices(store: &Path, nm: &[f64], wavelength: f64) -> Result<Vec<[f32; 16]>, Failure> {
     let store = TensorStore::open(store).map_err(Failure::failed)?;
     let slice = store.slice("mueller").map_err(Failure::failed)?;

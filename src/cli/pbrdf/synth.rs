@@ -71,7 +71,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_path(&list)
 }
 
-/// Returns the materials to make: those given by name, or all that light from a point can show.
+/// Returns the names of the materials to tabulate: the given names, or all materials that scatter light from
+/// a point emitter.
 fn names(a: &Arguments, materials: &BandedMaterials) -> Result<Vec<String>, Failure> {
     synth::check(materials, &a.name).map_err(Failure::input)?;
     Ok(if !a.name.is_empty() {

@@ -141,7 +141,7 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
     print_path(&a.output)
 }
 
-/// Refuses values outside a table's angles and bands.
+/// Refuses angles (degrees) and wavelengths (nanometres) outside the range of a table.
 fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(), Failure> {
     for ((name, nodes), wanted) in ANGLES.iter().zip(table.angles()).zip(degrees) {
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());

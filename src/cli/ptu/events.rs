@@ -1,4 +1,4 @@
-//! Prints the records of a file as text, and writes a file from such text.
+//! Prints the records of a file as text, and writes a photon file from such a text.
 
 use super::{failed, open};
 use crate::{Failure, bail, places, print_path};
@@ -108,8 +108,8 @@ pub fn print(a: &Records) -> Result<(), Failure> {
     }
 }
 
-/// Parses the event of a line. Returns `None` for invalid lines, column names and overflows, which are
-/// generated again.
+/// Parses the event of a line. Returns `None` for invalid lines, column names and overflows. The
+/// writer generates overflows again.
 fn event(line: &str) -> Option<Event> {
     let words: Vec<&str> = line.split(',').map(str::trim).collect();
     let &[kind, time, dtime, channel, markers] = &words[..] else {

@@ -1,5 +1,5 @@
-//! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces, so input,
-//! output and computation overlap and the data that was read is still in the cache.
+//! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces.
+//! Input, output and computation therefore overlap, and the data is in the cache when it is used.
 
 use crate::{Failure, bail};
 use rayon::prelude::*;
@@ -10,19 +10,19 @@ use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
 use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use sunstone::store::numpy::NumpyReader;
 
-/// Pixels of a piece: their intensities fit the L2 cache, and a piece is large enough for efficient reads and
-/// writes.
+/// Number of pixels per piece. The intensities of a piece fit into the L2 cache, and pieces are
+/// large enough for efficient reads and writes.
 const PIECE: usize = 4096;
 
 /// An image to reconstruct.
 pub struct Work<'a, T> {
     pub scheme: &'a Scheme,
     pub options: Options,
-    /// For rays along the axis, one for each wavelength.
+    /// Reconstruction for rays along the optical axis, with one estimator for each wavelength.
     pub estimates: Reconstruction<T>,
-    /// Rays of all places and wavelengths, unless they are along the axis.
+    /// Rays of all pixel positions and wavelengths; `None` if all rays are along the optical axis.
     pub rays: Option<&'a [Ray]>,
-    /// Number of pixels that share a ray.
+    /// Number of consecutive pixels with the same ray.
     pub times: usize,
     /// Number of wavelengths.
     pub lanes: usize,
@@ -35,7 +35,7 @@ pub struct Work<'a, T> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Done {
     pub tally: Tally,
-    /// Computing time, summed over threads and divided by their number.
+    /// Computing time, averaged over the threads.
     pub computing: Duration,
 }
 
@@ -47,14 +47,15 @@ struct Buffers<T> {
     errors: Vec<T>,
 }
 
-/// Receives elements (0) or their errors (1), beginning at a pixel.
+/// A function that receives matrix elements (0) or standard errors (1), the index of the first pixel, and the
+/// values.
 type Write<'a, T> = dyn Fn(usize, usize, &[T]) -> Result<(), Failure> + Sync + 'a;
 
 impl<T: PixelNumber> Work<'_, T> {
-    /// Reconstructs all pixels, in any order.
+    /// Reconstructs all pixels in any order, and passes the results to `write`.
     ///
     /// # Errors
-    /// If reading an input or `write` fails.
+    /// [`Failure`] if an input cannot be read or `write` fails.
     pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;

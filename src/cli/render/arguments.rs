@@ -1,4 +1,4 @@
-//! Arguments of `sunstone render`, and the command that repeats them.
+//! Defines the arguments of `sunstone render`, and formats the command that resumes a render.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -99,7 +99,7 @@ pub(super) struct TargetArguments {
 }
 
 impl TargetArguments {
-    /// Returns the target for a scene, or `None` without `--target-error`.
+    /// Returns the target error for a scene, or `None` without `--target-error`.
     pub fn goal(&self, spp: Option<u32>, scene: &Scene) -> Option<Goal> {
         let first = || scene.slices.first().map_or(String::new(), |s| s.name.clone());
         Some(Goal {
@@ -125,14 +125,14 @@ fn pair(text: &str, between: char) -> Option<[u32; 2]> {
     Some([a.parse().ok()?, b.parse().ok()?])
 }
 
-/// Parses `K/N`.
+/// Parses a part of a render, `K/N`.
 fn share(text: &str) -> Result<Part, String> {
     let [number, of] = pair(text, '/').ok_or("expected K/N, such as 3/8: part 3 of 8")?;
     let part = Part::Share { number, of };
     part.fault(0).map_or(Ok(part), Err)
 }
 
-/// Parses `A-B`, or a single tile.
+/// Parses a range of tiles `A-B`, or a single tile.
 fn tiles(text: &str) -> Result<Part, String> {
     let one = || text.parse().ok().map(|tile| [tile, tile]);
     let [first, last] = pair(text, '-').or_else(one).ok_or("expected A-B, such as 0-31: tiles 0 to 31")?;
@@ -140,7 +140,7 @@ fn tiles(text: &str) -> Result<Part, String> {
     part.fault(u32::MAX).map_or(Ok(part), Err)
 }
 
-/// Formats a part as an option, and as a piece of a file name.
+/// Formats a part as a command-line option, and as a piece of a file name.
 pub(super) fn named(part: Part) -> [String; 2] {
     match part {
         Part::Share { number, of } => [format!("--part {number}/{of}"), format!("part{number}of{of}")],

@@ -1,4 +1,4 @@
-//! Progress of a render, and its interruption with Ctrl-C.
+//! Prints the progress of a render, and handles interruption with Ctrl-C.
 
 use crate::progress::{INTERRUPTED, bar};
 use indicatif::ProgressBar;
@@ -12,7 +12,8 @@ use sunstone::render::{Summary, Watch};
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
-    /// Warnings to print once the render has started, so that they do not precede an error that prevents it.
+    /// Warnings that are printed after the render has started, so that they are not printed before an error
+    /// that prevents the render.
     warnings: Mutex<Vec<String>>,
     /// Prefix of the progress line, such as the round.
     about: Mutex<String>,

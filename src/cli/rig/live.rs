@@ -1,4 +1,4 @@
-//! Live display of a run: rate, remaining time, the last frame's histogram.
+//! Displays a run: capture rate, remaining time, and histogram of the last frame.
 
 use crate::progress::{INTERRUPTED, bar};
 use indicatif::ProgressBar;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 use sunstone::rig::session::run::Progress;
 
-/// The live display.
+/// The live display of a run.
 pub struct Live {
     bar: Option<ProgressBar>,
     begun: Instant,
@@ -16,7 +16,7 @@ pub struct Live {
     last: Instant,
 }
 
-/// Columns of the histogram.
+/// Number of columns of the histogram.
 const COLUMNS: usize = 16;
 /// Interval between updates of the display.
 const EACH: Duration = Duration::from_millis(100);
@@ -62,7 +62,8 @@ impl Live {
     }
 }
 
-/// Draws the histogram of a frame's counts, dark to bright, as blocks whose height is logarithmic.
+/// Draws the histogram of a frame's pixel values, dark to bright, as block characters with logarithmic
+/// heights.
 fn histogram(numbers: &[u32]) -> String {
     let most = numbers.iter().copied().max().unwrap_or(0).max(1);
     let mut counts = [0_u32; COLUMNS];
@@ -76,7 +77,7 @@ fn histogram(numbers: &[u32]) -> String {
     format!("{} to {most}", counts.iter().map(block).collect::<String>())
 }
 
-/// Watches the render of a simulated bench's tensor.
+/// Displays the progress of rendering a simulated bench's tensor.
 pub struct Rendering;
 
 impl Watch for Rendering {

@@ -1,4 +1,4 @@
-//! Helpers of the rig commands: errors, summaries and stand-in instruments.
+//! Defines helpers of the rig commands: errors, summaries and simulated instruments for planning.
 
 use crate::Failure;
 use sunstone::polarimetry::capture::scheme::Scheme;
@@ -8,7 +8,7 @@ use sunstone::rig::session::rig_file::{BenchPlan, Driver, Scene};
 use sunstone::rig::session::steps::Steps;
 use sunstone::rigs::prepared::{PrepareError, Prepared};
 
-/// Folder in which simulated benches keep the tensors of their scenes.
+/// Folder in which simulated benches store the tensors of their scenes.
 pub(super) const BENCH: &str = "out/bench";
 
 impl From<PrepareError> for Failure {
@@ -22,7 +22,7 @@ impl From<PrepareError> for Failure {
     }
 }
 
-/// Returns the rig with simulated instruments that have the same limits, for planning only.
+/// Returns the rig with simulated instruments that have the same limits. This rig is used only for planning.
 pub(super) fn stand_in(session: &Prepared) -> Result<Rig, Failure> {
     let mut rig = session.rig.clone();
     rig.stages.values_mut().for_each(|s| s.driver = Driver::Simulated);

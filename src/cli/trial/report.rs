@@ -1,9 +1,9 @@
-//! Output of a trial: a text table, the same table as CSV, and a chart.
+//! Formats the results of a trial: a text table, the same table as CSV, and a chart.
 
 use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
 use sunstone::polarimetry::trial::SchemeResult;
 
-/// Formats a number with four decimals, or as 1.234e-3 if these would not show its digits.
+/// Formats a number with four decimals, or as `1.234e-3` if four decimals are too few.
 pub fn short(v: f64) -> String {
     match v {
         v if !v.is_finite() => "-".to_owned(),
@@ -12,7 +12,7 @@ pub fn short(v: f64) -> String {
     }
 }
 
-/// Formats the text table.
+/// Formats the results of a trial as a text table.
 pub fn table(rows: &[SchemeResult]) -> String {
     let mut out = format!(
         "{:<20}  {:>8}  {:>4}  {:>9}  {:<13}  {:>10}  {:>10}  {:>10}  {:>10}  {:>7}\n",
@@ -45,11 +45,11 @@ pub fn table(rows: &[SchemeResult]) -> String {
     out
 }
 
-/// Columns of the table as CSV.
+/// Column names of the CSV table.
 const COLUMNS: &str = "scheme,captures,rank,condition,estimate,predicted_rmse,rmse,rmse_std_error,\
                        normalized_error,lost_share";
 
-/// Formats the table as CSV; unknown values are empty.
+/// Formats the table as CSV; unknown values become empty cells.
 pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(vec![]);
     writer.write_record(COLUMNS.split(','))?;
@@ -73,7 +73,8 @@ pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     writer.into_inner().map_err(|e| e.into_error().into())
 }
 
-/// Draws errors against captures; the kind of a scheme is its name up to the last space.
+/// Draws the errors against the number of captures, with one line for each kind of scheme. The kind is the
+/// scheme's name up to the last space.
 pub fn curve(rows: &[SchemeResult]) -> Chart {
     let mut series: Vec<Series> = vec![];
     let mut order: Vec<&SchemeResult> = rows.iter().collect();

@@ -1,4 +1,5 @@
-//! Legend of a chart: in the plot corner that covers the least data, or to the right of the plot.
+//! Draws the legend of a chart: in the corner of the plot where it covers the least data, or to the right of
+//! the plot.
 
 use image::Rgb;
 
@@ -8,26 +9,27 @@ use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::marker::Marker;
 use crate::text::{Align, TICK, fit, width};
 
-/// Height of an entry, width of its sample, and space around and between them.
+/// Height of a legend entry in pixels. The next constants are the width of a sample and the space around and
+/// between entries.
 const LINE: f64 = 24.0;
 const SAMPLE: f64 = 38.0;
 const SPACE: f64 = 8.0;
-/// Distance from the frame.
+/// Distance of the legend from the frame, in pixels.
 const OFF: f64 = 12.0;
 /// Maximum width of a name in pixels.
 const NAME: f64 = 320.0;
 /// Maximum number of entries inside the plot.
 const MOST_INSIDE: usize = 9;
-/// A legend inside the plot covers lines and markers on less than this fraction of its pixels.
+/// Maximum fraction of a legend's pixels that can cover lines and markers if the legend is inside the plot.
 const COVERED: f64 = 0.02;
-/// Sampling distance along a line, maximum number of samples per segment, and the number of pixels that a
-/// sample of a line and a marker cover.
+/// Sampling distance along a line in pixels. The next constants are the maximum number of samples
+/// per segment, and the numbers of pixels that a line sample and a marker cover.
 const STEP: f64 = 4.0;
 const MOST_STEPS: f64 = 20_000.0;
 const PIECE: f64 = STEP * NIB.line;
 const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 
-/// Draws the legend of all named series; to the right of the plot it widens the page.
+/// Draws the legend of all named series; a legend to the right of the plot widens the page.
 pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
     let named = series.iter().filter(|s| !s.name.trim().is_empty());
     let entries: Vec<_> = named.map(|s| (s, fit(s.name.trim(), TICK, NAME))).collect();
@@ -79,8 +81,8 @@ fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
     places
 }
 
-/// Returns the corner with the fewest covered pixels, preferably upper right; `None` if every corner covers
-/// too many.
+/// Returns the corner of the plot in which a legend covers the fewest pixels of data, preferably
+/// the upper right corner. Returns `None` if the legend covers too many pixels in every corner.
 fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect> {
     if w + 2.0 * OFF > plot.w / 2.0 || h + 2.0 * OFF > plot.h {
         return None;

@@ -1,4 +1,4 @@
-//! Scale of a chart's axis: its range, positions of values along it, and its ticks.
+//! Computes the scale of a chart's axis: the range, the positions of values along the axis, and the ticks.
 
 use super::series::ChartAxis;
 use crate::drawing::{Point, Rect};
@@ -9,19 +9,19 @@ use crate::ticks::{Ticks, brief};
 const LARGEST: f64 = 1e300;
 /// Margin beyond the outermost values, as a fraction of their range.
 const MARGIN: f64 = 0.04;
-/// Labels of ranges narrower than this fraction of their values would be equal.
+/// Minimum range relative to the values. Labels of a narrower range would be equal.
 const NARROWEST: f64 = 1e-9;
 
 /// Maps values to positions 0..1 along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     log: bool,
-    /// Ends of the axis; as powers of ten if it is logarithmic.
+    /// Low end of the axis; the exponent to base ten if the axis is logarithmic.
     low: f64,
     high: f64,
 }
 
-/// Maps data to pixels of the page.
+/// Maps data coordinates to pixels of the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scales {
     pub(crate) x: Scale,
@@ -30,7 +30,7 @@ pub(crate) struct Scales {
 }
 
 impl Scales {
-    /// Returns the pixel of a point, which may be far outside the plot.
+    /// Returns the page position in pixels of a point. The position may be far outside the plot.
     pub(crate) fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
         let (x, y) = (self.x.place(x)?, self.y.place(y)?);
         let r = self.plot;
@@ -38,11 +38,11 @@ impl Scales {
     }
 }
 
-/// Labelled and unlabelled ticks.
+/// The labelled and unlabelled ticks of an axis.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
     pub major: Ticks,
-    /// Positions of unlabelled ticks.
+    /// Positions of unlabelled ticks, 0..1 along the axis.
     pub minor: Vec<f64>,
 }
 
@@ -51,8 +51,8 @@ impl Scale {
     /// that the axis can show.
     ///
     /// # Errors
-    /// [`FigureError::Option`] with the name `option` if the given range is not finite, empty, narrower than
-    /// a billionth of its values or, on a logarithmic axis, not positive.
+    /// [`FigureError::Option`] with the name `option` if the given range is not finite, is empty,
+    /// is narrower than a billionth of its values or, on a logarithmic axis, is not positive.
     pub fn new(
         axis: &ChartAxis,
         option: &'static str,
@@ -94,8 +94,8 @@ impl Scale {
         Ok(Self { log, low: a - pad, high: b + pad })
     }
 
-    /// Returns the position of a value from the low end; `None` if it is not finite or, on a logarithmic
-    /// axis, not positive.
+    /// Returns the position of a value, 0..1 from the low end of the axis. Returns `None` if the
+    /// value is not finite or, on a logarithmic axis, not positive.
     pub fn place(&self, value: f64) -> Option<f64> {
         let v = if self.log { value.log10() } else { value };
         // Clamps distant values, so that later differences stay finite.
@@ -103,7 +103,7 @@ impl Scale {
         v.is_finite().then_some(place)
     }
 
-    /// Returns ticks with about `most` labels at most.
+    /// Returns ticks with at most about `most` labels.
     pub fn marks(&self, most: usize) -> Marks {
         let mut marks = if !self.log {
             Marks { major: Ticks::linear(self.low, self.high, most), minor: vec![] }
@@ -118,7 +118,7 @@ impl Scale {
         marks
     }
 
-    /// As [`Scale::marks`], with as many labels as fit side by side into `length` pixels.
+    /// Returns ticks like [`Scale::marks`], with as many labels as fit without overlap into `length` pixels.
     pub fn marks_across(&self, length: f64) -> Marks {
         let mut most = 10;
         while most > 2 && !self.marks(most).major.fit_side_by_side(length) {
@@ -127,7 +127,7 @@ impl Scale {
         self.marks(most)
     }
 
-    /// Returns `m` times the powers of ten around the axis, with their positions.
+    /// Returns the values `m` × 10ⁿ in the range of the axis, with their positions.
     fn multiples(&self, m: f64) -> impl Iterator<Item = (f64, f64)> {
         let (low, span) = (self.low, self.high - self.low);
         (self.low.floor() as i32..=self.high.ceil() as i32).map(move |e| {
@@ -153,7 +153,8 @@ impl Scale {
         Marks { minor: minor.collect(), major }
     }
 
-    /// Labels at 1, 2 and 5 times powers of ten, or at round steps if few of those are on the axis.
+    /// Returns ticks with labels at 1, 2 and 5 times powers of ten, or at round steps if the axis contains
+    /// few of these values.
     fn within_decades(&self, most: usize) -> Marks {
         let on = |t: &(f64, f64)| (0.0..=1.0).contains(&t.1);
         let mut round: Vec<(f64, f64)> =
@@ -174,7 +175,7 @@ impl Scale {
     }
 }
 
-/// Returns ticks at the named values of an axis, or by default those of its scale.
+/// Returns ticks at the named values of an axis, or the ticks of the scale if there are no named values.
 pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Marks) -> Marks {
     if axis.named.is_empty() {
         return default(scale);
@@ -187,7 +188,8 @@ pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Ma
     Marks { major: Ticks { marks, exponent: 0 }, minor: vec![] }
 }
 
-/// Returns a label with the power of ten of its ticks, inserted before a bracketed unit at the end.
+/// Returns a label with the power of ten that its ticks factor out. The power is inserted before a bracketed
+/// unit at the end.
 pub fn label(text: &str, ticks: &Ticks) -> String {
     let text = text.trim();
     let unit = text.strip_suffix(']').and_then(|t| t.rsplit_once('['));

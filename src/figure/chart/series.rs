@@ -1,4 +1,4 @@
-//! The contents of a chart: axes and series of points.
+//! Defines the contents of a chart: axes and series of points.
 
 /// Line widths and marker size of series, in pixels of the page.
 #[derive(Clone, Copy, Debug)]
@@ -8,29 +8,29 @@ pub(crate) struct Nib {
     pub radius: f64,
 }
 
-/// The sizes for a single chart.
+/// Line widths and marker size for a single chart.
 pub(super) const NIB: Nib = Nib { line: 2.2, bar: 1.4, radius: 5.2 };
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChartAxis {
-    /// Label with unit; may be empty.
+    /// Label of the axis, with unit; may be empty.
     pub label: String,
-    /// Logarithmic to base ten instead of linear.
+    /// Whether the axis is logarithmic to base ten instead of linear.
     pub log: bool,
     /// Values at the low and the high end, in the unit of the label; by default the axis contains all points.
     pub range: Option<(f64, f64)>,
-    /// Named values; the names replace numeric labels.
+    /// Values with names; the names replace numeric labels.
     pub named: Vec<(f64, String)>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// Name in the legend; may be empty.
+    /// Name of the series in the legend; may be empty.
     pub name: String,
     /// Points (x, y) in the units of the axes, joined in this order.
     pub points: Vec<(f64, f64)>,
-    /// Standard error of every y, drawn as a bar of one standard error to either side. Errors that are not
-    /// finite and positive have no bar.
+    /// Standard error of every y value. It is drawn as an error bar of one standard error in each
+    /// direction. Errors that are not finite and positive have no bar.
     pub errors: Option<Vec<f64>>,
     pub style: SeriesStyle,
     /// Index of the colour in the colour-blind-safe palette (`BLACK` is 6), and of the marker.
@@ -38,7 +38,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Returns the standard error of a point; 0 unless there is a finite positive one.
+    /// Returns the standard error of a point; 0 if there is no finite positive standard error.
     pub(super) fn error(&self, i: usize) -> f64 {
         let error = self.errors.as_ref().and_then(|e| e.get(i)).copied();
         error.filter(|e| e.is_finite() && *e > 0.0).unwrap_or(0.0)

@@ -1,4 +1,4 @@
-//! Tests drawn positions with known series, and degenerate series.
+//! Tests the positions of known series in a chart, and degenerate series.
 
 use image::RgbImage;
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ fn seen(chart: &Chart) -> (RgbImage, Scales) {
     (drawing.pixels().unwrap(), scales)
 }
 
-/// Returns the colours of the pixels at data points.
+/// Draws a chart and returns the colours of the pixels at the given data points.
 fn colours(chart: &Chart, points: &[(f64, f64)]) -> Vec<Rgb<u8>> {
     let (img, scales) = seen(chart);
     let pixel = |&p| {
@@ -116,7 +116,8 @@ fn dashes_are_black_and_have_holes() {
     assert!((450..750).contains(&dark) && white > 150, "{dark} {white}");
 }
 
-/// The legend avoids the data. It moves out of the plot if there is no free corner or too many names.
+/// Tests that the legend avoids the data, and that the legend is outside the plot if there is no free corner
+/// or too many names.
 #[test]
 fn legends_keep_clear_of_the_data() {
     let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
@@ -157,8 +158,8 @@ fn what_cannot_be_drawn_is_refused() {
     assert!(message(&chart).contains("above 0"));
 }
 
-/// Charts of every style on both kinds of axis have a useful size and contain their text, and drawing is
-/// deterministic.
+/// Tests charts of every style on both kinds of axis: each has a useful size and contains its text,
+/// and drawing is deterministic.
 #[test]
 fn charts_come_out_at_a_useful_size_and_the_same_again() {
     let styles = [SeriesStyle::Dashed, SeriesStyle::Band, SeriesStyle::LineMarkers, SeriesStyle::Line];

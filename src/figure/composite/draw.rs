@@ -14,27 +14,28 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;
 
-/// Pixels per inch of a figure; doubled if an image has more pixels than its rectangle.
+/// Pixels per inch of a figure. The number is doubled if an image has more pixels than its rectangle.
 const PER_INCH: f64 = 300.0;
 const MM_PER_INCH: f64 = 25.4;
-/// Width of thin lines, millimetres.
+/// Width of thin lines in millimetres.
 const THIN: f64 = 0.25;
-/// Width of curves, and radius of their markers, millimetres.
+/// Width of curves in millimetres. The next constant is the radius of their markers.
 const CURVE: f64 = 0.35;
 const DOT: f64 = 0.7;
-/// Arrows: width of the shaft, and length and half width of the head, millimetres.
+/// Width of an arrow's shaft in millimetres. The next constants are the length and the half width of the
+/// head.
 const SHAFT: f64 = 0.5;
 const HEAD: (f64, f64) = (1.9, 0.8);
-/// Width of the rim around arrows, millimetres.
+/// Width of the rim around arrows in millimetres.
 const RIM: f64 = 0.25;
-/// Opacity of the ground under text in images.
+/// Opacity of the background of text in images.
 const GROUND: f64 = 0.75;
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
-/// Draws a figure.
+/// Draws a composite figure.
 ///
 /// # Errors
-/// As [`layout()`].
+/// The same errors as [`layout()`].
 pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     let places = layout(figure)?;
     let per_inch = per_inch(figure, &places);
@@ -56,7 +57,7 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     Ok(pen.page)
 }
 
-/// Returns [`PER_INCH`], or twice that if a camera image has more pixels than its rectangle.
+/// Returns [`PER_INCH`], or twice that number if a camera image has more pixels than its rectangle.
 fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     let crowded = places.panels.iter().any(|placed| {
         let part = figure.parts[placed.part].as_ref();
@@ -70,7 +71,8 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
 }
 
-/// Returns an image with at most as many pixels as its rectangle, averaging colours. Only maps exceed this.
+/// Reduces an image, by averaging colours, to at most as many pixels as its rectangle. Only maps have more
+/// pixels.
 fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     let [w, h] = [place.w, place.h].map(|v| v as u32);
     if image.width() <= w && image.height() <= h {
@@ -80,7 +82,7 @@ fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     Cow::Owned(imageops::resize(image, w, h, FilterType::Triangle))
 }
 
-/// Draws with lengths in millimetres.
+/// Draws on a page with lengths in millimetres.
 struct Scribe {
     page: Drawing,
     scale: f64,
@@ -95,7 +97,7 @@ impl Scribe {
         (x * self.scale, y * self.scale)
     }
 
-    /// Returns the rectangle with edges between pixels, as for images.
+    /// Returns the rectangle with its edges rounded to pixel boundaries, as for images.
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));
@@ -156,7 +158,7 @@ impl Scribe {
         }
     }
 
-    /// Draws a text on a light ground in the upper left corner.
+    /// Draws a text on a light background in the upper left corner of a rectangle.
     fn tag(&mut self, text: &str, r: Rect) {
         if text.is_empty() {
             return;
@@ -196,7 +198,8 @@ impl Scribe {
         self.beside(&up, (r.x, -1.0), r, &names[1]);
     }
 
-    /// Draws ticks and a name beside a rectangle, at its left (`way` -1) or right (1) edge x.
+    /// Draws ticks and an axis name next to a rectangle, at the edge `x`: to the left if `way` is -1, to the
+    /// right if `way` is 1.
     fn beside(&mut self, ticks: &Ticks, (x, way): (f64, f64), r: Rect, name: &str) {
         let align = if way < 0.0 { Align::End } else { Align::Start };
         let mut widest = 0.0_f64;
@@ -272,7 +275,7 @@ impl Scribe {
         self.page.area(corners.into_iter(), Rgb(ink.0), 1.0);
     }
 
-    /// Draws a white line under its label, on a dark ground.
+    /// Draws a scale bar: a white line under a label, on a dark background.
     fn scale_bar(&mut self, label: &str, r: Rect) {
         let wide = width(label, self.style(TICK)) / self.scale;
         let ground = Rect { x: r.x - 0.5, y: r.y - TICK - 0.4, w: r.w.max(wide) + 1.0, h: TICK + r.h + 0.8 };

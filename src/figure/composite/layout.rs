@@ -1,9 +1,9 @@
-//! The layout of a composite, in millimetres from its upper left corner.
+//! Computes the layout of a composite, in millimetres from the upper left corner.
 //!
-//! All images have the same width p; an image that spans k columns also covers the space between them: p = (W -
-//! 2 edge - row headings - Σ space beside the columns - (n - 1) gap) / n. The space beside a column fits
-//! the widest axis at its left and the widest colour bar at its right. The space above and below a row is
-//! computed in the same way.
+//! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n
+//! - 1) gap) / n. An image that spans k columns also covers the space between these columns. The
+//! space next to a column fits the widest axis on the left and the widest colour bar on the right.
+//! The space above and below a row is computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};
@@ -14,41 +14,41 @@ use crate::tile::{Lines, Scaled, Tile};
 
 /// Millimetres per point.
 const POINT: f64 = 25.4 / 72.0;
-/// Margin of the figure.
+/// Margin of the figure in millimetres.
 pub const EDGE: f64 = 1.2;
-/// Between columns.
+/// Gap between columns in millimetres.
 pub const GAP: f64 = 2.4;
 pub const ROW_GAP: f64 = 2.2;
-/// Between images of one panel.
+/// Gap between images of one panel in millimetres.
 pub const CELL_GAP: f64 = 0.4;
-/// Em of captions.
+/// Font size (em) of captions in millimetres.
 pub const CAPTION: f64 = 7.0 * POINT;
-/// Em of headings.
+/// Font size (em) of headings in millimetres.
 pub const HEADING: f64 = 7.5 * POINT;
-/// Em of ticks and of text in images.
+/// Font size (em) of tick labels and of text in images, in millimetres.
 pub const TICK: f64 = 6.0 * POINT;
-/// Em of axis names.
+/// Font size (em) of axis names in millimetres.
 pub const NAME: f64 = 6.5 * POINT;
-/// Length of a tick.
+/// Length of a tick in millimetres.
 pub const MARK: f64 = 0.7;
-/// Space between adjacent items.
+/// Space between adjacent items in millimetres.
 pub const SPACE: f64 = 0.6;
-/// Width of a colour bar.
+/// Width of a colour bar in millimetres.
 pub const BAR: f64 = 1.6;
 /// Line spacing of text, in em.
 pub const LINE: f64 = 1.28;
-/// Assumed length of an axis for measuring its ticks before the length is known, millimetres.
+/// Assumed length of an axis, in millimetres, to measure its ticks before the real length is computed.
 const NOMINAL: f64 = 30.0;
-/// Length of a series' sample in a legend, and space between entries.
+/// Length of a series' sample in a legend, in millimetres. The next constant is the space between entries.
 pub const SAMPLE: f64 = 5.0;
 const APART: f64 = 2.6;
-/// Maximum height of a colour bar.
+/// Maximum height of a colour bar in millimetres.
 const HIGHEST_BAR: f64 = 60.0;
 
-/// Space under an image for an axis.
+/// Space under an image for an axis, in millimetres.
 const UNDER: f64 = MARK + SPACE + TICK + SPACE + NAME;
 
-/// A panel with its rectangles.
+/// The positions of a panel's items, in millimetres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     pub part: usize,
@@ -57,27 +57,27 @@ pub struct Placed {
     /// Rectangle of each image.
     pub cells: Vec<Rect>,
     pub bar: Option<Rect>,
-    /// The legend of a chart: indices of series, with the left end of their sample at the middle of the
-    /// capitals.
+    /// Entries of a chart's legend: index of the series, and position of the left end of the
+    /// sample, at half the height of capital letters.
     pub legend: Vec<(usize, Point)>,
-    /// Caption lines, with the left end at the middle of their capitals.
+    /// Caption lines, and position of the left end of each line, at half the height of capital letters.
     pub caption: Vec<(String, Point)>,
-    /// Each inset: its crop and its rectangle.
+    /// For each inset, the rectangle of the crop and the rectangle of the magnified copy.
     pub insets: Vec<(Rect, Rect)>,
-    /// Each arrow: its start and its tip.
+    /// For each arrow, the start and the tip.
     pub arrows: Vec<(Point, Point)>,
     pub scale_bar: Option<Rect>,
 }
 
-/// A figure's layout.
+/// Layout of a composite figure, in millimetres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
     pub width: f64,
     pub height: f64,
     pub panels: Vec<Placed>,
-    /// Column headings, with the middle of their capitals.
+    /// Column headings, and position of the centre of each heading.
     pub columns: Vec<(String, Point)>,
-    /// Row headings, which read upward.
+    /// Row headings, rotated to read upward, and position of the centre of each heading.
     pub rows: Vec<(String, Point)>,
 }
 
@@ -86,19 +86,19 @@ pub(super) fn style(em: f64) -> Style {
     Style { em, colour: INK }
 }
 
-/// Returns ticks of pixels or bins along an axis of this length in millimetres.
+/// Returns ticks of pixels or bins along an axis of `length` millimetres.
 pub(super) fn ticks(axis: &Scaled, length: f64, across: bool) -> Ticks {
     // `Ticks` assumes text of 15 pixels.
     Ticks::coordinates(&axis.coords, length * 15.0 / TICK, across)
 }
 
-/// Returns the width of a column of ticks.
+/// Returns the width of a column of ticks with labels, in millimetres.
 fn beside(ticks: &Ticks) -> f64 {
     let widest = ticks.marks.iter().map(|m| width(&m.1, style(TICK)));
     widest.reduce(f64::max).map_or(0.0, |w| MARK + SPACE + w)
 }
 
-/// Returns the space left of the image.
+/// Returns the space that a tile needs to the left of its image, in millimetres.
 fn left(tile: &Tile) -> f64 {
     let ticks = match (&tile.axes, &tile.chart) {
         (Some([_, y]), _) => ticks(y, NOMINAL, false),
@@ -108,7 +108,7 @@ fn left(tile: &Tile) -> f64 {
     NAME + SPACE + beside(&ticks)
 }
 
-/// Returns the space right of the image.
+/// Returns the space that a tile needs to the right of its image, in millimetres.
 fn right(tile: &Tile) -> f64 {
     tile.bar.as_ref().map_or(0.0, |bar| {
         let name = if bar.label.is_empty() { 0.0 } else { NAME + SPACE };
@@ -116,7 +116,7 @@ fn right(tile: &Tile) -> f64 {
     })
 }
 
-/// Returns the space under an image of this width, for its axis and the legend.
+/// Returns the space under an image of width `w` for the axis and the legend, in millimetres.
 fn below(tile: &Tile, w: f64) -> f64 {
     let legend = tile.chart.as_ref().map_or(0.0, |lines| {
         let last = legend(lines, w).pop();
@@ -125,8 +125,8 @@ fn below(tile: &Tile, w: f64) -> f64 {
     if tile.axes.is_some() || tile.chart.is_some() { UNDER + legend } else { 0.0 }
 }
 
-/// Returns the entries of a legend in rows no wider than the image, relative to the upper left corner of the
-/// legend.
+/// Returns the entries of a legend in rows that are at most `w` wide. Positions are relative to the
+/// upper left corner of the legend.
 fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     let (mut out, mut x, mut row) = (vec![], 0.0, 0.0);
     let named = lines.chart.series.iter().enumerate();
@@ -141,7 +141,8 @@ fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     out
 }
 
-/// Returns the height of a tile of this width, and the width and height of each of its images.
+/// Returns the height of a tile of width `w`, and the width and height of each image in the tile, in
+/// millimetres.
 fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let Some((image, _)) = tile.cells.first() else {
         return (w * tile.aspect.unwrap_or(1.0), (0.0, 0.0));
@@ -156,7 +157,7 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Returns the rows of the grid: each part with its index and its column; empty places are skipped.
+/// Returns the rows of the grid: the index, the part and the column of each panel. Empty places are skipped.
 fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
     for (i, part) in figure.parts.iter().enumerate() {
@@ -246,7 +247,8 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     Ok(out)
 }
 
-/// Returns the layout of a part whose image begins at a point.
+/// Returns the layout of a part whose image has its upper left corner at `(x, y)` and the width `w`, in
+/// millimetres.
 fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     let tile = &part.tile;
     let (h, (cell, high)) = heights(tile, w);

@@ -1,24 +1,24 @@
-//! The parts of a composite.
+//! Defines the parts of a composite figure.
 
 use crate::error::FigureError;
 use crate::tile::Tile;
 
-/// Width of one and of two columns of a journal page, millimetres (ACM, IEEE).
+/// Widths of one column and of two columns of a journal page (ACM, IEEE) in millimetres.
 pub const COLUMN_MM: [f64; 2] = [84.0, 178.0];
-/// Minimum and maximum width of a figure, millimetres.
+/// Minimum and maximum width of a figure in millimetres.
 pub const WIDTHS_MM: [f64; 2] = [30.0, 400.0];
 pub const MOST_COLUMNS: usize = 16;
-/// Maximum number of panels: letters (a) to (z), then (aa).
+/// Maximum number of panels of a figure.
 pub const MOST_PANELS: usize = 200;
 
 #[derive(Clone, Debug)]
 pub struct Composite {
-    /// Title of the document, which is not drawn.
+    /// Title in the document's metadata; it is not drawn.
     pub title: String,
     pub width_mm: f64,
     pub columns: usize,
     pub column_headings: Vec<String>,
-    /// Headings beside the rows, which read upward.
+    /// Headings to the left of the rows, rotated to read upward.
     pub row_headings: Vec<String>,
     /// Whether panels have letters.
     pub letters: bool,
@@ -30,10 +30,10 @@ pub struct Composite {
 #[derive(Clone, Debug)]
 pub struct Part {
     pub tile: Tile,
-    /// Width in columns.
+    /// Number of columns that the panel spans.
     pub span: usize,
     pub caption: String,
-    /// Magnified crops.
+    /// Magnified crops of the image.
     pub insets: Vec<Inset>,
     pub arrows: Vec<Arrow>,
     /// A reference length in the image.
@@ -47,7 +47,7 @@ pub struct Inset {
     pub crop: [f64; 4],
     pub magnify: f64,
     pub corner: Corner,
-    /// Colour of both frames.
+    /// Colour of the frames of the crop and of its magnified copy.
     pub ink: Ink,
 }
 
@@ -59,9 +59,9 @@ pub struct Corner {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrow {
-    /// Start, as fractions of the image from its left and upper edge.
+    /// Start of the arrow, as fractions of the image from its left and upper edge.
     pub from: [f64; 2],
-    /// Tip, as fractions of the image.
+    /// Tip of the arrow, as fractions of the image from its left and upper edge.
     pub to: [f64; 2],
     pub ink: Ink,
 }
@@ -101,7 +101,7 @@ impl Ink {
 }
 
 impl Corner {
-    /// Parses `upper left`, `upper right`, `lower left` or `lower right`.
+    /// Parses the name of a corner: `upper left`, `upper right`, `lower left` or `lower right`.
     pub fn named(name: &str) -> Option<Self> {
         let (vertical, side) = name.split_once(' ')?;
         let lower = match vertical {
@@ -128,7 +128,7 @@ impl Inset {
     /// Checks that the crop and its magnified copy are within the image.
     ///
     /// # Errors
-    /// [`FigureError::Option`].
+    /// [`FigureError::Option`] if the crop or its copy is outside the image.
     pub fn check(&self) -> Result<(), FigureError> {
         let [x, y, w, h] = self.crop;
         let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
@@ -145,7 +145,7 @@ impl Inset {
         Ok(())
     }
 
-    /// Returns the crop in whole pixels of an image: left and upper edge, width and height.
+    /// Returns the crop of an image in whole pixels: left and upper edge, width and height.
     pub fn pixels(&self, [w, h]: [u32; 2]) -> [u32; 4] {
         let along = |from: f64, size: f64, n: u32| {
             let first = ((from * f64::from(n)).round() as u32).min(n.saturating_sub(1));
@@ -158,7 +158,7 @@ impl Inset {
 }
 
 impl Composite {
-    /// Checks the preconditions of the layout.
+    /// Checks that the figure's options are valid for the layout.
     pub(super) fn check(&self) -> Result<(), FigureError> {
         let option = |option, value: String, must| Err(FigureError::option(option, value, must));
         let [least, most] = WIDTHS_MM;

@@ -1,4 +1,4 @@
-//! Tests positions against closed forms, and arrows and insets.
+//! Tests the positions of panels against closed-form values, and tests arrows and insets.
 
 use super::layout::{
     BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SAMPLE, SPACE, TICK, layout,
@@ -17,7 +17,7 @@ fn part(tile: Tile) -> Part {
     Part { tile, span: 1, caption: String::new(), insets: vec![], arrows: vec![], scale_bar: None }
 }
 
-/// An image whose pixels all differ.
+/// Returns an image in which all pixels differ.
 fn numbered(w: u32, h: u32) -> RgbImage {
     RgbImage::from_fn(w, h, |x, y| Rgb([x as u8 + 1, y as u8 + 1, 200]))
 }
@@ -38,7 +38,7 @@ fn image(w: u32, h: u32) -> Option<Part> {
     Some(part(Tile::image(numbered(w, h))))
 }
 
-/// A logarithmic chart of two named lines and one unnamed line, with or without a legend.
+/// Returns a logarithmic chart of two named lines and one unnamed line, with or without a legend.
 fn curves(legend: bool) -> Tile {
     let axis = |label: &str, log, range| ChartAxis {
         label: label.into(),
@@ -61,7 +61,8 @@ fn curves(legend: bool) -> Tile {
     of_chart(chart, legend).expect("a chart")
 }
 
-/// The legend is under the axis, each name next to its line's colour. Markers are at logarithmic positions.
+/// Tests that the legend is under the axis, with each name next to the line's colour, and that markers are at
+/// logarithmic positions.
 #[test]
 fn charts_have_their_places_and_their_legend() {
     let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
@@ -91,7 +92,8 @@ fn near(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-9
 }
 
-/// Two columns and two rows of 4:3 images in 84 mm without a bar: all positions computed by hand.
+/// Tests two columns and two rows of 4:3 images in 84 mm without a colour bar against positions computed by
+/// hand.
 #[test]
 fn places_are_in_closed_form() {
     let places = layout(&figure(2, (0..4).map(|_| image(40, 30)).collect())).expect("places");
@@ -110,8 +112,8 @@ fn places_are_in_closed_form() {
     assert!(near(places.width, 84.0) && near(places.height, 2.0 * row - ROW_GAP + 2.0 * EDGE));
 }
 
-/// A colour bar narrows all images equally, headings take space at the edges, and a span covers the gap
-/// between columns.
+/// Tests that a colour bar narrows all images equally, that headings take space at the edges, and
+/// that a span covers the gap between columns.
 #[test]
 fn bars_headings_and_spans_have_their_room() {
     let with_bar = |x: f32| {
@@ -139,7 +141,7 @@ fn bars_headings_and_spans_have_their_room() {
     assert!(near(places.rows[0].1.1, one.picture.y + p / 2.0));
 }
 
-/// The sixteen images of a grid divide their panel evenly.
+/// Tests that the sixteen images of a grid divide their panel evenly.
 #[test]
 fn grids_part_their_panel() {
     let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
@@ -167,7 +169,8 @@ fn at(img: &RgbImage, (x, y): (f64, f64), scale: f64) -> Rgb<u8> {
     *img.get_pixel((x * scale) as u32, (y * scale) as u32)
 }
 
-/// Every pixel of a crop is at its magnified position in the inset, and no pixel outside the crop is.
+/// Tests that the inset contains every pixel of the crop at its magnified position, and no pixel outside the
+/// crop.
 #[test]
 fn insets_show_the_pixels_of_their_crop() {
     let mut one = part(Tile::image(numbered(20, 10)));
@@ -195,7 +198,8 @@ fn insets_show_the_pixels_of_their_crop() {
     assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
 }
 
-/// The tip of an arrow is at its target; its colour is behind the tip and not before it.
+/// Tests that the tip of an arrow is at its target: the arrow's colour is behind the tip and not in front of
+/// it.
 #[test]
 fn arrows_point_where_they_should() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
@@ -222,7 +226,7 @@ fn letters_go_on_after_z() {
     assert_eq!([0, 25, 26, 52].map(letter), ["(a)", "(z)", "(aa)", "(ba)"]);
 }
 
-/// A printed figure has its physical size: 84 mm in the SVG, and in points on the page of the PDF.
+/// Tests the physical size of a figure: 84 mm in the SVG, and the same size in points in the PDF.
 #[test]
 fn figures_have_their_size_on_paper() {
     let drawing = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
@@ -246,7 +250,7 @@ fn overlap(a: Rect, b: Rect) -> bool {
 }
 
 proptest! {
-    /// Panels neither overlap nor leave the page, for any grid.
+    /// Tests that panels do not overlap and are within the page, for any grid.
     #[test]
     fn panels_do_not_overlap(columns in 1..7_usize, shapes in prop::collection::vec((1..60_u32, 1..60_u32, 1..4_usize, 0..3_u8), 1..20), width in 30.0..400.0_f64) {
         let parts = shapes.iter().map(|(w, h, span, kind)| match kind {

@@ -1,10 +1,10 @@
-//! Degenerate tensors: drawing never panics and always has a useful size.
+//! Tests degenerate tensors: drawing never panics, and drawings always have a useful size.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// All ten axes, some absent, with lengths 1 to 4 (sometimes 0).
+/// Generates the lengths of all ten axes: 1 to 4, sometimes 0; some axes are absent.
 fn shapes() -> impl Strategy<Value = Vec<usize>> {
     let one = prop_oneof![8 => 1_usize..4, 1 => Just(0_usize), 1 => Just(4_usize)];
     proptest::collection::vec(one, 10)

@@ -1,4 +1,4 @@
-//! The SVG document is valid, and every format is produced from it deterministically.
+//! Tests that the SVG document is valid and that every format is produced deterministically.
 
 use std::path::Path;
 
@@ -112,7 +112,7 @@ fn extensions_name_formats() {
     assert!(matches!(save(&drawing, &file.path().join("no/a.png")), Err(FigureError::Write { .. })));
 }
 
-/// Returns the characters that the fonts of a PDF map their glyphs to.
+/// Returns the characters to which the fonts of a PDF map their glyphs.
 fn letters(pdf: &str) -> String {
     let maps = pdf.split("beginbfchar").skip(1);
     let pairs = maps.flat_map(|m| m.split("endbfchar").next().unwrap_or("").lines());
@@ -127,7 +127,7 @@ fn letters(pdf: &str) -> String {
         .collect()
 }
 
-/// A PDF page contains its text as glyphs of an embedded font with a character map.
+/// Tests that a PDF page contains its text as glyphs of an embedded font with a character map.
 #[test]
 fn texts_of_a_pdf_can_be_selected() {
     let title = "Wörter, Σ and M00 × 10⁻³";

@@ -26,12 +26,12 @@ fn counted(kind: AxisKind, n: usize) -> Axis {
     axis(kind, (0..n).map(|i| i as f64).collect())
 }
 
-/// Axes of these lengths, counted from 0.
+/// Returns axes of the given lengths, with coordinates from 0.
 fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
     lengths.map(|(kind, n)| counted(kind, n)).into()
 }
 
-/// Indices of one entry, by axis.
+/// Indices of one entry of a tensor, one per axis.
 struct At<'a>(&'a Tensor, Vec<usize>);
 
 impl At<'_> {
@@ -128,13 +128,13 @@ fn images(drawing: &Drawing) -> Vec<Rect> {
     images.map(place).collect()
 }
 
-/// Returns the pixels of a view and the rectangle of the data.
+/// Draws a view and returns the pixels and the rectangle of the data.
 fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
     let drawing = draw(view, "t", panel).unwrap();
     (drawing.pixels().unwrap(), drawing.data)
 }
 
-/// Returns the colour at a position (0..1 across and down) of a rectangle.
+/// Returns the colour of an image at a position in a rectangle, 0..1 from the left and from the top.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
     img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32).0
 }

@@ -1,4 +1,4 @@
-//! Invalid views are rejected with a fix.
+//! Tests that invalid views are rejected with a message that contains a fix.
 
 use super::*;
 use AxisKind::{StokesIn, StokesOut, T, U, Wavelength, X, Y};

@@ -1,6 +1,6 @@
 //! Decodes OpenEXR files and selects the image channels.
 //!
-//! The reader of `image` accepts only channels named exactly R, G and B.
+//! The crate `image` is not used because its reader accepts only channels that are named exactly R, G and B.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 use super::primaries::{self, NoGamut};
@@ -8,11 +8,11 @@ use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, Vec2};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-/// Channels of a layer by the last part of their name in capitals: `R` for `ViewLayer.Combined.R` and for
-/// `red`.
+/// Channels of a layer by key. The key is the last part of the channel's name in capitals: `R` for
+/// `ViewLayer.Combined.R` and for `red`.
 type Layer<'a> = BTreeMap<String, &'a FlatSamples>;
 
-/// A layer among those of all parts, with the size of its part.
+/// A layer of any part of the file, with the part's size in pixels.
 struct Part<'a> {
     channels: Layer<'a>,
     size: [usize; 2],
@@ -128,8 +128,8 @@ fn said(name: &str) -> String {
     if name.is_empty() { "the unnamed layer".to_owned() } else { format!("layer `{name}`") }
 }
 
-/// Returns the name of the selected layer: the requested one, the only one, the unnamed one, the only colour
-/// layer, Blender's `Combined` or the only usable one.
+/// Returns the name of the selected layer: the requested layer, the only layer, the unnamed layer,
+/// the only colour layer, Blender's `Combined` or the only usable layer.
 fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result<&'a str, PictureError> {
     let list = layers.keys().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
     if let Some(asked) = asked {

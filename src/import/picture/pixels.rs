@@ -1,4 +1,4 @@
-//! A decoded image file, and decoding errors.
+//! Defines a decoded image file and decoding errors.
 
 const MOST_PIXELS: usize = 1 << 28;
 
@@ -6,13 +6,14 @@ const MOST_PIXELS: usize = 1 << 28;
 pub struct Pixels {
     pub width: usize,
     pub height: usize,
-    /// Three channels, top row first; integers as 0..1. A single channel is repeated; alpha is dropped.
+    /// Three channels per pixel, top row first. Integers map to 0..1, a single channel is repeated, and alpha
+    /// is dropped.
     pub values: Vec<[f32; 3]>,
     pub encoded: bool,
-    /// Rows of the matrix from the channels to linear ITU-R BT.709 red, green and blue; `None` if they are
-    /// these already.
+    /// Rows of the matrix from the channels to linear red, green and blue of ITU-R BT.709; `None`
+    /// if the channels already have these primaries.
     pub to_rgb: Option<[[f32; 3]; 3]>,
-    /// Sentences about metadata that is not used, or is used in a way that the user should know.
+    /// Notes for the user about metadata that is not used or that changes the values.
     pub notes: Vec<String>,
 }
 
@@ -32,7 +33,7 @@ impl PictureError {
     }
 }
 
-/// Returns width × height, unless it exceeds the limit.
+/// Returns width × height, or an error if the product exceeds the limit.
 pub(super) fn pixel_count(format: &str, width: usize, height: usize) -> Result<usize, PictureError> {
     let count = width.checked_mul(height).filter(|n| (1..=MOST_PIXELS).contains(n));
     count.ok_or_else(|| {

@@ -1,6 +1,6 @@
 //! Converts colours of other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
 //!
-//! The conversion uses CIE XYZ without chromatic adaptation, as do the OpenEXR library and Mitsuba.
+//! The conversion uses CIE XYZ without chromatic adaptation, as in the OpenEXR library and in Mitsuba.
 
 use glam::{DMat3, DVec3};
 
@@ -9,8 +9,8 @@ pub(super) type Primaries = [[f64; 2]; 4];
 
 pub(super) const BT709: Primaries = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
 
-/// Returns the matrix from red, green and blue to XYZ, where white has Y = 1; `None` if the primaries span no
-/// gamut.
+/// Returns the matrix from red, green and blue to CIE XYZ, such that white has Y = 1. Returns
+/// `None` if the primaries span no gamut.
 fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
     let xyz = |[x, y]: [f64; 2]| DVec3::new(x, y, 1.0 - x - y);
     let [r, g, b, w] = primaries.map(xyz);
@@ -22,11 +22,11 @@ fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
     Some(columns * DMat3::from_diagonal(scale))
 }
 
-/// Returns the rows of the matrix from a file's colours, which are XYZ or have the given primaries, to
-/// BT.709. Returns `None` for BT.709 and for files without primaries.
+/// Returns the rows of the matrix from a file's colours to BT.709. The colours are CIE XYZ or have
+/// the given primaries. Returns `None` for BT.709 and for files without primaries.
 ///
 /// # Errors
-/// `NoGamut` if the primaries span no gamut.
+/// [`NoGamut`] if the primaries span no gamut.
 pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Option<[[f32; 3]; 3]>, NoGamut> {
     match given.filter(|p| !is_bt709(p)) {
         _ if is_xyz => Ok(Some(rows(xyz_to_bt709()))),

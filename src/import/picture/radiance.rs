@@ -1,14 +1,14 @@
 //! Decodes Radiance HDR files (Ward, "Real Pixels", Graphics Gems II, 1991; Radiance's `color.c` and
 //! `resolu.c`).
 //!
-//! The reader of `image` accepts only the signature `#?RADIANCE` and the orientation `-Y +X`, and ignores the
-//! exposure.
+//! The crate `image` is not used because its reader accepts only the signature `#?RADIANCE` and the
+//! orientation `-Y +X`, and ignores the exposure.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 use super::primaries::{self, NoGamut};
 
 struct Header {
-    /// Factors from stored values to those of the scene.
+    /// Factors from stored values to radiance, per channel.
     correction: [f64; 3],
     is_xyz: bool,
     primaries: Option<primaries::Primaries>,
@@ -135,7 +135,7 @@ impl Layout {
     }
 }
 
-/// Converts mantissas with a common exponent.
+/// Converts three mantissas with a common exponent to floats, times `correction`.
 fn colour([r, g, b, e]: [u8; 4], correction: [f64; 3]) -> [f32; 3] {
     if e == 0 {
         return [0.0; 3];
@@ -145,7 +145,8 @@ fn colour([r, g, b, e]: [u8; 4], correction: [f64; 3]) -> [f32; 3] {
     [r * correction[0], g * correction[1], b * correction[2]].map(|v| v as f32)
 }
 
-/// Reads one scan line in any of the three encodings; returns `None` if it is truncated or does not fit.
+/// Reads one scan line in any of the three encodings. Returns `None` if the line is truncated or longer than
+/// `out`.
 fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     let take = |rest: &mut &[u8]| {
         let (first, after) = rest.split_first()?;
@@ -183,8 +184,8 @@ fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     Some(())
 }
 
-/// Reads unencoded pixels, of which (1, 1, 1, n) repeats the previous one n times, and each further one in a
-/// row 256 times as often.
+/// Reads pixels in the old encoding. The code (1, 1, 1, n) repeats the previous pixel n times; each
+/// directly following code counts 256 times as much as the code before.
 fn old_scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     let (mut i, mut shift) = (0, 0);
     while i < out.len() {

@@ -1,4 +1,4 @@
-//! Tests with files of known pixels, written here or by other encoders.
+//! Tests the decoders with files of known pixels, written by these tests or by other encoders.
 
 use super::*;
 use exr::prelude::*;
@@ -29,7 +29,7 @@ fn layer(
     Layer::new((SIZE[0], SIZE[1]), attributes, encoding, AnyChannels::sort(list))
 }
 
-/// Encodes an image of `exr`; a macro, because the image's type depends on its layers.
+/// Encodes an image of the crate `exr`. This is a macro because the image's type depends on the layers.
 macro_rules! written {
     ($image:expr) => {{
         let mut bytes = Cursor::new(vec![]);
@@ -38,14 +38,15 @@ macro_rules! written {
     }};
 }
 
-/// Encodes an image with these channels, separated by spaces; the plane of `Z=4` is 4.
+/// Encodes an OpenEXR image with the given channel names, separated by spaces. `Z=4` is a channel `Z` with
+/// the values of plane 4.
 fn openexr(names: &str) -> Vec<u8> {
     let plane = |(name, plane_of): (_, &str)| (name, plane(plane_of.parse().expect("a plane")));
     let channels: Vec<_> = names.split(' ').filter_map(|c| c.split_once('=')).map(plane).collect();
     written!(&Image::from_layer(layer(&channels, Encoding::FAST_LOSSLESS, None,)))
 }
 
-/// Checks that every pixel contains these planes.
+/// Checks that every pixel contains the values of the given planes.
 fn assert_planes(pixels: &Pixels, planes: [usize; 3], what: &str) {
     assert_eq!([pixels.width, pixels.height], SIZE, "{what}");
     assert!(!pixels.encoded, "{what}");
@@ -142,7 +143,8 @@ fn openexr_storage_does_not_matter() {
     assert!(error.message.contains("identifiers"), "{error:?}");
 }
 
-/// X, Y and Z of the white point D65 become equal red, green and blue; those of BT.709's red become red only.
+/// Tests the conversion to BT.709: X, Y, Z of the white point D65 give equal red, green and blue; X, Y, Z of
+/// BT.709's red give red only.
 #[test]
 fn colours_of_other_primaries_become_those_of_srgb() {
     let constant = |v: f32| FlatSamples::F32(vec![v; SIZE[0] * SIZE[1]]);
@@ -183,7 +185,8 @@ fn attribute_bt2020() -> exr::meta::attribute::Chromaticities {
     }
 }
 
-/// Two columns and three rows, top first. Mantissas differ; with exponent 128 their unit is 1/256.
+/// Pixels of an image with two columns and three rows, top row first. With exponent 128, the unit of a
+/// mantissa is 1/256.
 const RGBE: [[u8; 4]; 6] = [
     [10, 20, 30, 128],
     [11, 21, 31, 128],
@@ -297,7 +300,8 @@ fn float_maps_are_read_from_the_bottom_in_either_byte_order() {
     }
 }
 
-/// Grey, grey with alpha, 16 bits, and formats without alpha contain the same image.
+/// Tests that files in grey, in grey with alpha, with 16 bits and in formats without alpha give the same
+/// image.
 #[test]
 fn whole_numbers_are_read_from_every_format() {
     let grey = |x: u32, y: u32| (60 * x + 20 * y) as u8;
@@ -333,7 +337,7 @@ fn whole_numbers_are_read_from_every_format() {
     assert!(decode("a.png", &png, Some("x")).is_err());
 }
 
-/// A chunk that declares linear colours is not ignored silently.
+/// Tests that a PNG chunk that declares linear colours produces a note.
 #[test]
 fn gamma_chunks_are_noted() {
     let image = DynamicImage::from(GrayImage::new(2, 2));

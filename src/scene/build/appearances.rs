@@ -1,9 +1,9 @@
 //! Converts material descriptions of mesh files to the closest Sunstone models.
 //!
-//! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo is chosen so
-//! that the directional albedo at normal incidence equals that of the file's model ([`import::body`]). Metal
-//! gets the indices that reflect its colour ([`import::metal`]). Transmissive materials become glass if they
-//! refract, otherwise a thin sheet.
+//! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo
+//! gives the same directional albedo at normal incidence as the file's model ([`import::body`]).
+//! Metal gets the refractive indices that reflect the metal's colour ([`import::metal`]).
+//! Transmissive materials become glass if they refract, otherwise a thin sheet.
 
 use super::context::Context;
 use base::locate::Located;
@@ -96,7 +96,7 @@ impl<'a> Table<'a> {
         body
     }
 
-    /// Blends `a` with a share `weight` of `b`.
+    /// Returns a blend by area of `a` and `b`; `weight` is the share of `b`, 0..1.
     fn mixed(
         &mut self,
         [first, second]: [&str; 2],
@@ -143,8 +143,8 @@ impl<'a> Table<'a> {
         }))
     }
 
-    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1. Each is
-    /// divided by its share.
+    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1.
+    /// Each albedo is divided by the share of its part.
     fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
         let rest = (1.0 - share).max(1e-9);
         let base = MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo(a, |v| v / rest) });
@@ -195,7 +195,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns glass or a thin sheet.
+    /// Returns glass if the appearance refracts, otherwise a thin sheet.
     fn transparent(&mut self, a: &Appearance) -> MaterialFile {
         let (ior, exterior_ior) = (self.at(a.ior.into()), self.at(1.0.into()));
         let tinted = a.image.is_some() || a.base != [1.0; 3];
@@ -244,7 +244,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the roughness α of the facets.
+    /// Returns the GGX roughness α of the facets.
     fn alpha(&mut self, a: &Appearance) -> Located<ScalarFile> {
         let factor = a.alpha as f32;
         let value = match &a.metallic_roughness {
@@ -256,7 +256,7 @@ impl<'a> Table<'a> {
         self.at(value)
     }
 
-    /// Returns the opacity, the share of the surface that is present.
+    /// Returns the opacity: the share of the surface that is present, 0..1.
     fn opacity(&mut self, a: &Appearance) -> ScalarFile {
         let factor = a.opacity as f32;
         match &a.opacity_image {
@@ -275,7 +275,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the base colour with a function applied to each value, at most 1.
+    /// Returns the base colour after applying `change` to each value; results are at most 1.
     fn albedo(&mut self, a: &Appearance, change: impl Fn(f64) -> f64) -> Located<AlbedoFile> {
         let value = match &a.image {
             None => {
@@ -319,7 +319,8 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns the alpha of an image's texels in all three channels, or 1 without an alpha channel.
+    /// Returns the alpha of an image's texels in all three channels; alpha is 1 if the image has no alpha
+    /// channel.
     fn alphas(&mut self, picture: &Picture) -> Option<Texels> {
         let image = image::load_from_memory(&self.bytes(picture)?).ok()?;
         let alpha = |p: &Rgba<u16>| [f32::from(p.0[3]) / 65535.0; 3];
@@ -337,20 +338,20 @@ impl<'a> Table<'a> {
         values.fold([0.0; 3], |most, t| std::array::from_fn(|i| most[i].max(t[i])))
     }
 
-    /// Creates a colour image from another image.
+    /// Creates a colour image by applying `change` to the texels of another image.
     fn derived(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> Texel) -> AlbedoFile {
         let texels = self.texels(picture, true);
         AlbedoFile::Image(self.image(picture, part, texels, change))
     }
 
-    /// Creates an image of numbers from the undecoded channels of another image.
+    /// Creates an image of numbers by applying `change` to the undecoded texels of another image.
     fn numbers(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> f32) -> ScalarFile {
         let texels = self.texels(picture, false);
         ScalarFile::Image(self.image(picture, part, texels, |t| [change(t); 3]))
     }
 
-    /// Creates an in-memory image of modified texels; returns the original image if its texels could not be
-    /// read.
+    /// Creates an in-memory image of modified texels; returns the original image if the texels of
+    /// that image cannot be read.
     fn image(
         &mut self,
         picture: &Picture,
@@ -372,7 +373,7 @@ impl<'a> Table<'a> {
         ImageAlbedo { image: self.at(name), ..self.reference(picture, true) }
     }
 
-    /// Returns an unmodified image.
+    /// Returns a reference to an unmodified image.
     fn reference(&mut self, picture: &Picture, raw: bool) -> ImageAlbedo {
         let name = self.name_of(picture);
         ImageAlbedo {
@@ -387,7 +388,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the name under which an image can be read.
+    /// Returns the name under which the scene can read an image.
     fn name_of(&mut self, picture: &Picture) -> String {
         match &picture.source {
             Source::File(name) => name.clone(),
@@ -399,7 +400,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns a spectrum: red above 590 nm, green from 500 nm, blue below.
+    /// Converts a linear RGB colour to a spectrum: red above 590 nm, green from 500 nm to 590 nm, blue below.
     fn colour(&self, rgb: [f64; 3]) -> SpectrumFile {
         let channel = |nm: &f64| match *nm {
             nm if nm < 500.0 => rgb[2],

@@ -21,7 +21,7 @@ use transport::strategy::Strategies;
 /// Reads the text of a scene file.
 ///
 /// # Errors
-/// [`InputError`] if it cannot be read.
+/// [`InputError`] if the file cannot be read.
 pub fn read(path: &Path) -> Result<String, InputError> {
     context::read(path, "scene file")
 }
@@ -29,7 +29,7 @@ pub fn read(path: &Path) -> Result<String, InputError> {
 /// Reads and builds a scene file.
 ///
 /// # Errors
-/// [`InputError`] with file, line, column and fix.
+/// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
 pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
@@ -37,7 +37,7 @@ pub fn load(path: &Path) -> Result<Scene, InputError> {
 /// Builds a scene from text. `path` names it in messages and is the base of relative paths.
 ///
 /// # Errors
-/// As [`load`].
+/// The same errors as [`load`].
 pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     let file = SceneFile::read(path, text)?;
     variant::count(path, text, &file)?;
@@ -47,7 +47,8 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 /// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` as in [`from_text`].
 ///
 /// # Errors
-/// As [`load`], with locations in `[vary]` for its values, or if the variant does not exist.
+/// The same errors as [`load`], or an error if the variant does not exist. For varied values, locations are
+/// in `[vary]`.
 pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
     from_variant(path, text, &variant::read(path, text, number)?, number)
 }
@@ -55,7 +56,7 @@ pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, 
 /// Builds a variant of a scene with its number; `path` and `text` as in [`from_file`].
 ///
 /// # Errors
-/// As [`load`].
+/// The same errors as [`load`].
 pub fn from_variant(
     path: &Path,
     text: &str,
@@ -73,7 +74,7 @@ pub fn from_variant(
 /// Builds a scene from a parsed file whose locations refer to `text`; `path` as in [`from_text`].
 ///
 /// # Errors
-/// As [`load`].
+/// The same errors as [`load`].
 pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, InputError> {
     let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
     build(&mut ctx, file)
@@ -90,7 +91,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
 }
 
-/// Maximum number of rounds in which touching objects are moved, and of contacts per round.
+/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts per round.
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 
@@ -98,7 +99,7 @@ const MOST_CONTACTS: usize = 16;
 /// moved by the distance that single precision needs, unless both refract.
 ///
 /// # Errors
-/// As [`load`], except for gaps.
+/// The same errors as [`load`], except for gaps.
 pub(crate) fn with_gaps(
     ctx: &mut Context,
     file: &SceneFile,
@@ -131,7 +132,7 @@ pub(crate) fn with_gaps(
     Ok((scene, fault))
 }
 
-/// Builds the tables of a scene without references to calibration files or materials of mesh files.
+/// Builds the tables of a scene after calibration files and materials of mesh files have been substituted.
 fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
@@ -221,8 +222,8 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     Ok(scene)
 }
 
-/// Returns the error for a gap that single precision cannot resolve. It names the objects on both sides if
-/// known.
+/// Returns the error for a gap that single precision cannot resolve. The message names the objects
+/// on both sides of the gap if they are known.
 fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     let objects = gap.objects.iter().flatten();
     let mut both: Vec<_> = objects.filter_map(|i| file.objects.get(*i as usize)).collect();
@@ -266,9 +267,9 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Returns the content of the scene as canonical text, for its hash. It is independent of comments, table
-/// order, number formats, explicit defaults, figures and names without effect. It also excludes samples,
-/// replicates, seed and tiles, which belong to the render.
+/// Returns the content of the scene as canonical text, for the scene hash. The text is independent
+/// of comments, table order, number formats, explicit defaults, figures and names without effect.
+/// It excludes the settings of the render: samples, replicates, seed and tiles.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {
@@ -289,7 +290,7 @@ fn meaning(file: &SceneFile) -> String {
     meaning.to_string()
 }
 
-/// Omits absent keys, so that keys added in later versions do not change the hash of older scenes.
+/// Removes null values, so that keys added in later versions do not change the hash of older scenes.
 fn without_nulls(value: &mut serde_json::Value) {
     match value {
         serde_json::Value::Object(map) => {
@@ -301,7 +302,7 @@ fn without_nulls(value: &mut serde_json::Value) {
     }
 }
 
-/// Returns the folder's name for `…/NAME/scene.toml`, otherwise the file's stem.
+/// Returns the default name of a scene: the folder's name for `…/NAME/scene.toml`, otherwise the file's stem.
 fn default_name(path: &Path) -> String {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene");
     let folder =

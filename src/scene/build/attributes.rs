@@ -1,7 +1,7 @@
 //! Converts mesh attributes that materials use to values at triangle corners ([`Textures::corners`]).
 //!
-//! A mesh has one set of texture coordinates, which then index these values. A material can therefore use one
-//! attribute, and no images together with it.
+//! A mesh has one set of texture coordinates, which index the attribute's values. A material can
+//! therefore use only one attribute, and cannot combine the attribute with images.
 //!
 //! [`Textures::corners`]: transport::material::texture::Textures::corners
 
@@ -18,13 +18,13 @@ use transport::material::texture::{MOST_CORNERS, corner_uv};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Asked {
     pub name: Located<String>,
-    /// Whether the attribute must be one number, not a colour.
+    /// Whether the attribute must be one number per vertex, not a colour.
     pub number: bool,
-    /// Largest factor of the attribute as an albedo.
+    /// Largest factor by which the attribute is multiplied as an albedo.
     pub albedo: f64,
 }
 
-/// What a material looks up by texture coordinates.
+/// Attribute and images that a material looks up by texture coordinates.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Uses {
     pub asked: Option<Asked>,
@@ -32,7 +32,7 @@ pub(crate) struct Uses {
     pub heights: bool,
 }
 
-/// Uses recorded so far.
+/// Uses of attributes and images that are recorded while materials are built.
 #[derive(Default)]
 pub(crate) struct Attributes {
     /// Uses of the material being built.
@@ -58,18 +58,19 @@ impl Attributes {
         self.of_material.get(&material).is_some_and(|uses| uses.heights)
     }
 
-    /// Returns the attribute of any material that uses one.
+    /// Returns an attribute that any material uses.
     pub fn first(&self) -> Option<&Asked> {
         self.of_material.values().find_map(|uses| uses.asked.as_ref())
     }
 }
 
-/// Starts a material and returns the uses of the material that refers to it.
+/// Starts to record the uses of a material. Returns the uses of the outer material, which refers to the new
+/// one.
 pub(super) fn begin(ctx: &mut Context) -> Uses {
     std::mem::take(&mut ctx.attributes.open)
 }
 
-/// Ends a material. What it uses, the material that refers to it (`outer`) uses too.
+/// Ends a material and adds its uses to those of `outer`, the material that refers to it.
 pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
     let own = std::mem::replace(&mut ctx.attributes.open, outer);
     if let Uses { asked: Some(asked), images: true, .. } = &own {

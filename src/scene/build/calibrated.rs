@@ -11,7 +11,7 @@ use syntax::scene::SceneFile;
 
 const FIX: &str = "give a file written by `sunstone calibrate board` or `sunstone calibrate projector`; paths are relative to the scene file";
 
-/// The tables of a calibration file that scenes use.
+/// Camera and projector tables of a calibration file.
 #[derive(Deserialize)]
 struct Document {
     camera: Option<Located<PinholeFile>>,
@@ -23,8 +23,8 @@ struct Document {
 /// The scene hash covers the values taken from the file, not the file's bytes.
 ///
 /// # Errors
-/// [`InputError`] at the key if the file cannot be read, lacks the device or conflicts with other keys; in
-/// the file if the file is invalid.
+/// [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
+/// with other keys. If the calibration file is invalid, the error is located in that file.
 pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file;
     if out.camera.calibration.is_some() {
@@ -111,7 +111,7 @@ fn sound(
     pinhole(within, device, span).map(|_| ())
 }
 
-/// Returns the calibrated device with the pose and the aperture that the scene gives.
+/// Returns the calibrated device after replacing pose and aperture with those of the scene.
 fn overlaid(
     ctx: &Context,
     key: &Located<String>,
@@ -178,7 +178,7 @@ mod tests {
         from_text(&folder.path().join("s.toml"), text).map_err(|e| e.to_string())
     }
 
-    /// A scene that names a calibration has the same hash as one that contains its tables.
+    /// A scene that refers to a calibration file has the same hash as a scene that contains the same tables.
     #[test]
     fn tables_by_name_are_those_by_copy() {
         let copied = format!("[camera]\n{CAMERA}[projector]\nirradiance = 2.0\n{PROJECTOR}");
@@ -244,7 +244,7 @@ mod tests {
             let _ = scene(BY_KEY, &whole);
         }
 
-        /// Names that are not calibration files do not panic.
+        /// Tests that names that are not calibration files do not panic.
         #[test]
         fn any_name_is_survived(name in "[a-z./ *]{0,12}") {
             let _ = crate::from_text(Path::new("/nowhere/s.toml"), &format!("[camera]\ncalibration = \"{name}\"\n"));

@@ -1,4 +1,4 @@
-//! State shared by all build steps: the location of errors, files read, notes.
+//! State shared by all build steps: error locations, files that were read, and notes.
 
 use super::attributes::Attributes;
 use super::textures::Images;
@@ -20,18 +20,18 @@ use transport::material::texture::Textures;
 pub(crate) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
-    /// Folder of relative paths.
+    /// Folder to which relative paths refer.
     pub folder: PathBuf,
     /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of in-memory files derived from other files; they are not files of the scene.
+    /// Names of in-memory files derived from other files; the scene does not list derived files.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
-    /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file
-    /// is built for others.
+    /// Wavelengths to which lists in the file refer. The two fields differ only if a material file
+    /// is built for wavelengths other than its own.
     pub listed: Wavelengths,
     pub hash: Sha256,
-    /// Sentences about contents that are not used and about corrections.
+    /// Notes for the user: contents of files that are not used, and corrections.
     pub notes: Vec<String>,
     pub attributes: Attributes,
     /// Images that have been read; their texels are in `textures`.
@@ -70,7 +70,7 @@ impl Context {
         Ok(ctx)
     }
 
-    /// Sets the folder of relative paths.
+    /// Sets the folder to which relative paths refer.
     pub fn in_folder(self, folder: &Path) -> Self {
         Self { folder: folder.to_owned(), ..self }
     }
@@ -111,7 +111,7 @@ impl Context {
         self.error(name.span(), format!("unknown {what} `{}`", **name), help)
     }
 
-    /// Adds a note, unless it exists already (several objects can use one file).
+    /// Adds a note unless the same note exists already, because several objects can use one file.
     pub fn note(&mut self, note: String) {
         if !self.notes.contains(&note) {
             self.notes.push(note);
@@ -150,7 +150,7 @@ impl Context {
         self.files.borrow().iter().cloned().collect()
     }
 
-    /// Reads at most `most` bytes of a file that the scene names, without adding it to the scene's hash.
+    /// Reads at most `most` bytes of a file that the scene names. The bytes do not enter the scene's hash.
     pub fn peek(&self, name: &str, most: u64) -> std::io::Result<Vec<u8>> {
         let mut bytes = vec![];
         match self.memory.get(name) {
@@ -164,7 +164,7 @@ impl Context {
         Ok(bytes)
     }
 
-    /// Reads a file that the scene names and adds it to the scene's hash.
+    /// Reads a file that the scene names and adds the file's bytes to the scene's hash.
     pub fn read(&mut self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let bytes = self.bytes(name, span)?;
         self.count(&bytes);
@@ -177,7 +177,7 @@ impl Context {
         self.hash.update(bytes);
     }
 
-    /// Reads a file that the scene names; the caller adds it to the hash with [`Self::count`].
+    /// Reads a file that the scene names; the caller adds the bytes to the scene's hash with [`Self::count`].
     pub fn bytes(&self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
@@ -194,7 +194,7 @@ impl Context {
         Ok(bytes)
     }
 
-    /// Returns a value per wavelength of the scene, all within `range`.
+    /// Returns one value per wavelength of the scene, after checking that all values are within `range`.
     pub fn values(
         &self,
         s: &SpectrumFile,
@@ -246,7 +246,7 @@ impl Context {
         Ok(list)
     }
 
-    /// Returns a number of the file after checking its range.
+    /// Checks that a number of the scene file is within a range, and returns the number.
     pub fn number<T: Copy + PartialOrd + Display>(
         &self,
         value: &Located<T>,
@@ -256,7 +256,7 @@ impl Context {
         self.within(**value, value.span(), what, &range)
     }
 
-    /// [`Self::number`] for a value with a separate location.
+    /// Does the same as [`Self::number`] for a value with a separate location.
     pub fn within<T: Copy + PartialOrd + Display>(
         &self,
         value: T,
@@ -274,7 +274,7 @@ impl Context {
         ))
     }
 
-    /// Returns [`Self::values`] as SIMD lanes.
+    /// Returns the result of [`Self::values`] as SIMD lanes, one per wavelength.
     pub fn spectrum(
         &self,
         s: &SpectrumFile,
@@ -289,7 +289,7 @@ impl Context {
         Ok(Spectral::new(lanes))
     }
 
-    /// [`Self::spectrum`] of a located value.
+    /// Does the same as [`Self::spectrum`] for a located value.
     pub fn located(
         &self,
         s: &Located<SpectrumFile>,
@@ -300,7 +300,7 @@ impl Context {
     }
 }
 
-/// Largest accepted value in a scene file; keeps f32 arithmetic finite.
+/// Largest accepted magnitude of a value in a scene file. This limit keeps f32 arithmetic finite.
 pub(crate) const HUGE: f64 = 1e12;
 
 /// Reads the text of a scene or material file.

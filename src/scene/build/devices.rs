@@ -91,7 +91,7 @@ pub(crate) fn projector(
     Ok(Projector { pinhole: pinhole(ctx, &file, span)?, irradiance, coaxial: false })
 }
 
-/// Returns a projector's keys as a camera's.
+/// Converts the keys of a projector to those of a camera.
 pub(crate) fn pinhole_of(p: &ProjectorFile) -> PinholeFile {
     PinholeFile {
         calibration: p.calibration.clone(),

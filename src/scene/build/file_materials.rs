@@ -1,5 +1,5 @@
-//! Adds the materials of mesh files to `[materials]` of the scene and notes those that are not used.
-//! [`super::appearances`] converts them.
+//! Adds the materials of mesh files to `[materials]` of the scene and adds notes about unused
+//! materials. [`super::appearances`] converts the materials.
 
 use super::appearances::Table;
 use super::context::Context;
@@ -10,10 +10,11 @@ use std::path::Path;
 use syntax::scene::SceneFile;
 use syntax::shape::{MeshFile, ShapeFile};
 
-/// Bytes that are read of a mesh file, or of a library, to find out whether it has materials.
+/// Number of bytes of a mesh file or material library that are read to find out whether the file has
+/// materials.
 const HEAD: u64 = 1 << 20;
 
-/// Returns the scene with the requested materials of mesh files added to its own.
+/// Returns the scene after adding the materials that it uses from mesh files.
 ///
 /// # Errors
 /// [`InputError`] at the mesh if a file cannot be read.
@@ -65,10 +66,10 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
 
 struct Found {
     list: Vec<Appearance>,
-    /// Names of materials that parts use.
+    /// Names of the materials that parts of the mesh use.
     used: Vec<String>,
     says_something: bool,
-    /// Description for messages.
+    /// Description of the mesh file for messages.
     what: String,
 }
 

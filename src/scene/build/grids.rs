@@ -9,7 +9,7 @@ use import::vol::parse_vol;
 use syntax::medium::{GridFile, GridFilter};
 use transport::medium::grid::Grid;
 
-/// Reads a grid whose values must not exceed `most`.
+/// Reads a grid and checks that its values do not exceed `most`.
 pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Result<Grid, InputError> {
     let at = file.file.span();
     let path = ctx.path(&file.file).display().to_string();

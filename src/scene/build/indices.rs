@@ -1,4 +1,5 @@
-//! Returns refractive indices of a file per wavelength, from values or from names in the optical constants.
+//! Reads refractive indices per wavelength, from values in the scene file or from names in the optical
+//! constants.
 
 use super::context::Context;
 use base::locate::{InputError, Located};
@@ -12,11 +13,11 @@ use transport::material::constants::ConstantsError;
 /// Name of the ideal mirror among the metals.
 const MIRROR: &str = "mirror";
 
-/// Extinction coefficient of the mirror. Such a k, without n, reflects all light and gives both polarizations
-/// the same phase shift.
+/// Extinction coefficient k of the ideal mirror, dimensionless. With n = 0, this k reflects all
+/// light and gives both polarizations the same phase shift.
 const MIRROR_K: f32 = 1e6;
 
-/// Returns the refractive index of a transparent substance, 0 in unused lanes.
+/// Returns the refractive index of a transparent substance per wavelength; unused lanes are 0.
 pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
     let name = match &**index {
         IndexFile::Values(s) => return ctx.spectrum(s, index.span(), what, 1.0..=10.0),
@@ -33,7 +34,8 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     Ok(n)
 }
 
-/// Returns n and k of an absorbing substance, by name or by value; n is 1 in unused lanes.
+/// Returns n and k of an absorbing substance per wavelength, from its name or from values; n is 1 in unused
+/// lanes.
 pub(super) fn complex_index(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -88,7 +90,7 @@ pub(super) fn constants_f64(
     Ok(rows)
 }
 
-/// Returns n and k of a named substance, 0 in unused lanes.
+/// Returns n and k of a named substance per wavelength in f32; unused lanes are 0.
 pub(super) fn constants(
     ctx: &Context,
     name: &str,

@@ -1,4 +1,4 @@
-//! Intrinsics and lens distortion of a scene file, in all their forms.
+//! Reads intrinsics and lens distortion from all forms that scene files allow.
 
 use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
@@ -10,7 +10,8 @@ use transport::device::distortion::fisheye::Fisheye;
 use transport::device::distortion::opencv::Opencv;
 use transport::device::distortion::tilt::Tilt;
 
-/// Returns focal lengths and principal point in Sunstone's pixels (the first pixel covers 0..1).
+/// Returns focal lengths and principal point in pixels, in Sunstone's convention: the first pixel covers
+/// 0..1.
 pub(crate) fn intrinsics(
     ctx: &Context,
     p: &PinholeFile,
@@ -82,7 +83,7 @@ pub(crate) fn intrinsics(
     Ok((focal, principal))
 }
 
-/// Converts a principal point from OpenCV's pixel centres to Sunstone's.
+/// Converts a principal point in pixels from OpenCV's convention for pixel centres to Sunstone's.
 fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, InputError> {
     let [[_, skew, cx], [below, _, cy], last] = **m;
     let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));
@@ -101,7 +102,7 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
     Ok(DVec2::new(cx + 0.5, cy + 0.5))
 }
 
-/// Lens distortion, with the location and the fix for errors.
+/// Lens distortion, with the location of its keys and the fix for error messages.
 pub(crate) struct Lens {
     pub(crate) distortion: Distortion,
     pub(crate) span: Option<Range<usize>>,
@@ -157,7 +158,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
     Ok(Lens { distortion, span, fix })
 }
 
-/// Returns all coefficients in OpenCV's order.
+/// Returns all distortion coefficients in OpenCV's order.
 fn in_order(f: &DistortionFile) -> [f64; 14] {
     [f.k1, f.k2, f.p1, f.p2, f.k3, f.k4, f.k5, f.k6, f.s1, f.s2, f.s3, f.s4, f.tau_x, f.tau_y]
 }

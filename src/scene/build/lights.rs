@@ -24,7 +24,7 @@ use transport::light::profile::{Frustum, Profile, Table};
 use transport::light::sky::Sky;
 use transport::material::texture::Spectrum;
 
-/// All emitters except the projector and emissive objects.
+/// Lights built from all emitters except the projector and emissive objects.
 #[derive(Default)]
 pub(crate) struct Emitters {
     pub points: Vec<PointEmitter>,
@@ -33,7 +33,7 @@ pub(crate) struct Emitters {
     pub lights: Lights,
 }
 
-/// Builds `[[emitters]]`; [`slides`] adds images.
+/// Builds the lights of `[[emitters]]`; [`slides`] adds the images that emitters project.
 pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Result<Emitters, InputError> {
     let mut all = Emitters::default();
     for e in list {
@@ -142,7 +142,7 @@ fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result
         .ok_or_else(|| ctx.error(at, format!("{what} has zero length"), "give a direction such as [1, 0, 0]"))
 }
 
-/// Returns the Stokes frame and the polarization filter of an emitter.
+/// Returns the Stokes reference frame and the polarization filter of an emitter.
 fn polarized(
     ctx: &Context,
     stokes: Option<&Located<[f64; 4]>>,

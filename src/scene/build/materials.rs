@@ -30,7 +30,7 @@ use transport::material::{
 };
 
 pub struct MaterialSet {
-    /// Wavelengths for which it was built.
+    /// Wavelengths for which the materials were built.
     pub wavelengths: Wavelengths,
     pub materials: Materials,
     /// Index of each material by name.
@@ -41,7 +41,7 @@ impl MaterialSet {
     /// Reads and builds a material file: `wavelengths_nm` and `[materials]` as in a scene file.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix.
+    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
@@ -49,17 +49,17 @@ impl MaterialSet {
     /// Builds a material file from text. `path` names it in messages and is the base of relative paths.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// The same errors as [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
 
-    /// [`Self::from_text`] for wavelengths other than the file's own, between which its lists are
-    /// interpolated.
+    /// Does the same as [`Self::from_text`] for wavelengths other than the file's own. Lists are
+    /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// The same errors as [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         let ctx = Context { wavelengths, ..Context::new(path, text, &file.wavelengths_nm)? };
@@ -77,7 +77,7 @@ impl MaterialSet {
     }
 }
 
-/// Reads the pieces of a table's file that identify it.
+/// Reads the pieces of a table's file that identify the table for the scene's hash.
 fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
     let mut file = base::input::open(path)?;
     let mut out = Vec::new();
@@ -95,13 +95,13 @@ type Named = BTreeMap<String, Located<MaterialFile>>;
 /// Maximum nesting depth of materials.
 const MOST_NESTED: usize = 16;
 
-/// State while materials are built. Materials that others refer to are built first.
+/// State while materials are built. A material is built before the materials that refer to it.
 struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
     done: BTreeMap<&'a str, u32>,
-    /// Materials being built, outermost first.
+    /// Names of the materials being built, outermost first.
     open: Vec<&'a str>,
 }
 
@@ -141,7 +141,7 @@ impl<'a> Builder<'_, 'a> {
         Ok(id)
     }
 
-    /// Builds the material that another one refers to.
+    /// Builds the material to which another material refers, and returns its index.
     fn inner(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         let files = self.files;
         let Some((key, _)) = files.get_key_value(name.as_str()) else {
@@ -282,8 +282,8 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Memory-maps a table. Only [`Table::pieces`] of it enter the scene's hash, since reading whole tables
-    /// takes seconds.
+    /// Memory-maps the table of a measured material. Only the pieces listed by [`Table::pieces`]
+    /// enter the scene's hash, because reading whole tables takes seconds.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
         let options = Options { even_axes: m.even_axes, wavelengths: Some(self.ctx.wavelengths.clone()) };
@@ -306,13 +306,13 @@ impl<'a> Builder<'_, 'a> {
         textures::spectrum(self.ctx, albedo)
     }
 
-    /// Returns a factor of reflected light, 1 in unused lanes.
+    /// Returns a factor of reflected light per wavelength; unused lanes are 1.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
         Ok(Spectrum { value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()), ..spectrum })
     }
 
-    /// Returns a number within `range`, or an image scaled to it.
+    /// Returns a number within `range`, or an image whose values are scaled to `range`.
     fn scalar(
         &mut self,
         s: &Located<ScalarFile>,
@@ -331,7 +331,7 @@ impl<'a> Builder<'_, 'a> {
         Ok(Roughness { distribution, masking, alpha: self.alpha(alpha)? })
     }
 
-    /// Returns the roughness of a crystal's faces.
+    /// Returns the GGX roughness of a crystal's faces.
     fn facets(&mut self, roughness: &Located<ScalarFile>) -> Result<Roughness, InputError> {
         let alpha = self.scalar(roughness, "roughness", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("roughness") {
@@ -353,7 +353,8 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Returns the indices inside and outside of a dielectric, 1 in unused lanes to avoid divisions by zero.
+    /// Returns the refractive indices inside and outside of a dielectric per wavelength. Unused lanes are 1
+    /// to avoid divisions by zero.
     fn interface(
         &mut self,
         interior: &Located<IndexFile>,

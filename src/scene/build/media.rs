@@ -22,23 +22,24 @@ use transport::medium::size_distribution::SizeDistribution;
 use transport::medium::{Media, presets, water};
 
 pub struct MediumSet {
-    /// Wavelengths for which it was built.
+    /// Wavelengths for which the media were built.
     pub wavelengths: Wavelengths,
     pub media: Media,
     /// Index of each medium by name.
     pub names: BTreeMap<String, u32>,
-    /// Bulk properties per medium and wavelength, in f64.
+    /// Bulk optical properties per medium and wavelength, in f64.
     pub bulk: Vec<Vec<Bulk>>,
 }
 
 impl MediumSet {
     /// Reads and builds a media file: `wavelengths_nm` and `[media]` as in a scene file.
     ///
-    /// With `only`, builds just that medium, since tables of large particles take seconds. `wavelengths`
-    /// replaces the file's own, between which its lists are interpolated.
+    /// With `only`, builds just the medium of that name, because the tables of large particles take seconds.
+    /// With `wavelengths`, builds the media for those wavelengths. Lists are then interpolated between the
+    /// file's own wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix.
+    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(
         path: &Path,
         only: Option<&str>,
@@ -47,10 +48,10 @@ impl MediumSet {
         Self::at(path, &read_file(path)?, only, wavelengths)
     }
 
-    /// [`Self::load`] for a file's text; `path` names it in messages.
+    /// Does the same as [`Self::load`] for a file's text; `path` names the file in messages.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// The same errors as [`Self::load`].
     pub fn at(
         path: &Path,
         text: &str,
@@ -77,15 +78,15 @@ impl MediumSet {
 /// Returns the names of the media of a file without building them.
 ///
 /// # Errors
-/// As [`MediumSet::load`].
+/// The same errors as [`MediumSet::load`].
 pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     names_of_text(path, &read_file(path)?)
 }
 
-/// [`names`] for a file's text.
+/// Does the same as [`names`] for a file's text.
 ///
 /// # Errors
-/// As [`MediumSet::load`].
+/// The same errors as [`MediumSet::load`].
 pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError> {
     Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
 }
@@ -93,7 +94,7 @@ pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError>
 /// Returns the text of a media file.
 ///
 /// # Errors
-/// [`InputError`] if it cannot be read.
+/// [`InputError`] if the file cannot be read.
 pub fn read_file(path: &Path) -> Result<String, InputError> {
     read(path, "file of media")
 }
@@ -103,7 +104,7 @@ type Named = BTreeMap<String, Located<MediumFile>>;
 /// Largest accepted coefficient, 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
-/// Media, the index of each by name, and bulk properties per medium and wavelength.
+/// Table of media, the index of each medium by name, and bulk optical properties per medium and wavelength.
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
@@ -153,7 +154,7 @@ fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
     ctx.number(g, "g", COSINES)
 }
 
-/// Converts an error of the scattering theory to an error at a location.
+/// Converts an error of the scattering theory to an error with a location in the scene file.
 fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let fix = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
@@ -166,7 +167,7 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     ctx.error(span, e.to_string(), fix)
 }
 
-/// Returns n and k per wavelength.
+/// Returns the refractive index n and the extinction coefficient k per wavelength.
 fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f64; 2]>, InputError> {
     match &**index {
         IndexFile::Values(s) => {
@@ -181,7 +182,8 @@ fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f
     }
 }
 
-/// Returns a host's real index, and the absorption coefficient of the named substance.
+/// Returns the real refractive index of a host per wavelength, and its absorption coefficient in 1/m if the
+/// host is a named substance.
 fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64>; 2], InputError> {
     let rows = index(ctx, host, what)?;
     if let Some([n, k]) = rows.iter().find(|[n, k]| !(1.0..=10.0).contains(n) || *k > 1e-3) {
@@ -253,7 +255,7 @@ fn particles(ctx: &Context, p: &ParticlesFile) -> Result<Optics, InputError> {
     mixture(ctx, &p.kinds, &index, &absorption)
 }
 
-/// Builds the optics of a mixture of particles in a host.
+/// Computes the optical properties of a mixture of particles in a host substance.
 fn mixture(
     ctx: &Context,
     kinds: &Located<Vec<Located<KindFile>>>,

@@ -1,4 +1,4 @@
-//! Reads files with the transforms of many copies: text, or NumPy's `.npy`.
+//! Reads the transforms of many copies from a file: text, or NumPy's `.npy`.
 
 use super::context::Context;
 use base::locate::{InputError, Located};

@@ -19,7 +19,8 @@ use transport::material::retarder::{Retarder, Tilt};
 use transport::material::sheet::SheetAxis;
 use transport::material::varies;
 
-/// Uniaxial crystals in the optical constants, where their names end in `_o` and `_e`.
+/// Uniaxial crystals in the optical constants. The constants list each crystal twice: with the suffix `_o`
+/// for the ordinary and `_e` for the extraordinary index.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
 
 pub(super) fn coated(
@@ -165,7 +166,7 @@ pub(super) fn crystal(
     })
 }
 
-/// Returns n_o and n_e per wavelength, 1 in unused lanes.
+/// Returns the ordinary and extraordinary refractive indices n_o and n_e per wavelength; unused lanes are 1.
 fn crystal_indices(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -207,7 +208,7 @@ fn crystal_indices(
     }
 }
 
-/// Returns the axis of a sheet: an angle or a direction, 0° if neither is given.
+/// Returns the axis of a polarizer or retarder sheet: an angle or a direction. The default is 0°.
 fn sheet_axis(
     ctx: &Context,
     angle_deg: &Option<Located<f64>>,

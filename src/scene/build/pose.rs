@@ -1,4 +1,4 @@
-//! Converts poses of a scene file to position and axes.
+//! Converts poses of a scene file to a position and axes in world coordinates.
 
 use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
@@ -7,7 +7,7 @@ use std::ops::Range;
 use syntax::device::{ExtrinsicsFile, PoseFile};
 use syntax::transform::TransformFile;
 
-/// Checks that three numbers are finite and at most [`HUGE`].
+/// Checks that three numbers are finite and at most [`HUGE`] in magnitude.
 pub(crate) fn vector(
     ctx: &Context,
     v: [f64; 3],
@@ -32,7 +32,8 @@ pub(crate) fn matrix(map: &DAffine3) -> TransformFile {
     TransformFile { matrix: Some(rows(map)), ..TransformFile::default() }
 }
 
-/// Returns position and axes (columns: right, down, forward) of a device.
+/// Returns the position (metres) and the axes (columns: right, down, forward) of a device in world
+/// coordinates.
 pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), InputError> {
     let span = pose.span();
     match &**pose {
@@ -75,7 +76,8 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
     }
 }
 
-/// Returns the pose for x_device = R x_world + t: the axes are the rows of R and the position is -Rᵀ t.
+/// Returns the pose of a device with the extrinsics x_device = R x_world + t. The axes are the rows of R, and
+/// the position is -Rᵀ t.
 fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(Vec3A, Mat3A), InputError> {
     let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
     let rotation = match (e.rotation, e.rvec) {
@@ -112,13 +114,13 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
 }
 
-/// Largest deviation from orthonormality that rounding of printed digits explains.
+/// Largest deviation from an orthonormal matrix that is accepted as rounding of printed digits.
 const PRINTED: f64 = 1e-3;
 
-/// Returns the rotation closest to rows that were printed with limited precision.
+/// Returns the rotation closest to a matrix (given by rows) that was printed with limited precision.
 ///
 /// # Errors
-/// The reason why the rows are not a rotation.
+/// A message that says why the matrix is not a rotation.
 pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     let mut r = DMat3::from_cols_array_2d(&rows).transpose();
     let off = r.transpose() * r - DMat3::IDENTITY;
@@ -144,7 +146,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Rotations survive rounding to four digits.
+        /// Tests that rotations rounded to four digits are accepted.
         #[test]
         fn printed_rotations_are_rotations(v in prop::array::uniform3(-3.0..3.0_f64)) {
             let r = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from_array(v)));

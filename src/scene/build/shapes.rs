@@ -22,11 +22,11 @@ use transport::geometry::quadric::{Quadric, QuadricKind};
 pub(crate) struct Placed {
     pub form: Form,
     pub material: u32,
-    /// Whether front and back are exchanged.
+    /// Whether front and back of the surface are exchanged.
     pub flipped: bool,
 }
 
-/// The form of a [`Placed`] shape. Maps are from object to world space.
+/// The geometry of a [`Placed`] shape. Maps transform object space to world space.
 #[derive(Clone)]
 pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
@@ -314,8 +314,8 @@ fn affine(a: DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// Returns the map of the unit disk or cylinder to one of `radius` and `length` at `origin`, with its z axis
-/// along `axis`.
+/// Returns the map of the unit disk or cylinder to a disk or cylinder of `radius` and `length`
+/// (metres) at `origin`. The map turns the z axis to `axis`.
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
     let m = optics::polarization::frame::basis(z);
@@ -329,7 +329,7 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-/// Returns the map of a transform, or the identity without one.
+/// Returns the affine map of a transform, or the identity if there is no transform.
 pub(crate) fn transform(
     ctx: &Context,
     transform: Option<&Located<TransformFile>>,

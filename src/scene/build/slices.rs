@@ -21,10 +21,12 @@ const MAX_ELEMENTS: u128 = 1 << 40;
 /// Maximum number of elements of a chunk in memory: 2^28 is 1 GiB of f32.
 const MAX_CHUNK: u128 = 1 << 28;
 
-/// Minimum width of a time bin relative to its time: f64 distinguishes bin centres down to 2^-53.
+/// Minimum width of a time bin relative to its time. f64 distinguishes bin centres down to a relative
+/// difference of 2^-53.
 const LEAST_BIN: f64 = 1e-12;
 
-/// Maximum projector size with epipolar slices, which need 24 bytes per pixel: 2^24 pixels is 4096 × 4096.
+/// Maximum projector size with epipolar slices, in pixels: 4096 × 4096. Epipolar slices need 24 bytes per
+/// pixel.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
 pub(crate) fn build(
@@ -102,7 +104,7 @@ pub(crate) fn build(
     Ok(slices)
 }
 
-/// Checks a list of rows or columns: increasing, unique, in range.
+/// Checks that a list of rows or columns is increasing, unique and in range.
 fn listed(
     ctx: &Context,
     list: &[u32],
@@ -257,7 +259,7 @@ fn projector_select(
     })
 }
 
-/// Returns a mask that weights every pixel by its own coordinate.
+/// Returns a projector mask that weights every pixel by its own column or row coordinate.
 fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     let pixels = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
     let (name, weights) = match of {
@@ -267,7 +269,8 @@ fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     ProjectorSelect::Mask { name: name.to_owned(), weights }
 }
 
-/// Reads a drive image, whose linear brightness is the weight of each projector pixel.
+/// Reads an image that drives the projector. The linear brightness of each pixel is the weight of that
+/// projector pixel.
 fn mask(
     ctx: &mut Context,
     name: &str,

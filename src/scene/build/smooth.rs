@@ -4,11 +4,13 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use transport::geometry::mesh::Mesh;
 
-/// Computes vertex normals of each mesh without normals: the angle-weighted mean of adjacent face normals
-/// (Thürmer & Wüthrich 1998, "Computing vertex normals from polygonal facets", as in Mitsuba 3).
+/// Computes vertex normals of each mesh without normals. A vertex normal is the angle-weighted mean of
+/// adjacent face normals (Thürmer & Wüthrich 1998, "Computing vertex normals from polygonal facets", as in
+/// Mitsuba 3).
 ///
 /// The meshes are parts of one file. A vertex that occurs in several parts (same position and texture
-/// coordinates) has one normal. Separate vertices within a part keep a hard edge between them.
+/// coordinates) has the same normal in all parts. An edge stays hard if its faces have separate vertices
+/// within one part.
 pub(crate) fn smooth(parts: &mut [Mesh]) {
     let mut sums: Vec<Vec<DVec3>> = parts.iter().map(of_faces).collect();
     if parts.iter().filter(|p| p.normals.is_empty()).count() > 1 {
@@ -22,7 +24,7 @@ pub(crate) fn smooth(parts: &mut [Mesh]) {
     }
 }
 
-/// Returns the sum of weighted face normals around each vertex.
+/// Returns the sum of angle-weighted face normals around each vertex.
 fn of_faces(mesh: &Mesh) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for corners in &mesh.indices {
@@ -38,7 +40,7 @@ fn of_faces(mesh: &Mesh) -> Vec<DVec3> {
     sums
 }
 
-/// Adds up the sums of vertices that occur in several parts.
+/// For each vertex that occurs in several parts, adds up the sums of the parts.
 fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
     let key = |mesh: &Mesh, i: usize| {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);
@@ -62,8 +64,8 @@ fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
 mod tests {
     use super::*;
 
-    /// Two faces at a right angle have angles of 90° and 45° at the shared vertex: the larger angle has more
-    /// weight.
+    /// Tests the angle weights: two perpendicular faces have angles of 90° and 45° at the shared
+    /// vertex. The face with the larger angle has more weight.
     #[test]
     fn normals_are_weighted_by_angles() {
         let mesh = Mesh {
@@ -78,7 +80,8 @@ mod tests {
         assert_eq!(parts[0].normals[1], Vec3::Z);
     }
 
-    /// Splitting a mesh into parts does not change its normals, and existing normals are kept.
+    /// Tests that splitting a mesh into parts does not change its normals, and that existing normals are
+    /// kept.
     #[test]
     fn parts_share_the_normals_of_common_vertices() {
         let whole = Mesh {

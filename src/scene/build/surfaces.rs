@@ -17,20 +17,20 @@ use transport::material::Materials;
 use transport::medium::nesting::Boundary;
 use transport::names::Names;
 
-/// Maximum number of copies; more are assumed to be a mistake.
+/// Maximum number of copies. A larger number is assumed to be a mistake.
 const MOST_COPIES: usize = 1 << 26;
 
 pub(crate) struct Surfaces<'a> {
     pub geometry: GeometryBuilder,
     pub materials: &'a mut Materials,
-    /// One boundary per material.
+    /// Boundaries (inside and outside medium), one per material index.
     pub boundaries: Vec<Boundary>,
-    /// Names of objects, and the material of the file for each material index.
+    /// Names of objects, and the name of the scene file's material for each material index.
     pub called: Names,
-    /// Indices of materials and media.
+    /// Indices of materials and media by name.
     names: &'a BTreeMap<&'a str, u32>,
     media: &'a BTreeMap<&'a str, u32>,
-    /// Emissive surfaces, and their indices by material.
+    /// Area lights of emissive surfaces, and the index of the area light by material.
     pub shining: (Vec<AreaLight>, Vec<u32>),
 }
 
@@ -59,7 +59,7 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// Adds objects, optionally as those of a named group.
+    /// Adds objects to the scene or to a named group.
     pub fn objects(
         &mut self,
         ctx: &mut Context,
@@ -161,7 +161,7 @@ pub(crate) fn group_number<T: Copy>(
     groups.get(name.as_str()).copied().ok_or_else(unknown)
 }
 
-/// Returns the transforms of all copies of an entry.
+/// Returns the transforms of all copies of an object or instance.
 pub(crate) fn copies(
     ctx: &mut Context,
     instance: &Located<InstanceFile>,
@@ -197,7 +197,7 @@ pub(crate) fn copies(
     Ok(all)
 }
 
-/// Returns the medium that fills an object, whose first boundary has the index `first`.
+/// Returns the medium that fills an object. `first` is the index of the object's first boundary.
 fn filling(
     ctx: &Context,
     object: &ObjectFile,

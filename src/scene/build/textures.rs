@@ -1,5 +1,5 @@
-//! Converts images and checkerboards of a file to the flat tables of [`Context::textures`]. A file's texels
-//! are stored once.
+//! Converts images and checkerboards of a file to the flat tables of [`Context::textures`]. The
+//! texels of a file are stored once, even if several materials use the file.
 
 use super::attributes;
 use super::context::Context;
@@ -17,14 +17,14 @@ use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spect
 /// Key of stored texels: file, layer and meaning of the channels.
 type ImageKey = (PathBuf, Option<String>, Channels);
 
-/// Images that have been read: size and index of the first texel.
+/// Images that have been read, with the width and height in pixels and the index of the first texel.
 #[derive(Default)]
 pub(crate) struct Images(BTreeMap<ImageKey, ([u32; 2], u32)>);
 
-/// Largest factor of an albedo image.
+/// Largest factor by which an albedo image can be multiplied.
 const BRIGHTEST: f64 = 2.0;
 
-/// Returns a copy of an image with texels multiplied by a factor above 1 and clamped to 1.
+/// Creates a copy of an image. Its texels are multiplied by a factor above 1 and clamped to 1.
 fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> u32 {
     let image = ctx.textures.images[texture as usize];
     let first = image.first as usize;
@@ -44,7 +44,7 @@ fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> 
     ctx.textures.images.len() as u32 - 1
 }
 
-/// Returns a spectrum of 0..1, an image of colours or a checkerboard.
+/// Returns a spectrum with values 0..1, a colour image or a checkerboard.
 pub(super) fn spectrum(ctx: &mut Context, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
     let span = albedo.span();
     Ok(match &**albedo {
@@ -93,7 +93,7 @@ fn note_reflectance_above_one(ctx: &mut Context, number: u32, scale: Spectral, n
     }
 }
 
-/// Returns a number within `range`, an image scaled to it or a checkerboard.
+/// Returns a number within `range`, an image whose values are scaled to `range`, or a checkerboard.
 pub(super) fn scalar(
     ctx: &mut Context,
     s: &Located<ScalarFile>,
@@ -129,13 +129,13 @@ pub(super) fn scalar(
     Ok(Scalar { value: value as f32, texture })
 }
 
-/// Reads an image of radiances over a surface; decodes it unless the file's values are linear.
+/// Reads an image of the radiance emitted by a surface. Values are decoded unless the file is linear.
 pub(super) fn radiances(ctx: &mut Context, file: &ImageAlbedo) -> Result<u32, InputError> {
     let channels = if file.raw { Channels::LinearColours } else { Channels::Colours };
     image(ctx, file, channels)
 }
 
-/// Returns width and height of an environment image and its texels per wavelength, top row first.
+/// Returns width and height (pixels) of an environment image, and the texels per wavelength, top row first.
 pub(super) fn sky(
     ctx: &mut Context,
     name: &Located<String>,
@@ -189,7 +189,7 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
     ))
 }
 
-/// Creates a checkerboard as an image of two by two texels.
+/// Creates a checkerboard as an image of 2 × 2 texels.
 fn checkerboard(
     ctx: &mut Context,
     board: &CheckerboardFile,
@@ -233,7 +233,8 @@ fn image(ctx: &mut Context, file: &ImageAlbedo, channels: Channels) -> Result<u3
     Ok(ctx.textures.images.len() as u32 - 1)
 }
 
-/// Reads the texels of an image: colours as red, green or blue per wavelength, numbers unchanged.
+/// Reads the texels of an image. For a colour image, each wavelength gets the red, green or blue value;
+/// numbers are unchanged.
 fn read(
     ctx: &mut Context,
     name: &Located<String>,
@@ -267,7 +268,7 @@ fn read(
     Ok(([image.width as u32, image.height as u32], first as u32))
 }
 
-/// Reads and decodes an image, and adds the decoder's notes.
+/// Reads and decodes an image, and adds the decoder's notes to the scene's notes.
 pub(super) fn decoded(
     ctx: &mut Context,
     name: &Located<String>,

@@ -1,8 +1,8 @@
-//! Separates or overlaps objects that touch within rounding: moves the surface of one by the distance that
-//! single precision needs.
+//! Separates or overlaps objects that touch within rounding. The surface of one object is moved by
+//! the smallest distance that single precision resolves.
 //!
-//! Glass on an opaque object is extended into it, so that light in the glass meets the object without air
-//! between, as in other renderers. A sheet, which does not refract, is moved away.
+//! Glass on an opaque object is extended into the object. Light in the glass then reaches the object without
+//! an air gap, as in other renderers. A sheet, which does not refract, is moved away from the object.
 
 use super::context::Context;
 use super::pose::matrix;
@@ -14,17 +14,18 @@ use syntax::scene::SceneFile;
 use syntax::shape::ObjectFile;
 use transport::render::gaps::{Contact, Gap};
 
-/// Width of a gap that is accepted as sufficient, in units of the minimum width.
+/// Width of a gap that is accepted as sufficient, as a multiple of the minimum width.
 const ENOUGH: f64 = 2.0;
 
-/// An object thinner than this multiple of the displacement is translated. For a thicker one the opposite
-/// side stays fixed.
+/// Ratio of thickness to displacement below which a whole object is translated. For a thicker
+/// object the opposite side stays fixed.
 const FLAT: f64 = 8.0;
 
 /// Largest relative change of an object's thickness.
 const MOST_CHANGE: f64 = 0.01;
 
-/// Moves the surface of one of the objects at a gap and returns a note, or `None` if that is not possible.
+/// Moves the surface of one of the objects at a gap and returns a note. Returns `None` if neither object can
+/// be moved.
 pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
     let (width, enough) = (f64::from(gap.width), ENOUGH * f64::from(gap.least));
     // The object to move, and its displacement away from the other one.
@@ -73,7 +74,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     Some(note)
 }
 
-/// Returns the range of an object along a direction, in metres.
+/// Returns the smallest and largest coordinate of an object along a direction, in metres.
 fn extent(
     ctx: &mut Context,
     file: &SceneFile,

@@ -1,5 +1,5 @@
-//! Checks of objects filled with a medium: they must be closed, and must not intersect others of the same
-//! priority. Their normals are turned outward.
+//! Checks objects filled with a medium. Their surfaces must be closed and must not intersect other
+//! objects of the same priority. Inward normals are turned outward.
 
 use super::context::Context;
 use super::shapes::Solid;
@@ -11,7 +11,7 @@ use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 use transport::medium::nesting::Boundary;
 
-/// An object filled with a medium.
+/// An object filled with a medium, for the checks of this module.
 pub(crate) struct Volume<'a> {
     object: &'a Located<ObjectFile>,
     filling: Boundary,
@@ -22,19 +22,21 @@ pub(crate) struct Volume<'a> {
 }
 
 enum Inside {
-    /// Sphere, or cylinder with caps.
+    /// A sphere, or a cylinder with caps.
     Quadric(Box<Quadric>),
     Mesh(closed::Inside),
 }
 
-/// Number of surface points that are tested against other objects.
+/// Number of surface points per object that are tested against other objects.
 const POINTS: usize = 96;
 
 impl<'a> Volume<'a> {
-    /// Checks an object's surfaces. If a mesh's normals point inward, reverses it and adds a note.
+    /// Checks that an object's surfaces are closed. If the normals of a mesh point inward, reverses the mesh
+    /// and adds a note.
     ///
     /// # Errors
-    /// [`InputError`] at the object if its surface is open, with a location on the mesh.
+    /// [`InputError`] at the object if the surface of the object is open. The message gives the position of
+    /// an open edge on the mesh.
     pub fn new(
         ctx: &mut Context,
         object: &'a Located<ObjectFile>,
@@ -93,7 +95,8 @@ impl<'a> Volume<'a> {
         Ok(Self { object, filling, low, high, points: inside.points(POINTS), inside: Inside::Mesh(inside) })
     }
 
-    /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.
+    /// Returns whether a point is inside the object, or `None` if the point is too close to the surface to
+    /// decide.
     fn holds(&self, p: DVec3) -> Option<bool> {
         match &self.inside {
             Inside::Quadric(q) => {
@@ -104,14 +107,14 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Returns whether the surface is partly inside and partly outside another volume.
+    /// Returns whether the surface of this volume is partly inside and partly outside another volume.
     fn cuts(&self, other: &Self) -> bool {
         let found: Vec<bool> = self.points.iter().filter_map(|p| other.holds(*p)).collect();
         found.contains(&true) && found.contains(&false)
     }
 }
 
-/// Checks that volumes of equal priority with different media do not intersect.
+/// Checks that filled objects of equal priority with different media do not intersect.
 ///
 /// # Errors
 /// [`InputError`] at the second of two intersecting volumes.

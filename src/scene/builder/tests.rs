@@ -9,7 +9,7 @@ use tensor::field::Field;
 use tensor::memory::Arrays;
 use transport::render::schedule::{Share, Unwatched, render};
 
-/// Returns a tent of two triangles with normals and texture coordinates.
+/// Returns a mesh of two triangles with normals and texture coordinates.
 fn tent() -> Mesh {
     let point = |x, y, z| Vec3::new(x, y, z);
     Mesh {
@@ -121,12 +121,12 @@ fn a_scene_in_code_is_the_scene_of_its_file() {
     assert!(a == b, "the renders differ");
 }
 
-/// Encodes a uniform image.
+/// Encodes a uniform image as a file of the given format.
 fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
     import::picture::encoded(&image.into(), format).expect("a picture")
 }
 
-/// Returns the first texel of an image in a built scene.
+/// Builds a scene with an image and returns the first texel of the image.
 fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
     let image = ImageAlbedo { raw, ..ImageAlbedo::new("picture") };
     let scene = SceneBuilder::new()
@@ -140,8 +140,8 @@ fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
     scene.materials.textures.texels[0][0]
 }
 
-/// The data type decides, not the file name: bytes are sRGB-encoded (IEC 61966-2-1), floating-point values
-/// are linear.
+/// Tests that the data type determines the encoding, not the file name: bytes are sRGB-encoded (IEC
+/// 61966-2-1), floating-point values are linear.
 #[test]
 fn real_numbers_of_images_are_linear() {
     use image::ImageFormat::{Hdr, OpenExr, Png};
@@ -157,8 +157,8 @@ fn real_numbers_of_images_are_linear() {
     }
 }
 
-/// A number is the first channel, undecoded, or the luminance of the colours (Rec. 709), which are decoded
-/// unless raw.
+/// Tests how an image gives numbers: the undecoded first channel, or the luminance of the colours
+/// (Rec. 709). Colours are decoded unless `raw` is set.
 #[test]
 fn numbers_of_images_are_channels_or_luminances() {
     let bytes =
@@ -232,7 +232,7 @@ fn a_scene_knows_its_files() {
     );
 }
 
-/// Returns the location and the message of a scene's error.
+/// Builds an invalid scene and returns the location and the message of the error.
 fn refusal(scene: SceneBuilder, words: &str) -> String {
     let error = scene.build().err().unwrap_or_else(|| panic!("not refused: {words}"));
     assert!(error.help.is_some() && error.span.is_none(), "{error}");

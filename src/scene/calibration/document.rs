@@ -14,7 +14,7 @@ const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
 pub(super) struct Document {
     pub(super) file: PathBuf,
-    /// The text, or empty for binary files.
+    /// The text of the file; empty for binary files.
     text: Arc<str>,
     pub(super) root: Value,
 }
@@ -60,13 +60,13 @@ impl Document {
         Ok(Self { file: path.to_owned(), text: text.into(), root })
     }
 
-    /// Returns an error located at the value of a key path.
+    /// Returns an error located at the value that a key path names.
     pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
         let named = if keys.is_empty() { String::new() } else { format!("`{}`: ", keys.join(".")) };
         InputError::new(&self.file, self.text.clone(), self.find(keys), format!("{named}{message}"), help)
     }
 
-    /// Returns the location of the last key; each key is searched for after the previous one.
+    /// Returns the location of the last key of a path. The search for each key starts after the previous key.
     fn find(&self, keys: &[String]) -> Option<std::ops::Range<usize>> {
         let mut span = None;
         let mut from = 0;
@@ -84,7 +84,7 @@ impl Document {
     }
 }
 
-/// Returns the last character boundary up to `at`.
+/// Returns the last character boundary at or before the byte offset `at`.
 fn boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {

@@ -7,22 +7,23 @@ use syntax::device::ExtrinsicsFile;
 /// User settings that supplement or override a calibration file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Which of several cameras to read: `cam1`, or `2` for K2 and D2, or `proj` for proj_K.
+    /// Name of the camera to read if there are several: `cam1`, or `2` for K2 and D2, or `proj` for proj_K.
     pub camera: Option<String>,
     /// Index of the target view whose pose to use, from 0.
     pub view: Option<usize>,
-    /// Width and height in pixels, instead of the file's.
+    /// Width and height in pixels, which override those of the file.
     pub resolution: Option<[u32; 2]>,
-    /// Length of the file's unit in metres. Default: the file's value, or 1.
+    /// Length in metres of the unit that the file uses. Default: the unit given in the file, or 1.
     pub metres_per_unit: Option<f64>,
-    /// Treat four coefficients as those of a fisheye model.
+    /// Whether to interpret four distortion coefficients as those of a fisheye model.
     pub fisheye: bool,
-    /// For Kalibr files: use the IMU's frame as the world instead of the first camera's.
+    /// Whether the world frame of a Kalibr file is the frame of the IMU instead of the first camera's frame.
     pub imu: bool,
 }
 
 impl Options {
-    /// Returns the view whose pose to use, of `count` views; `None` without a pose, or if none is selected.
+    /// Returns the index of the view, out of `count` views, whose pose to use. Returns `None` if there is no
+    /// view or none is selected.
     pub(super) fn view_of(
         &self,
         count: usize,
@@ -49,13 +50,13 @@ impl Options {
 }
 
 pub(super) struct Found {
-    /// OpenCV's camera matrix, with OpenCV's pixel centres.
+    /// OpenCV's camera matrix in pixels, with OpenCV's convention for pixel centres.
     pub(super) matrix: [[f64; 3]; 3],
     pub(super) lens: Lens,
     pub(super) size: Option<[u32; 2]>,
-    /// World-to-device transform in the file's unit of length.
+    /// World-to-device transform, in the unit of length that the file uses.
     pub(super) pose: Option<ExtrinsicsFile>,
-    /// Length of the unit in metres, if the file gives it.
+    /// Length of the file's unit in metres, if the file gives the unit.
     pub(super) unit: Option<f64>,
     pub(super) notes: Vec<String>,
 }

@@ -8,7 +8,7 @@ use base::locate::InputError;
 use glam::DMat4;
 use syntax::device::ExtrinsicsFile;
 
-/// Returns the cameras of a chain, in order.
+/// Returns the names and values of the cameras of a chain, in order.
 fn cameras(document: &Document) -> Vec<(String, Node<'_>)> {
     let root = Node::root(document);
     let number = |name: &str| name.strip_prefix("cam")?.parse::<u32>().ok();
@@ -26,7 +26,7 @@ pub(super) fn is(document: &Document) -> bool {
     !cameras(document).is_empty()
 }
 
-/// Reads a camera of a chain. The world is the frame of the first camera or of the IMU.
+/// Reads a camera of a chain. The world frame is that of the first camera or of the IMU.
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let cameras = cameras(document);
     let names: Vec<&str> = cameras.iter().map(|(k, _)| k.as_str()).collect();

@@ -1,9 +1,9 @@
-//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them, or a struct of
-//! their properties.
+//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them. A struct
+//! with the properties of these classes is also accepted.
 //!
-//! MATLAB counts pixels from 1, so its principal point is OpenCV's plus 1. Its older matrices are for row
-//! vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t. `K`, and R of
-//! rigidtform3d in PatternExtrinsics, are for column vectors.
+//! MATLAB counts pixels from 1, so MATLAB's principal point is OpenCV's plus 1. MATLAB's older matrices are
+//! for row vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t. The newer `K`,
+//! and R of rigidtform3d in PatternExtrinsics, are for column vectors.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};
@@ -14,7 +14,8 @@ use syntax::device::ExtrinsicsFile;
 
 const NAMES: [&str; 4] = ["FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion"];
 
-/// Returns the table with MATLAB's names: the root, or the only table of the root that has them.
+/// Returns the table with MATLAB's property names: the root, or the only table of the root that has these
+/// names.
 pub(super) fn find(document: &Document) -> Option<Node<'_>> {
     let is = |node: &Node| NAMES.iter().any(|n| node.get(n).is_some()) || node.get("Intrinsics").is_some();
     let root = Node::root(document);

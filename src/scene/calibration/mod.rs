@@ -7,8 +7,8 @@
 //! | Kalibr camchain | YAML | first pixel at 0 | T_cn_cnm1, T_cam_imu |
 //! | MATLAB (`jsonencode`) | JSON | first pixel at 1 | row vectors: x = X R + t, R transposed |
 //!
-//! `document` parses each of these formats to a tree, `names` looks up values in it, and `opencv`, `kalibr`
-//! and `matlab` interpret them.
+//! `document` parses each file format to a tree, and `names` finds values in the tree. `opencv`,
+//! `kalibr` and `matlab` interpret these values.
 
 mod document;
 mod found;
@@ -31,17 +31,17 @@ use serde::Serialize;
 use std::path::Path;
 use syntax::device::{ExtrinsicsFile, PinholeFile, PoseFile, ProjectorFile};
 
-/// A device and the assumptions made about it.
+/// A calibrated device and the assumptions that the reader made.
 #[derive(Clone, Debug)]
 pub struct Calibration {
     /// The device in scene-file syntax.
     pub device: PinholeFile,
-    /// Sentences about values that the file does not contain and about contents that were ignored.
+    /// Notes for the user: values that the file does not contain, and ignored contents.
     pub notes: Vec<String>,
 }
 
-/// Returns whether [`load`] can read a file: by its extension and, for JSON, by the absence of a top-level
-/// `"type"`, which Mitsuba scenes have.
+/// Returns whether [`load`] can read a file. The extension decides; a JSON file with a top-level
+/// `"type"` is a Mitsuba scene, not a calibration.
 pub fn is_calibration(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     match extension.to_ascii_lowercase().as_str() {
@@ -51,16 +51,16 @@ pub fn is_calibration(path: &Path) -> bool {
     }
 }
 
-/// Reads a calibration.
+/// Reads a calibration file.
 ///
 /// # Errors
-/// [`InputError`] if the file is not a calibration or its device is not valid in a scene; with its location
-/// if known.
+/// [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
+/// has a location if it is known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }
 
-/// Largest translation that is accepted as metres if the file does not give its unit.
+/// Largest translation, in metres, that is accepted if the file does not give its unit of length.
 const LONGEST: f64 = 10.0;
 
 fn from_document(document: &Document, options: &Options) -> Result<Calibration, InputError> {
@@ -144,10 +144,11 @@ enum Table<'a> {
 }
 
 impl Calibration {
-    /// Returns `[camera]` (or `[projector]`) of a scene file, after comments with the assumptions.
+    /// Returns the table `[camera]` (or `[projector]`) for a scene file. Comments before the table list the
+    /// assumptions.
     ///
     /// # Errors
-    /// A number is larger than TOML allows.
+    /// [`toml::ser::Error`] if a number is larger than TOML allows.
     pub fn to_toml(&self, projector: bool) -> Result<String, toml::ser::Error> {
         let comments: String = self.notes.iter().map(|n| format!("# {n}\n")).collect();
         let table = if projector {

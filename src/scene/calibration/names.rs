@@ -18,7 +18,7 @@ pub(super) struct Array {
     pub(super) values: Vec<f64>,
 }
 
-/// Normalizes a name: letters and digits in lower case.
+/// Normalizes a name: keeps only letters and digits, in lower case.
 fn plain(name: &str) -> String {
     let letters = name.chars().filter(char::is_ascii_alphanumeric);
     letters.map(|c| c.to_ascii_lowercase()).collect()
@@ -52,7 +52,7 @@ impl<'a> Node<'a> {
         Some(self.child(key, value))
     }
 
-    /// Returns the value of the first name that exists, regardless of capitals and underscores.
+    /// Returns the value of the first of `names` that exists. Capitals and underscores are ignored.
     pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
         names.iter().find_map(|name| {
             let mut of = self.table().filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
@@ -75,7 +75,8 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Returns numbers: a list, nested lists of equal shape, or a matrix in OpenCV's or ROS's notation.
+    /// Returns an array of numbers from a list, nested lists of equal shape, or a matrix in OpenCV's or ROS's
+    /// notation.
     pub(super) fn array(&self) -> Result<Array, InputError> {
         let bad = || self.error("expected an array of finite numbers", "write numbers as lists of rows");
         if let Some(table) = self.value.as_object() {
@@ -106,7 +107,7 @@ impl<'a> Node<'a> {
         Ok(array)
     }
 
-    /// Returns `N` numbers of any shape.
+    /// Returns the `N` numbers of an array of any shape.
     pub(super) fn vector<const N: usize>(&self) -> Result<[f64; N], InputError> {
         let values = self.array()?.values;
         let found = values.len();
@@ -130,13 +131,13 @@ impl<'a> Node<'a> {
         Ok(std::array::from_fn(|i| std::array::from_fn(|j| array.values[i * N + j])))
     }
 
-    /// Returns width and height from two integers in that order.
+    /// Returns width and height in pixels from a list of two integers.
     pub(super) fn size(&self) -> Result<[u32; 2], InputError> {
         let [w, h] = self.vector::<2>()?;
         self.pixels(w, h)
     }
 
-    /// Checks width and height in pixels.
+    /// Checks that width and height in pixels are valid.
     pub(super) fn pixels(&self, w: f64, h: f64) -> Result<[u32; 2], InputError> {
         let whole = |n: f64| n.fract() == 0.0 && (1.0..=32768.0).contains(&n);
         if whole(w) && whole(h) {

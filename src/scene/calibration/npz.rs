@@ -1,17 +1,17 @@
-//! Reads NumPy archives to a JSON tree with one array per key.
+//! Reads NumPy archives (`.npz`) to a JSON tree with one array per key.
 
 use npyz::{DType, NpyFile, Order, TypeChar};
 use serde_json::{Map, Value};
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Maximum number of elements; larger arrays are not part of a calibration and are ignored.
+/// Maximum number of elements of an array; larger arrays are not part of a calibration and are ignored.
 const MOST: u64 = 1 << 16;
 
-/// Reads an archive.
+/// Reads a NumPy archive.
 ///
 /// # Errors
-/// The reason why the archive cannot be read.
+/// A message that says why the archive cannot be read.
 pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("invalid .npz file: {e}"))?;
     let mut out = Map::new();
@@ -31,7 +31,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     Ok(Value::Object(out))
 }
 
-/// Returns a small numeric array or a string; `None` for anything else.
+/// Converts a small numeric array or a string of an archive to JSON; returns `None` for anything else.
 fn array(bytes: &[u8]) -> Option<Value> {
     let file = NpyFile::new(bytes).ok()?;
     let shape = file.shape().to_vec();

@@ -69,8 +69,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     Ok(Found { matrix, lens, size, pose, unit: None, notes })
 }
 
-/// The part of a document that describes a camera: the root, its only camera table or the selected table.
-/// With an affix, names have it as prefix or suffix (`proj_K`, `K2`).
+/// The part of a document that describes a camera: the root, the root's only camera table or the
+/// selected table. An affix is a prefix or suffix of the key names (`proj_K`, `K2`).
 struct Camera<'a> {
     node: Node<'a>,
     affix: Option<String>,
@@ -163,7 +163,7 @@ fn fisheye(camera: &Camera, options: &Options) -> bool {
     options.fisheye || set
 }
 
-/// Returns the distortion of the model that the file names.
+/// Returns the lens distortion, in the model that the file names.
 pub(super) fn lens(
     node: &Node,
     model: Option<&str>,

@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 use std::io::Write;
 
-/// The camera that all files below describe: OpenCV's matrix, lens and pose.
+/// OpenCV's matrix of the camera that all test files describe.
 const MATRIX: [[f64; 3]; 3] = [[600.0, 0.0, 319.5], [0.0, 610.0, 239.25], [0.0, 0.0, 1.0]];
 const LENS: [f64; 5] = [-0.1, 0.02, 0.001, -0.002, 0.003];
 const RVEC: [f64; 3] = [0.1, -0.2, 0.3];
@@ -25,7 +25,7 @@ fn read(name: &str, bytes: impl Into<Vec<u8>>, options: &Options) -> Result<Cali
     from_document(&Document::parse(Path::new(name), bytes.into())?, options)
 }
 
-/// Returns the device as the renderer gets it.
+/// Returns the renderer's device for a calibration.
 fn built(c: &Calibration) -> transport::device::pinhole::Pinhole {
     let ctx = Context::new(Path::new("a"), "", &Located::nowhere(vec![550.0])).unwrap();
     pinhole(&ctx, &c.device, 0..0).unwrap()
@@ -289,7 +289,7 @@ fn what_is_printed_is_a_table_of_a_scene() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..Default::default() })]
 
-    /// Mutated files are read or refused without a panic.
+    /// Tests that mutated files are read or refused without a panic.
     #[test]
     fn mutated_files_do_not_panic(which in 0..4_usize, changes in prop::collection::vec((0.0..1.0_f64, any::<u8>(), 0..4_u8), 1..6)) {
         let json = serde_json::json!({"K": MATRIX, "D": LENS, "rvecs": [RVEC, RVEC], "tvecs": [T, T], "resolution": [640, 480]}).to_string();

@@ -5,7 +5,7 @@ use serde_json::{Map, Number, Value};
 
 const DEEPEST: usize = 32;
 
-/// A list or table that is being parsed.
+/// A YAML list or table that is being parsed.
 enum Open {
     List(Vec<Value>),
     Table(Map<String, Value>, Option<String>),
@@ -88,7 +88,7 @@ fn scalar(text: &str, style: ScalarStyle) -> Value {
     }
 }
 
-/// Returns the byte offset of a character index.
+/// Converts a character index in a text to a byte offset.
 fn bytes(text: &str, characters: usize) -> usize {
     text.char_indices().nth(characters).map_or(text.len(), |(i, _)| i)
 }

@@ -1,4 +1,4 @@
-//! A Mitsuba scene: XML, or a Python dictionary as JSON.
+//! Parses a Mitsuba scene: XML, or a Python dictionary as JSON.
 
 use super::folders::{Alias, Folders};
 use super::json;
@@ -10,13 +10,13 @@ use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Parameters that Sunstone uses even if the file does not.
+/// Parameters that Sunstone uses even if the file does not refer to them.
 const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
 
 pub(super) struct Document {
     pub source: Source,
     pub scene: Node,
-    /// Values of `<default>` and of the command line.
+    /// Parameter values from `<default>` elements and from the command line.
     pub parameters: BTreeMap<String, String>,
     /// Additional names of ids.
     pub aliases: Vec<Alias>,
@@ -25,11 +25,11 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Parses a scene. `given` are the command-line parameters, which override `<default>`. Errors inside the
-    /// scene are reported to its [`Source`].
+    /// Parses a scene. `given` contains the command-line parameters, which override `<default>`.
+    /// Errors inside the scene are recorded in its [`Source`].
     ///
     /// # Errors
-    /// [`InputError`] with its location if the text does not contain a scene.
+    /// [`InputError`] with a location if the text does not contain a scene.
     pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
         let source = Source::new(file, text);
         let folders = Folders::of(file);

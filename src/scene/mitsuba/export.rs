@@ -1,12 +1,12 @@
 //! Exports a scene file to Mitsuba 3's XML, with meshes, images and tables in files next to it.
 //!
-//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames,
-//! filters. A feature that Mitsuba cannot express is an error with its location. A feature that it models
-//! differently (masking of facets, unpolarized rough glass) is a note.
+//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths,
+//! frames, filters. A feature that Mitsuba cannot express is an error with its location. A feature
+//! that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
 //!
-//! Mitsuba's spectral variants interpolate between the scene's wavelengths, at which they find the scene's
-//! values. Its mono variants reduce wavelength:value pairs to their luminance, so a scene for them is
-//! exported at one wavelength, as plain numbers.
+//! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at these
+//! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A
+//! scene for mono variants is therefore exported at one wavelength, as plain numbers.
 
 use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
@@ -46,17 +46,17 @@ use transport::scene::Settings;
 #[derive(Clone, Debug)]
 pub struct Export {
     pub xml: String,
-    /// Names and contents of the files that it refers to.
+    /// Names and contents of the files to which the XML refers.
     pub files: Vec<(String, Contents)>,
     /// Differences between the models of Mitsuba and Sunstone.
     pub notes: Vec<String>,
 }
 
 impl Export {
-    /// Reads and converts a scene file; see [`Self::from_text`].
+    /// Reads and converts a scene file; [`Self::from_text`] describes the options.
     ///
     /// # Errors
-    /// As [`Self::from_text`].
+    /// The same errors as [`Self::from_text`], or an error if the file cannot be read.
     pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
@@ -65,7 +65,7 @@ impl Export {
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] as for a render, or for a feature that Mitsuba cannot express.
+    /// [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
     pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         let file = SceneFile::read(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
@@ -79,7 +79,7 @@ impl Export {
     /// Writes `scene.xml` and its files into a folder that must be absent or empty, unless `force` is set.
     ///
     /// # Errors
-    /// [`WriteError`]; no file is then partially written.
+    /// [`WriteError`] if a file cannot be written. No file is then partially written.
     pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
         let mut files = self.files.clone();
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
@@ -190,7 +190,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     })
 }
 
-/// A shape with its object and its emission.
+/// A shape to export, with its object and its emission.
 struct Shape<'a> {
     object: &'a Located<ObjectFile>,
     placed: Placed,
@@ -229,7 +229,8 @@ fn default(name: &str, value: &str) -> Element {
     Element::new("default").with("name", name).with("value", value)
 }
 
-/// Writes the integrator. Mitsuba counts the camera's segment in `rr_depth`, as in `max_depth`.
+/// Writes the integrator. Mitsuba's `rr_depth`, like `max_depth`, counts the path segment that starts at the
+/// camera.
 fn integrator(settings: &Settings) -> Element {
     let path = Element::plugin("integrator", "path")
         .integer("max_depth", settings.max_depth)
@@ -237,7 +238,8 @@ fn integrator(settings: &Settings) -> Element {
     Element::plugin("integrator", "stokes").child(path)
 }
 
-/// Returns the horizontal field of view in degrees. Mitsuba's pinholes have square pixels and no distortion.
+/// Returns the horizontal field of view in degrees, or an error for a lens that Mitsuba cannot express.
+/// Mitsuba's pinholes have square pixels and no distortion.
 fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
         bail!(ctx, span, "Mitsuba cannot express the lens distortion of the {what}", "remove the distortion");
@@ -252,7 +254,7 @@ fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> 
     Ok(2.0 * (f64::from(p.resolution[0]) / 2.0 / p.focal.x).atan().to_degrees())
 }
 
-/// Returns the offset of the principal point from the image centre, in units of width and height.
+/// Returns the offset of the principal point from the image centre, as fractions of width and height.
 fn off_centre(p: &Pinhole) -> [f64; 2] {
     let [w, h] = p.resolution.map(f64::from);
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
@@ -297,7 +299,8 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
     Ok(sensor.transform("to_world", &place).child(film).child(sampler))
 }
 
-/// Writes the projector. Mitsuba's irradiance is π times the value that its documentation states.
+/// Writes the projector. Mitsuba's actual irradiance is π times the value that Mitsuba's documentation
+/// states.
 fn projector_element(
     ctx: &Context,
     p: &Projector,
@@ -418,8 +421,8 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     shape
 }
 
-/// Returns whether a map keeps circles about z circular and z perpendicular to them; with `all`, whether it
-/// keeps all angles.
+/// Returns whether a map keeps circles about the z axis circular and the z axis perpendicular to
+/// their plane. With `all`, returns whether the map keeps all angles.
 fn is_similar(map: &DAffine3, all: bool) -> bool {
     let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
     let (rx, ry, rz) = (x.length(), y.length(), z.length());

@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageBuffer, Luma, Rgb};
 use std::ops::Range;
 use transport::material::texture::Textures;
 
-/// Writer of the images of one material.
+/// Writes the images of one material.
 pub(super) struct Images<'a> {
     pub ctx: &'a Context,
     pub textures: &'a Textures,
@@ -20,7 +20,7 @@ pub(super) struct Images<'a> {
 }
 
 impl Images<'_> {
-    /// Writes a grey bitmap: `value` of every texel, raw or sRGB-encoded.
+    /// Writes a grey bitmap with the result of `value` for every texel, raw or sRGB-encoded.
     pub fn grey(
         self,
         name: &str,
@@ -38,7 +38,7 @@ impl Images<'_> {
     /// Writes the bitmap of a bump map.
     ///
     /// # Errors
-    /// [`InputError`] if its heights are outside the range of a PNG file.
+    /// [`InputError`] if the heights of the bump map are outside the range of a PNG file.
     pub fn heights(self, texture: u32) -> Result<Element, InputError> {
         let fits = |t: &[f32; 4]| (0.0..=1.0).contains(&t[0]);
         if !texels(self.textures, texture).1.iter().all(fits) {

@@ -1,7 +1,7 @@
 //! Converts materials to Mitsuba's BSDFs.
 //!
-//! Opaque materials are two-sided in Sunstone and one-sided in Mitsuba. They are therefore wrapped in
-//! `twosided`, at the leaves, so that blends and normal maps also work from both sides.
+//! Opaque materials are two-sided in Sunstone and one-sided in Mitsuba. Each opaque BSDF is therefore wrapped
+//! in `twosided`. Blends and normal maps stay outside of `twosided`, so that they also work from both sides.
 
 use super::export_images::{Images, encode, texels};
 use super::export_output::{Needs, Output, is_even, plain_id, spectrum};
@@ -22,7 +22,7 @@ use transport::material::sheet::SheetAxis;
 use transport::material::texture::{Scalar, Spectrum};
 use transport::material::{Material, Materials};
 
-/// Converts the materials that shapes use.
+/// Converts the materials that shapes use to BSDFs.
 pub(super) struct MaterialWriter<'a> {
     ctx: &'a Context,
     files: &'a BTreeMap<String, Located<MaterialFile>>,
@@ -32,7 +32,7 @@ pub(super) struct MaterialWriter<'a> {
     out: &'a mut Output,
     /// Id of each written BSDF.
     pub ids: BTreeMap<u32, String>,
-    /// What each BSDF requires of surfaces.
+    /// Surface properties that each BSDF requires.
     pub needs: BTreeMap<u32, Needs>,
 }
 
@@ -55,7 +55,7 @@ impl<'a> MaterialWriter<'a> {
         }
     }
 
-    /// Returns the BSDFs of `used` and of the materials they refer to, which come first.
+    /// Returns the BSDFs of the materials `used`. The BSDFs of materials to which these refer come first.
     pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, InputError> {
         let mut done = vec![];
         for &id in used {
@@ -80,7 +80,8 @@ impl<'a> MaterialWriter<'a> {
         Ok(())
     }
 
-    /// Returns the materials that another one refers to in the XML. Those of `two_sided` are nested instead.
+    /// Returns the materials to which a material refers in the XML. The materials of a `two_sided` are nested
+    /// instead.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -224,7 +225,7 @@ impl<'a> MaterialWriter<'a> {
         })
     }
 
-    /// Returns a material as seen from its front. It is black or undefined from behind.
+    /// Returns a material as seen from its front. The BSDF is black or undefined from behind.
     fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, InputError> {
         let open = |kind: &str| {
             let element = Element::plugin("bsdf", kind);
@@ -333,8 +334,8 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (through one facet), which have interreflection
-    /// and no polarization.
+    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one
+    /// facet). These BSDFs model interreflection but no polarization.
     fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
@@ -410,7 +411,7 @@ impl<'a> MaterialWriter<'a> {
         Ok(element.string("distribution", kind).child(self.scalar(id, "alpha", r.alpha)?))
     }
 
-    /// Writes a number, or a grey image of linear values.
+    /// Writes a constant number, or a grey image of linear values.
     fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(Element::new("float").with("name", name).with("value", single(s.value)));
@@ -418,7 +419,7 @@ impl<'a> MaterialWriter<'a> {
         self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// Writes a spectrum, or a grey image in sRGB encoding, which both programs decode.
+    /// Writes a constant spectrum, or a grey image in sRGB encoding. Both programs decode sRGB.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));
@@ -447,10 +448,10 @@ impl<'a> MaterialWriter<'a> {
     }
 }
 
-/// Maximum roughness of a coat that is exported as smooth.
+/// Maximum roughness α of a coat that is exported as smooth.
 const SMOOTH_COAT: f32 = 0.001;
 
-/// Converts to degrees with few digits.
+/// Converts an angle from radians to degrees, rounded to few digits.
 fn degrees(radians: f32) -> f64 {
     shortest((f64::from(radians).to_degrees()) as f32)
 }

@@ -27,7 +27,7 @@ impl Output {
         }
     }
 
-    /// Adds a file under its name, or under a similar one if it is taken, and returns the name.
+    /// Adds a file and returns its name: `name`, or a similar name if `name` is taken.
     pub fn file(&mut self, name: &str, contents: Contents) -> String {
         let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
         let file = |stem: &str| format!("{stem}.{ending}");
@@ -37,12 +37,13 @@ impl Output {
     }
 }
 
-/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair Mitsuba's
-/// spectra are zero and Sunstone's are constant. A metal with an index of zero would not even have a
-/// reflectance.
+/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair
+/// Mitsuba's spectra are zero, and Sunstone's are constant. The reflectance of a metal with a
+/// refractive index of zero would be undefined.
 const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
-/// Writes a spectrum as a property. A single value is written as a number, which mono variants use unchanged.
+/// Writes a spectrum as a property. A single value is written as a plain number, which Mitsuba's mono
+/// variants use unchanged.
 pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
     let nm = wavelengths.nm();
     let lanes = &value.to_array()[..nm.len()];
@@ -62,18 +63,18 @@ pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -
     out.with("value", pairs.join(", "))
 }
 
-/// Returns whether all used lanes are equal.
+/// Returns whether a value is the same at all wavelengths.
 pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
     !transport::material::varies(value, wavelengths.count())
 }
 
-/// Returns the device-to-world transform with Mitsuba's axes: left, up, forward.
+/// Returns the device-to-world transform (metres) with Mitsuba's device axes: left, up, forward.
 pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
     let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
-/// Writes an image as a texture. Mitsuba's v starts at the top.
+/// Writes an image as a texture. Mitsuba's v coordinate starts at the top of the image.
 pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
     let upward = Element::new("transform").with("name", "to_uv").child(if image.uv == SAME {
         Element::new("scale").with("x", "1").with("y", "-1")
@@ -110,15 +111,16 @@ pub(super) fn png(
     Ok(Contents::Bytes(bytes))
 }
 
-/// Requirements of a material on a surface.
+/// Properties that a material requires of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Needs {
     pub uv: bool,
-    /// Tangent directions of the texture coordinates.
+    /// Whether the material needs the tangent directions of the texture coordinates.
     pub tangent: bool,
 }
 
-/// Returns a unique id for a name, with characters that XML and Mitsuba's parameter syntax accept.
+/// Returns a unique id for a name. The id contains only characters that XML and Mitsuba's parameter syntax
+/// accept.
 pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
     free(&plain(name), |id| taken.values().any(|t| t == id))
 }

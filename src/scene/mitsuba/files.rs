@@ -1,4 +1,4 @@
-//! Writes a scene of several files atomically.
+//! Writes a scene that consists of several files atomically.
 
 use std::fs;
 use std::io;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug)]
 pub enum Contents {
     Bytes(Vec<u8>),
-    /// A copy of another file, which can be too large for memory.
+    /// A copy of the file at this path, which can be too large for memory.
     CopyOf(PathBuf),
 }
 
@@ -22,12 +22,12 @@ pub enum WriteError {
     Io(PathBuf, io::Error),
 }
 
-/// Writes files into a new folder, which appears only when it is complete. With `force`, writes into an
-/// existing folder: each file replaces one of the same name atomically, in the order of `files`, whose last
-/// one refers to the others.
+/// Writes files into a new folder, which appears only when it is complete. With `force`, writes
+/// into an existing folder. Each file then atomically replaces a file of the same name, in the
+/// order of `files`. The last file refers to the others.
 ///
 /// # Errors
-/// [`WriteError`]; a new folder is then not created.
+/// [`WriteError`] if a file cannot be written. A new folder is then not created.
 pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
     let at = |path: &Path| {
         let path = path.to_owned();
@@ -75,7 +75,7 @@ fn fill(path: &Path, contents: &Contents) -> io::Result<()> {
     }
 }
 
-/// Removes the remains of a failed write and returns its error.
+/// Removes the remains of a failed write and returns the error of that write.
 fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
     if done.is_err() {
         let _ = remove();

@@ -13,23 +13,25 @@ pub(super) struct Alias {
     pub span: Range<usize>,
 }
 
-/// Search folders in Mitsuba's order: those of `<path>`, the last one first, then the scene's own folder.
+/// Search folders in Mitsuba's order: the folders of `<path>` elements, the last element first, then the
+/// scene's own folder.
 #[derive(Clone)]
 pub(super) struct Folders(Vec<PathBuf>);
 
 impl Folders {
-    /// Starts with the folder of a scene.
+    /// Creates a list that contains the folder of a scene.
     pub fn of(scene: &Path) -> Self {
         let path = std::path::absolute(scene).unwrap_or_else(|_| scene.to_owned());
         Self(vec![path.parent().unwrap_or(Path::new("")).to_owned()])
     }
 
-    /// Adds a folder that is searched first.
+    /// Adds a folder, which is searched before all others.
     pub fn prepend(&mut self, folder: PathBuf) {
         self.0.insert(0, folder);
     }
 
-    /// Returns the path of an existing file, or its path in the scene's own folder.
+    /// Searches the folders for a file and returns its path. If no folder contains the file, returns the path
+    /// in the scene's own folder.
     pub fn find(&self, name: &str) -> PathBuf {
         let mut paths = self.0.iter().map(|folder| folder.join(name));
         let own = paths.clone().next_back().unwrap_or_default();
@@ -49,7 +51,7 @@ pub(super) fn read_text(path: &Path) -> std::io::Result<String> {
     std::fs::read_to_string(path)
 }
 
-/// Returns the path from `folder` to `path`, both absolute.
+/// Returns the relative path from `folder` to `path`; both arguments are absolute.
 pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
     let path = normal(path);
     let folder = normal(folder);
@@ -63,7 +65,7 @@ pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
     up.chain(b[shared..].iter().copied()).collect()
 }
 
-/// Removes `.` and, where that is safe, `..` from a path.
+/// Removes `.` from a path, and `..` if the removal does not change the meaning of the path.
 fn normal(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {

@@ -27,12 +27,12 @@ use transport::scene::Scene;
 
 #[derive(Clone, Debug)]
 pub struct Import {
-    /// The scene, which has been built once as a check. Its values are located in the XML.
+    /// The scene file. It has been built once as a check. Its values have locations in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files required next to the scene file, for shapes that scene files do not have, by name.
+    /// Files to write next to the scene file, by name. They contain shapes that scene files cannot express.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// Notes about differences from the original.
+    /// Notes about differences from the Mitsuba scene.
     pub notes: Vec<String>,
 }
 
@@ -40,7 +40,7 @@ pub struct Import {
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct ImportError(
-    /// At least one, sorted by file and location.
+    /// At least one error, sorted by file and location.
     pub Vec<InputError>,
 );
 
@@ -69,10 +69,11 @@ impl Import {
         Self::from_text(xml, &text, toml, parameters)
     }
 
-    /// [`Self::load`] for a text. `xml` names it in messages and is the base of relative paths.
+    /// Does the same as [`Self::load`] for a text. `xml` names the text in messages and is the base of
+    /// relative paths.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// The same errors as [`Self::load`].
     pub fn from_text(
         xml: &Path,
         text: &str,
@@ -82,10 +83,11 @@ impl Import {
         Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
     }
 
-    /// [`Self::from_text`] with some files in memory, under the names that the text and the scene file use.
+    /// Does the same as [`Self::from_text`] with some files in memory. Their names are those that the text
+    /// and the scene file use.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// The same errors as [`Self::load`].
     pub fn with_files(
         xml: &Path,
         text: &str,
@@ -122,7 +124,7 @@ impl Import {
     }
 }
 
-/// Converts the scene; returns `None` if errors were reported.
+/// Converts the parsed scene; returns `None` if errors were reported.
 fn run(
     mut importer: Importer,
     toml: &Path,
@@ -238,7 +240,7 @@ fn run(
     }))
 }
 
-/// Returns the slices: the image and, if the film has time bins, transient light.
+/// Returns the slices of the scene file: the image, and a transient slice if the film has time bins.
 fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     let image = SliceFile::new("mueller").mueller();
     let mut slices = vec![image.clone().into()];
@@ -250,7 +252,7 @@ fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     slices
 }
 
-/// Adds notes about top-level elements with an id that nothing refers to.
+/// Adds notes about unused top-level elements: no other element refers to their id.
 fn unused(importer: &mut Importer) {
     let document = importer.document;
     let mut named: Vec<&str> = document.aliases.iter().map(|a| a.id.as_str()).collect();
@@ -287,8 +289,8 @@ fn heading(xml: &Path) -> String {
     )
 }
 
-/// Builds the scene with locations in the XML file and file names relative to the scene file. Returns its
-/// notes and the gap in which light is lost.
+/// Builds the scene with locations in the XML file and file names relative to the scene file.
+/// Returns the notes and, if there is one, a gap in which light is lost.
 fn check(
     importer: &Importer,
     file: &SceneFile,
@@ -322,7 +324,7 @@ fn check(
 
 /// Returns a message if the camera sees a surface that Mitsuba's near or far clipping plane cuts off.
 fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
-    /// Rays per dimension, including the edges of the image.
+    /// Number of test rays per image axis, including the edges of the image.
     const RAYS: u32 = 65;
     let [width, height] = scene.camera.resolution.map(f64::from);
     for k in 0..RAYS * RAYS {
@@ -346,10 +348,10 @@ fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
     None
 }
 
-/// Emitters attached to a shape.
+/// Mitsuba's emitter plugins that are attached to a shape.
 const SURFACE_EMITTERS: [&str; 3] = ["area", "directionalarea", "projectorarea"];
 
-/// The parts of a scene by category.
+/// The elements of a scene by category.
 #[derive(Default)]
 struct Parts<'a> {
     sensor: Option<&'a Node>,
@@ -394,7 +396,8 @@ mod tests {
     use image::{ImageFormat, Rgb32FImage, RgbImage};
     use import::picture::encoded;
 
-    /// Files in memory are found by name, and the image reader decides whether colours are encoded.
+    /// Tests that files in memory are found by name, and that the image reader decides whether colours are
+    /// sRGB-encoded.
     #[test]
     fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [

@@ -1,4 +1,4 @@
-//! Converts Mitsuba's sensor and integrator to camera and settings of a scene file.
+//! Converts Mitsuba's sensor and integrator to the camera and the render settings of a scene file.
 
 use super::importer::Importer;
 use super::tree::{Node, number};
@@ -8,14 +8,15 @@ use glam::{DAffine3, DMat3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 use syntax::values::TimeBins;
 
-/// Mitsuba's default clipping planes in metres. Lenses focus on the far one.
+/// Mitsuba's default near clipping plane in metres. The next constant is the far plane, on which lenses focus
+/// by default.
 const NEAR: f64 = 1e-2;
 const FAR: f64 = 1e4;
 
-/// Distance in metres that light travels in a picosecond.
+/// Distance in metres that light travels in one picosecond in vacuum.
 const METRES_PER_PS: f64 = 299_792_458e-12;
 
-/// Note about the difference between pixel filters.
+/// Note for the user about different pixel filters in Mitsuba and Sunstone.
 const FILTERED: &str = "pixels are averages over their area (box filter); Mitsuba's reconstruction filter of this scene includes \
     neighbouring pixels";
 
@@ -28,7 +29,8 @@ pub(super) struct Sensor {
     pub clip: [f64; 2],
 }
 
-/// A film: its size, the rendered window (x, y, width, height), and its bins of path length.
+/// A film: its size in pixels, the rendered window (x, y, width, height) in pixels, and its bins of path
+/// length.
 struct Film {
     size: [u32; 2],
     window: [u32; 4],
@@ -140,8 +142,8 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     Ok(Sensor { camera, spp, time, clip })
 }
 
-/// Returns pose and width of an orthographic camera. Its rays start at the near plane, and Mitsuba's image
-/// spans -1 to 1 horizontally.
+/// Returns the pose and the image width (metres) of an orthographic camera. Rays start at the near
+/// plane. Mitsuba's image spans -1 to 1 horizontally.
 fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile, f64), InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     let m = place.matrix3;
@@ -159,7 +161,8 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
     Ok((pose, 2.0 * lengths[0]))
 }
 
-/// Returns the pose of a camera. If its image is mirrored, left and right are exchanged and a note is added.
+/// Returns the pose of a camera. If Mitsuba's image is mirrored, left and right are exchanged and a note is
+/// added.
 fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     unmirrored(importer, node, place)
@@ -175,7 +178,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// Creates a device whose values are located at its plugin.
+/// Creates a device. Errors in its values are located at the Mitsuba plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(node.at(fov_x_deg));
@@ -459,7 +462,7 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
     })
 }
 
-/// Returns the pose. Mitsuba's devices have +x left and +y up.
+/// Returns the pose of a device. In Mitsuba, a device's +x axis points left and its +y axis points up.
 pub(super) fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     posed(importer, node, place)

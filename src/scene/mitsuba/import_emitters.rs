@@ -95,7 +95,7 @@ pub(super) fn add<'a>(
     Ok(())
 }
 
-/// Converts a spot, which points along its +z axis.
+/// Converts Mitsuba's `spot` emitter, which points along its +z axis.
 fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     let image = projected(importer, node, "texture")?;
@@ -126,7 +126,8 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
     Ok(EmitterFile::Spot(spot))
 }
 
-/// Converts a directional emitter, which points along `direction` or along +z of `to_world`.
+/// Converts Mitsuba's `directional` emitter. Light travels along `direction` or along the +z axis of
+/// `to_world`.
 fn directional<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     one_of(importer, node, "direction", "to_world")?;
@@ -172,7 +173,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     Ok(EmitterFile::Environment(Box::new(environment)))
 }
 
-/// Returns a linear map orthonormalized if it only rotates and mirrors, otherwise `None`.
+/// Orthonormalizes a linear map that only rotates and mirrors; returns `None` for other maps.
 fn directions(map: DMat3) -> Option<DMat3> {
     let off = map.transpose() * map - DMat3::IDENTITY;
     let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
@@ -208,7 +209,8 @@ pub(super) fn area<'a>(
     Ok((node.at(emission), uv.images))
 }
 
-/// Adds a note if Mitsuba never samples the emitter. Other weights affect noise only.
+/// Adds a note if Mitsuba never samples the emitter because its sampling weight is 0. Other weights affect
+/// only the noise.
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
         importer.note(format!("the emitter `{}` has sampling_weight 0, which is not used", node.kind));
@@ -216,7 +218,7 @@ fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputErro
     Ok(())
 }
 
-/// Refuses two properties with the same meaning.
+/// Refuses a plugin that has both properties `a` and `b`, which have the same meaning.
 fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), InputError> {
     if node.get(a).is_some() && node.get(b).is_some() {
         return importer.error(
@@ -228,7 +230,7 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
     Ok(())
 }
 
-/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of it points down.
+/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of this image points down.
 fn projected<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -241,13 +243,14 @@ fn projected<'a>(
 
 /// Result of converting a Mitsuba projector.
 enum Projected {
-    /// The projector, whose pixels T resolves.
+    /// The projector of the scene file, whose pixels are the axis s' of T.
     Patterns(Box<ProjectorFile>),
     /// An emitter that projects an image.
     Slide(Box<SlideFile>),
 }
 
-/// Converts a projector. Mitsuba's irradiance on the plane at 1 m is π times its `scale` × `irradiance`.
+/// Converts Mitsuba's `projector`. Mitsuba's irradiance on the plane at 1 m is π times its `scale` ×
+/// `irradiance`.
 fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projected, InputError> {
     let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);
     let given = importer.document.parameters.get(PROJECTOR_RESOLUTION);
@@ -308,7 +311,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Returns the size of a projector's image, and whether it is uniformly white.
+/// Returns the size in pixels of a projector's image, and whether the image is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
     let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;

@@ -1,4 +1,5 @@
-//! Converts Mitsuba's shapes without a Sunstone equivalent to meshes, in PLY files next to the scene file.
+//! Converts Mitsuba's shapes without a Sunstone equivalent to meshes. The meshes are PLY files next to the
+//! scene file.
 
 use super::importer::Importer;
 use super::tree::Node;
@@ -13,7 +14,8 @@ use transport::geometry::mesh::Mesh;
 
 pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
 
-/// Returns name and bytes of a shape's file. The shape must not emit light or have `flip_normals`.
+/// Returns the name and the bytes of the file to which a shape refers. The shape must not emit light or have
+/// `flip_normals`.
 fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), InputError> {
     let source = importer.source;
     if node.boolean(source, "flip_normals")?.unwrap_or(false) {
@@ -42,8 +44,8 @@ fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     MeshFile { file: node.at(name), index: 0, flat: false, smooth: false, materials: false }
 }
 
-/// `bsplinecurve` and `linearcurve`: the surface of the tubes in the parent's coordinates; `place` moves
-/// points but not radii.
+/// Converts `bsplinecurve` and `linearcurve` to the surface of tubes. `place` transforms the points
+/// to the parent's coordinates, but does not scale the radii.
 pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let kind = if node.kind == "linearcurve" { Kind::Linear } else { Kind::BSpline };
@@ -65,7 +67,7 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
     Ok(made(importer, node, &tubes.mesh))
 }
 
-/// `sdfgrid`: the surface of zero distance.
+/// Converts `sdfgrid` to the surface at which the distance is zero.
 pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let normals = match node.text(importer.source, "normals")? {

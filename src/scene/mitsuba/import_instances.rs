@@ -14,12 +14,12 @@ use syntax::instance::{GroupFile, InstanceFile};
 pub(super) struct Groups<'a> {
     pub groups: BTreeMap<String, Located<GroupFile>>,
     pub instances: Vec<Located<InstanceFile>>,
-    /// Groups that were read, and their names.
+    /// Groups that have been read, and their names in the scene file.
     read: Vec<(&'a Node, String)>,
 }
 
 impl<'a> Groups<'a> {
-    /// Adds the group of a `shapegroup`, unless it exists already, and returns its name.
+    /// Adds the group of a `shapegroup` unless it has been added before, and returns the group's name.
     pub fn group(&mut self, importer: &mut Importer<'a>, reader: &mut Readers, node: &'a Node) -> String {
         if let Some((_, name)) = self.read.iter().find(|(n, _)| std::ptr::eq(*n, node)) {
             return name.clone();

@@ -15,8 +15,8 @@ use syntax::material::{
 use syntax::texture::{AlbedoFile, AttributeFile, ImageAlbedo, ScalarFile};
 use syntax::values::{SpectrumFile, SpectrumTable};
 
-/// `plastic` and `roughplastic`: a dielectric coat over a Lambertian base with interreflection below the
-/// coat.
+/// Converts `plastic` and `roughplastic`: a dielectric coat over a Lambertian base with
+/// interreflection below the coat.
 pub(super) fn plastic<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -55,8 +55,8 @@ pub(super) fn plastic<'a>(
     })
 }
 
-/// `principled`: plastic, blended with metal by `metallic` and with rough glass by `spec_trans`. Also returns
-/// whether the material is opaque.
+/// Converts `principled` to plastic, blended with metal by `metallic` and with rough glass by
+/// `spec_trans`. Also returns whether the material is opaque.
 pub(super) fn principled<'a>(
     importer: &mut Importer<'a>,
     table: &mut Table,
@@ -148,7 +148,7 @@ pub(super) fn principled<'a>(
     Ok((body, opaque))
 }
 
-/// Returns the albedo of the body: a factor times the base colour, at most 1.
+/// Returns the albedo of the body below a coat: a factor times the base colour, at most 1.
 fn body_of(
     importer: &mut Importer,
     node: &Node,
@@ -193,8 +193,8 @@ fn body_of(
     Located::at(base.span(), scaled)
 }
 
-/// Returns a metal that reflects the base colour at normal incidence. Its increase toward grazing incidence
-/// is close to Schlick's approximation.
+/// Returns a metal that reflects the base colour at normal incidence. The increase of reflectance
+/// toward grazing incidence is close to Schlick's approximation.
 fn metal(
     importer: &mut Importer,
     node: &Node,

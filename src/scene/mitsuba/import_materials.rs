@@ -1,7 +1,7 @@
 //! Converts Mitsuba's BSDFs to materials of a scene file.
 //!
-//! Mitsuba's opaque BSDFs are black from behind unless they are in `twosided`. Others become `two_sided` with
-//! a front material only.
+//! Mitsuba's opaque BSDFs are black from behind unless they are in `twosided`. Opaque BSDFs outside
+//! of `twosided` become `two_sided` with a front material only.
 
 use super::import_layered;
 use super::import_surfaces::{
@@ -23,23 +23,23 @@ use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
-/// Supported BSDFs, for messages.
+/// Names of the supported BSDFs, for messages.
 const KNOWN: &str = "diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, \
     pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, \
     bumpmap, null";
 
-/// BSDFs that are black from behind.
+/// Names of the BSDFs that are black from behind.
 const OPAQUE: [&str; 7] =
     ["diffuse", "conductor", "roughconductor", "plastic", "roughplastic", "pplastic", "measured_polarized"];
 
 /// Maximum nesting depth of BSDFs.
 const MOST_NESTED: usize = 14;
 
-/// Converts BSDFs, each of them once.
+/// Converts BSDFs to materials. Each BSDF is converted only once.
 #[derive(Default)]
 pub(super) struct MaterialReader {
     pub table: Table,
-    /// Name of the material of a BSDF.
+    /// Name of the material made from each BSDF.
     done: BTreeMap<Key, String>,
     /// Start bytes of the BSDFs that are being read, outermost first.
     open: Vec<usize>,
@@ -48,11 +48,11 @@ pub(super) struct MaterialReader {
 /// Identifies a material made from a BSDF.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
-    /// Byte at which the BSDF begins.
+    /// Byte offset at which the BSDF begins.
     start: usize,
-    /// Whether it is inside of `twosided`, where opaque BSDFs are visible from both sides.
+    /// Whether the BSDF is inside of `twosided`. Opaque BSDFs there are visible from both sides.
     both: bool,
-    /// Whether it is for shapes whose v coordinate Mitsuba flips.
+    /// Whether the material is for shapes whose v coordinate Mitsuba flips.
     turned: bool,
 }
 
@@ -62,8 +62,8 @@ pub(super) struct Made {
 }
 
 impl MaterialReader {
-    /// Returns the material of a BSDF; `turned` for shapes whose v coordinate Mitsuba flips. Errors are
-    /// reported, not returned.
+    /// Returns the name of a BSDF's material. `turned` is set for shapes whose v coordinate Mitsuba
+    /// flips. Errors are reported, not returned.
     pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node, turned: bool) -> Made {
         let open = self.open.len();
         if node.broken {
@@ -76,13 +76,13 @@ impl MaterialReader {
         })
     }
 
-    /// Returns a substitute for an invalid BSDF, so that the rest can be read.
+    /// Returns a substitute for an invalid BSDF, so that the rest of the scene can be read.
     fn missing(&mut self) -> Made {
         Made { name: self.table.of_bare_shapes(), images: false }
     }
 
-    /// Returns the material of a BSDF. `both` is set inside of `twosided`, where opaque BSDFs are visible
-    /// from both sides. The material is named after the `outer` element if there is one.
+    /// Returns the material of a BSDF. `both` is set inside of `twosided`; opaque BSDFs are then
+    /// visible from both sides. The material is named after the `outer` element if there is one.
     fn material<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -151,7 +151,7 @@ impl MaterialReader {
         Ok(Made { name: (*name).clone(), images })
     }
 
-    /// Converts a BSDF and returns whether it is black from behind.
+    /// Converts a BSDF and returns whether the material is black from behind.
     fn body<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -356,7 +356,7 @@ impl MaterialReader {
     }
 }
 
-/// Returns the texture of a bump map, which can have any name.
+/// Returns the texture of a bump map. The texture's property can have any name.
 fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     for child in node.children() {
         let inner = importer.resolve(child)?;
@@ -384,7 +384,7 @@ fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputEr
     Ok(file)
 }
 
-/// Returns the only BSDF inside of a `twosided`, which is then visible from both sides.
+/// Returns the BSDF inside of a `twosided` that contains exactly one. That BSDF is visible from both sides.
 fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     if node.kind != "twosided" || node.children().len() != 1 {
         return Ok(None);

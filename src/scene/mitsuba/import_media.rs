@@ -13,12 +13,12 @@ use syntax::medium::{
 };
 use syntax::values::SpectrumFile;
 
-/// Converts media, each of them once.
+/// Converts media. Each medium is converted only once.
 #[derive(Default)]
 pub(super) struct MediumReader {
-    /// The media so far, by name.
+    /// Media converted so far, by name.
     pub media: BTreeMap<String, Located<MediumFile>>,
-    /// Names of media by their start byte.
+    /// Names of converted media by the byte offset of their XML element.
     done: BTreeMap<usize, String>,
 }
 
@@ -131,9 +131,9 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     })))
 }
 
-/// Extinction or albedo.
+/// A medium's extinction or albedo.
 enum Coefficient {
-    /// A constant, and the transform of its volume.
+    /// A constant spectrum, and the transform of its volume.
     Everywhere(Located<SpectrumFile>, DAffine3),
     Grid(Box<Located<GridFile>>),
 }
@@ -189,7 +189,7 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
     }))
 }
 
-/// Default box of a volume.
+/// Default bounding box of a volume: lowest and highest x, y, z.
 const UNIT: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 
 /// Writes a grid with a single value of 1 to a file next to the scene file.

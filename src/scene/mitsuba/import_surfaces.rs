@@ -10,18 +10,18 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 use transport::material::texture::{Filter, Wrap};
 
-/// Minimum roughness of rough surfaces, used for smooth coats.
+/// Minimum roughness α of rough surfaces. Smooth coats get this value.
 pub(super) const SMOOTH: f64 = 0.001;
 
-/// Texture coordinate convention of a shape, and whether the current material uses it.
+/// Texture coordinate convention of a shape, and whether the current material depends on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coordinates {
-    /// Whether Mitsuba's v is 1 minus Sunstone's. It flips v of OBJ files when it reads them.
+    /// Whether Mitsuba's v coordinate is 1 minus Sunstone's. Mitsuba flips v of OBJ files when it reads them.
     pub turned: bool,
     pub images: bool,
 }
 
-/// Refractive indices that Mitsuba knows by name (documentation of `dielectric`).
+/// Refractive indices that Mitsuba defines by name (documentation of `dielectric`).
 const INDICES: [(&str, f64); 20] = [
     ("vacuum", 1.0),
     ("helium", 1.000_036),
@@ -45,8 +45,8 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// Returns the metal of a conductor. Mitsuba's conductor without a material, or with `none`, reflects all
-/// light: η is 0 and k is 1 unless they are given.
+/// Returns the metal for Mitsuba's conductor. Mitsuba's conductor without a material, or with
+/// `none`, reflects all light: η is 0 and k is 1 unless they are given.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -78,7 +78,7 @@ pub(super) fn metal<'a>(
     }
 }
 
-/// Refuses a factor other than 1, which Sunstone's materials do not have.
+/// Refuses a factor other than 1, because Sunstone's material does not have this factor.
 pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None => Ok(()),
@@ -109,7 +109,8 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
     p.value.number().ok_or_else(error)
 }
 
-/// Returns the refractive indices inside, with the given default, and outside, with that of air as default.
+/// Returns the refractive indices inside and outside of a dielectric. `default` applies to the inside; the
+/// outside defaults to air.
 pub(super) fn indices(
     importer: &Importer,
     node: &Node,
@@ -134,7 +135,7 @@ pub(super) struct Facets {
     pub masking: Masking,
 }
 
-/// Returns the facets of a rough surface. Mitsuba's masking is separable.
+/// Returns the GGX facets of a rough surface, with Mitsuba's separable masking.
 pub(super) fn facets<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -176,7 +177,7 @@ pub(super) fn facets<'a>(
     Ok(Facets { alpha, distribution, masking: Masking::Separable })
 }
 
-/// Returns the numbers of a value that is not an image.
+/// Returns references to the numbers of a constant or a checkerboard; an image has none.
 fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     match s {
         ScalarFile::Number(v) => vec![v],
@@ -191,7 +192,7 @@ fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     }
 }
 
-/// Returns the isotropic roughness closest to two roughnesses along texture coordinates u and v.
+/// Returns the isotropic roughness that is closest to separate roughnesses along texture coordinates u and v.
 fn round(
     importer: &mut Importer,
     node: &Node,
@@ -230,7 +231,7 @@ enum Pattern {
     Attribute(AttributeFile),
 }
 
-/// Returns the texture of a property, if it has one.
+/// Returns the texture of a property, or `None` if the property is not a texture.
 fn pattern<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -252,7 +253,7 @@ fn pattern<'a>(
     }))
 }
 
-/// Returns the colour image of a property, if it has one.
+/// Returns the colour image of a property, or `None` if the property is not an image.
 pub(super) fn image_of<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -279,7 +280,8 @@ fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRow
     Ok(if uv.turned { rows.map(|[a, b, c]| [a, -b, b + c]) } else { rows })
 }
 
-/// Simplifies a texture coordinate map; a repeating texture allows integer offsets to be dropped.
+/// Simplifies a texture coordinate map. Returns `None` for the identity. Integer offsets are dropped if the
+/// texture repeats.
 fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
     let rows = rows.map(|[a, b, c]| {
         let c = if repeats { c.rem_euclid(1.0) } else { c };
@@ -288,7 +290,7 @@ fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
 }
 
-/// Returns an attribute of the mesh that has the material.
+/// Converts Mitsuba's `mesh_attribute` texture to an attribute of the mesh.
 fn attribute(importer: &Importer, node: &Node) -> Result<AttributeFile, InputError> {
     let name = node.text(importer.source, "name")?.unwrap_or_default();
     let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
@@ -358,7 +360,8 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// Returns an image. With `number` it is an image of numbers: the luminance of its colours in Mitsuba.
+/// Converts Mitsuba's `bitmap` texture to an image. With `number`, it is an image of numbers; Mitsuba then
+/// uses the luminance of the colours.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,

@@ -13,14 +13,14 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Reserves and returns an unused name similar to `wanted`.
+    /// Reserves an unused name similar to `wanted` and returns that name.
     fn free(&mut self, wanted: &str) -> String {
         let name = free(&plain(wanted), |name| self.taken.contains(name));
         self.taken.insert(name.clone());
         name
     }
 
-    /// Adds a plugin's material under a name similar to `wanted` and returns the name.
+    /// Adds the material of a plugin under a name similar to `wanted` and returns that name.
     pub fn add(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
         let at = |material| node.at(material);
@@ -28,7 +28,7 @@ impl Table {
         node.at(name)
     }
 
-    /// [`Self::add`] for a material that is black from behind.
+    /// Does the same as [`Self::add`] for a material that is black from behind.
     pub fn add_front(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
         let front = self.add(node, &format!("{name}_front"), material);
@@ -37,7 +37,7 @@ impl Table {
         node.at(name)
     }
 
-    /// Returns the invisible boundary of a medium.
+    /// Returns the name of the material for the invisible boundary of a medium.
     pub fn unseen(&mut self) -> String {
         let name = "mitsuba_unseen".to_owned();
         if self.taken.insert(name.clone()) {
@@ -46,7 +46,8 @@ impl Table {
         name
     }
 
-    /// Returns the material of emissive shapes without a BSDF: in Mitsuba they reflect no light.
+    /// Returns the name of the material for emissive shapes without a BSDF. Such shapes reflect no light in
+    /// Mitsuba.
     pub fn of_bare_lights(&mut self) -> String {
         let name = "mitsuba_light".to_owned();
         if self.taken.insert(name.clone()) {
@@ -55,7 +56,7 @@ impl Table {
         name
     }
 
-    /// Returns Mitsuba's material for other shapes without a BSDF.
+    /// Returns the name of Mitsuba's default material, for shapes that have no BSDF and emit no light.
     pub fn of_bare_shapes(&mut self) -> String {
         let name = "mitsuba_default".to_owned();
         if self.taken.insert(name.clone()) {

@@ -18,7 +18,7 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// Whether a spectrum was read, which Mitsuba's RGB variants would convert to colours.
+    /// Whether a spectrum was read. Mitsuba's RGB variants would convert spectra to colours.
     pub spectral: Cell<bool>,
     /// Files that exist in memory only.
     pub files: &'a BTreeMap<String, Vec<u8>>,
@@ -105,17 +105,17 @@ impl<'a> Importer<'a> {
         Err(self.source.error(span, message, help))
     }
 
-    /// Returns the path of a file that the XML names.
+    /// Returns the path of a file from its name in the XML.
     pub fn path(&self, name: &str) -> PathBuf {
         self.document.folders.find(name)
     }
 
-    /// Returns the name of that file relative to the scene file.
+    /// Returns the path, relative to the scene file, of a file that the XML names.
     pub fn file(&self, name: &str) -> String {
         relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
     }
 
-    /// Returns the file name in a plugin's XML; `what` names the plugin in messages.
+    /// Returns the file name that a plugin contains; `what` names the plugin in messages.
     pub fn filename<'n>(&self, node: &'n Node, what: &str) -> Result<&'n str, InputError> {
         let fix = "add <string name=\"filename\">";
         let missing = || self.source.error(&node.span, format!("the {what} has no filename"), fix);
@@ -131,7 +131,8 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Adds a file next to the scene file, unless one with equal content exists, and returns its name.
+    /// Adds a file to write next to the scene file, unless a file with equal content was added before.
+    /// Returns the file's name.
     pub fn make(&mut self, wanted: &str, extension: &str, bytes: Vec<u8>) -> String {
         if let Some((name, _)) = self.made.iter().find(|(_, b)| **b == bytes) {
             return name.clone();
@@ -143,7 +144,7 @@ impl<'a> Importer<'a> {
         name
     }
 
-    /// Checks that an integer is in the range of scene files.
+    /// Checks that an integer is in the range that scene files allow.
     pub fn whole(&self, span: &Range<usize>, value: i64, what: &str) -> Result<Located<u32>, InputError> {
         match u32::try_from(value) {
             Ok(value) => Ok(Located::at(span.clone(), value)),
@@ -186,7 +187,7 @@ impl<'a> Importer<'a> {
         Ok(Some(Located::at(p.span.clone(), spectrum)))
     }
 
-    /// [`Self::spectrum`] with a default.
+    /// Does the same as [`Self::spectrum`], with a default for an absent property.
     pub fn spectrum_or(
         &self,
         node: &Node,
@@ -197,7 +198,7 @@ impl<'a> Importer<'a> {
         Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
     }
 
-    /// Returns the constant value of a property's plugin, or `None` if it is another kind of plugin.
+    /// Returns the constant value of a property's plugin, or `None` if the plugin is not uniform.
     pub fn uniform(&self, node: &Node, name: &str) -> Result<Option<f64>, InputError> {
         let Some(child) = node.named(name) else {
             return Ok(None);
@@ -211,7 +212,8 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Converts pairs to a table. Mitsuba's spectra are zero outside their pairs, Sunstone's are constant.
+    /// Converts wavelength–value pairs to a table. Outside the pairs, Mitsuba's spectra are zero and
+    /// Sunstone's are constant.
     fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<SpectrumFile, InputError> {
         self.spectral.set(true);
         let covers =
@@ -232,7 +234,8 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Returns the values only, if the pairs are at the scene's wavelengths and constant beyond them.
+    /// Returns only the values if the pairs are at the scene's wavelengths and constant beyond these;
+    /// otherwise `None`.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
         let inner: Vec<[f64; 2]> = pairs.iter().copied().filter(|p| (first..=last).contains(&p[0])).collect();
@@ -244,7 +247,7 @@ impl<'a> Importer<'a> {
         (level && same).then(|| inner.iter().map(|p| p[1]).collect())
     }
 
-    /// Returns the values of a colour at the wavelengths.
+    /// Converts a linear RGB colour to values at the scene's wavelengths.
     fn colour(&self, [r, g, b]: [f64; 3]) -> SpectrumFile {
         let values = self.wavelengths.iter().map(|nm| match nm {
             nm if *nm < 500.0 => b,
@@ -337,7 +340,8 @@ impl<'a> Importer<'a> {
         Ok(spectrum)
     }
 
-    /// Refuses a spectrum that is zero in Mitsuba at one of the wavelengths.
+    /// Refuses a spectrum that does not cover all wavelengths of the scene; Mitsuba's spectra are zero
+    /// outside their range.
     fn in_range(&self, node: &Node) -> Result<(), InputError> {
         let first = node.float(self.source, "wavelength_min")?.unwrap_or(f64::NEG_INFINITY);
         let last = node.float(self.source, "wavelength_max")?.unwrap_or(f64::INFINITY);
@@ -351,13 +355,13 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Returns the plugin that a child contains or refers to.
+    /// Returns the plugin that a child contains or to which the child refers.
     pub fn resolve(&self, child: &'a Child) -> Result<&'a Node, InputError> {
         child.take();
         self.peek(child)
     }
 
-    /// [`Self::resolve`] without marking the child as used.
+    /// Does the same as [`Self::resolve`] without marking the child as used.
     pub fn peek(&self, child: &'a Child) -> Result<&'a Node, InputError> {
         match &child.what {
             Inside::Node(node) => Ok(node),
@@ -372,13 +376,13 @@ impl<'a> Importer<'a> {
     }
 }
 
-/// Returns whether a plugin has the same value everywhere.
+/// Returns whether a plugin is a spectrum, which has the same value everywhere.
 pub(super) fn is_spectrum(node: &Node) -> bool {
     node.tag == "spectrum"
         || node.tag == "texture" && ["uniform", "srgb", "d65"].contains(&node.kind.as_str())
 }
 
-/// Returns the spectral radiance of a black body, W/(m² sr nm): Planck's law.
+/// Returns the spectral radiance of a black body by Planck's law, in W/(m² sr nm).
 fn planck(nm: f64, kelvin: f64) -> f64 {
     // SI values of h, c and k.
     let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);

@@ -16,7 +16,8 @@
 //! | copies | `[groups]` and `[[instances]]` | `shapegroup` and `instance` |
 //! | light | any Stokes vector in | unpolarized: column 0 of T |
 //!
-//! [`export`] writes and [`import`] reads the same subset; `xml` and `reader` implement its syntax.
+//! [`export`] writes and [`import`] reads the same subset; `xml` and `reader` implement the syntax of
+//! Mitsuba's files.
 
 mod document;
 pub mod export;

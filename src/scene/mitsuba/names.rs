@@ -6,7 +6,7 @@ pub(super) const WAVELENGTHS: &str = "wavelengths_nm";
 /// Name of the `<default>` with the projector's resolution; Mitsuba does not use it.
 pub(super) const PROJECTOR_RESOLUTION: &str = "projector_resolution";
 
-/// Returns `base`, or `base_2`, `base_3`, … if that is taken.
+/// Returns the first name of `base`, `base_2`, `base_3`, … that is not taken.
 pub(super) fn free(base: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let mut name = base.to_owned();
     for n in 2.. {
@@ -18,7 +18,8 @@ pub(super) fn free(base: &str, is_taken: impl Fn(&str) -> bool) -> String {
     name
 }
 
-/// Replaces characters other than letters, digits, `_` and `-`, so that XML and TOML need no quoting.
+/// Replaces characters other than letters, digits, `_` and `-`, so that the name needs no quotes in XML and
+/// TOML.
 pub(super) fn plain(name: &str) -> String {
     if name.is_empty() {
         return "material".into();

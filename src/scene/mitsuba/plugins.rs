@@ -1,4 +1,4 @@
-//! Categories of Mitsuba's plugins, which Python dictionaries omit.
+//! Categories of Mitsuba's plugins (`bsdf`, `shape`, …). Python dictionaries omit the category.
 
 pub(super) fn tag(plugin: &str) -> Option<&'static str> {
     let found = PLUGINS.iter().find(|(_, names)| names.split(' ').any(|name| name == plugin));

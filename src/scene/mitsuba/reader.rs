@@ -1,7 +1,8 @@
 //! Parses Mitsuba 3's XML to a tree of plugins with typed properties, each with its location.
 //!
-//! Follows Mitsuba's parser: `<default>` and `$name`, `<include>`, nested transforms (each operation applies
-//! after the previous ones), values separated by spaces or commas. Errors are recorded and reading continues.
+//! Supports, as Mitsuba's parser does, `<default>` and `$name`, `<include>`, nested transforms (each
+//! operation applies after the previous ones) and values separated by spaces or commas. Errors are recorded
+//! and reading continues.
 
 use super::folders::{Alias, Folders, read_text};
 use super::source::{Source, parse};
@@ -17,7 +18,7 @@ const DEEPEST: usize = 32;
 /// Maximum nesting depth of included files, as in Mitsuba.
 const MOST_INCLUDES: usize = 15;
 
-/// Parses `#rrggbb` as older versions of Mitsuba do: bytes divided by 255, linear.
+/// Parses `#rrggbb` as older versions of Mitsuba do: bytes divided by 255 are linear values.
 fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     let digits = text.trim().strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
     let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok();
@@ -40,7 +41,8 @@ fn snake(name: &str) -> String {
     out
 }
 
-/// Upgrades the names in a plugin of Mitsuba 0.x as Mitsuba 3 does (`upgrade_from_v1` in its `parser.cpp`).
+/// Replaces the names in a plugin of Mitsuba 0.x by current names, as Mitsuba 3 does (`upgrade_from_v1` in
+/// `parser.cpp`).
 fn upgrade(node: &mut Node) {
     let diffuse = node.kind == "diffuse";
     let upgraded = |name: &str| match snake(name) {
@@ -77,8 +79,8 @@ fn upgrade(node: &mut Node) {
     node.properties.push(Property::new("to_uv".into(), Value::Transform(map), node.span.clone()));
 }
 
-/// Returns Mitsuba's rotation matrix. The axis is not normalized, so it is a rotation only if its length is
-/// 1.
+/// Returns Mitsuba's rotation matrix. Mitsuba does not normalize the axis, so the matrix is a
+/// rotation only if the axis has length 1.
 fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     let (sin, cos) = radians.sin_cos();
     let cross = DMat3::from_cols(
@@ -90,7 +92,8 @@ fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)
 }
 
-/// Returns Mitsuba's default up direction (Duff et al. 2017, "Building an orthonormal basis, revisited").
+/// Returns Mitsuba's default up direction for a device that points along `z` (Duff et al. 2017, "Building an
+/// orthonormal basis, revisited").
 fn any_up(z: DVec3) -> DVec3 {
     let sign = 1f64.copysign(z.z);
     let a = -1.0 / (sign + z.z);
@@ -100,25 +103,25 @@ fn any_up(z: DVec3) -> DVec3 {
 /// State while an XML file and its included files are read.
 pub(super) struct Reader<'s> {
     source: &'s Source,
-    /// Offset of the file's first byte.
+    /// Byte offset of the file's first byte in the concatenated texts.
     start: usize,
-    /// Number of files that include this one.
+    /// Nesting depth of the current file: 0 for the main file.
     depth: usize,
     pub parameters: BTreeMap<String, String>,
-    /// Parameters that an attribute used.
+    /// Names of the parameters that an attribute used.
     pub used: Vec<String>,
     /// Additional names of ids.
     pub aliases: Vec<Alias>,
     pub folders: Folders,
-    /// Notes about contents that are read in an unexpected way.
+    /// Notes for the user about contents that are interpreted in an unexpected way.
     pub notes: Vec<String>,
     folder: PathBuf,
-    /// Whether the current file is of Mitsuba 0.x and is upgraded.
+    /// Whether the current file is of Mitsuba 0.x, so that its names must be upgraded.
     old: bool,
 }
 
 impl<'s> Reader<'s> {
-    /// Creates a reader; `given` are the command-line parameters.
+    /// Creates a reader; `given` contains the command-line parameters.
     pub fn new(source: &'s Source, given: &BTreeMap<String, String>, folders: Folders) -> Self {
         Self {
             source,
@@ -140,7 +143,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Reads the version of a file's root element.
+    /// Reads the Mitsuba version from a file's root element.
     pub fn version(&mut self, root: &roxmltree::Node) -> Result<(), InputError> {
         let version = root.attribute("version").unwrap_or_default();
         let major = version.split('.').next().and_then(|v| v.trim().parse::<u32>().ok());
@@ -165,7 +168,7 @@ impl<'s> Reader<'s> {
         self.start + range.start..self.start + range.end
     }
 
-    /// Returns the location of an element's start tag, up to the first `>`.
+    /// Returns the byte range of an element's start tag, up to the first `>`.
     pub fn start_tag(&self, node: &roxmltree::Node) -> Range<usize> {
         let range = node.range();
         let text = node.document().input_text();
@@ -217,7 +220,7 @@ impl<'s> Reader<'s> {
         Ok(())
     }
 
-    /// Reads the elements of another file in place of `<include>`.
+    /// Reads the elements of the file that an `<include>` names.
     fn include(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         let span = self.start_tag(xml);
         let name = self.needed(xml, "filename")?;
@@ -413,7 +416,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Returns the product of the nested operations; later ones apply after earlier ones.
+    /// Returns the product of the operations in a `<transform>`. Later operations apply after earlier
+    /// operations.
     fn transform(&mut self, xml: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let mut all = DAffine3::IDENTITY;
         for op in xml.children().filter(roxmltree::Node::is_element) {
@@ -515,7 +519,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// Reads `x`, `y`, `z`, or one or three numbers in `value`.
+    /// Reads a vector from the attributes `x`, `y`, `z`, or from one or three numbers in `value`.
     fn xyz(&mut self, xml: &roxmltree::Node, missing: Option<f64>) -> Result<DVec3, InputError> {
         if xml.attribute("value").is_some() {
             return self.triple(xml, "value");
@@ -550,8 +554,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Returns an attribute with `$name` replaced. Longer names have precedence; a backslash escapes the
-    /// dollar sign.
+    /// Returns an attribute with `$name` replaced. Longer parameter names have precedence; a
+    /// backslash escapes the dollar sign.
     fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, InputError> {
         let Some(text) = xml.attribute(key) else {
             return Ok(None);

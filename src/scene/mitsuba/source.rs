@@ -1,7 +1,7 @@
 //! The text of a Mitsuba scene, with included files, and the errors found in it.
 //!
-//! Locations are byte offsets into the concatenation of all texts in reading order, so one number identifies
-//! file and offset.
+//! Locations are byte offsets into the concatenation of all texts in reading order. One number
+//! therefore identifies both the file and the offset in it.
 
 use base::locate::InputError;
 use std::cell::RefCell;
@@ -34,7 +34,7 @@ impl Source {
         source
     }
 
-    /// Adds a file and returns the offset of its first byte.
+    /// Adds a file and returns the offset of its first byte in the concatenation.
     pub fn add(&self, file: &Path, text: &str) -> usize {
         let mut texts = self.texts.borrow_mut();
         let start = texts.last().map_or(0, |t| t.start + t.text.len() + 1);
@@ -42,7 +42,7 @@ impl Source {
         start
     }
 
-    /// Returns the main file and its text.
+    /// Returns the path and the text of the main file.
     pub fn main(&self) -> (PathBuf, Arc<str>) {
         self.texts
             .borrow()
@@ -55,7 +55,7 @@ impl Source {
         self.placed(InputError::new(file, text, Some(span.clone()), message, help))
     }
 
-    /// Converts an error's location from the concatenation to a file and its offset.
+    /// Converts an error's location from an offset in the concatenation to a file and an offset in it.
     pub fn placed(&self, e: InputError) -> InputError {
         let texts = self.texts.borrow();
         let Some(span) = e.span.clone() else {
@@ -82,7 +82,7 @@ impl Source {
         }
     }
 
-    /// Returns the value, or records the error.
+    /// Returns the value of a result, or records its error and returns `None`.
     pub fn accept<T>(&self, result: Result<T, InputError>) -> Option<T> {
         result.map_err(|e| self.report(e)).ok()
     }

@@ -1,7 +1,7 @@
 //! The contents of a Mitsuba scene: plugins with typed properties, each with its location.
 //!
-//! Properties are requested by name. A property that is never requested is an error ([`Node::finish`]), so
-//! nothing is ignored silently.
+//! Properties are requested by name. A property that is never requested is an error
+//! ([`Node::finish`]), so no property is ignored silently.
 
 use super::source::Source;
 use base::locate::{InputError, Located};
@@ -17,13 +17,13 @@ pub(super) enum Value {
     Text(String),
     Vector(DVec3),
     Rgb([f64; 3]),
-    /// Increasing wavelengths in nanometres, and values.
+    /// Pairs of a wavelength in nanometres and a value; wavelengths increase.
     Pairs(Vec<[f64; 2]>),
     Transform(DAffine3),
 }
 
 impl Value {
-    /// Returns a float or an integer.
+    /// Returns the value of a float or an integer, or `None` for other types.
     pub fn number(&self) -> Option<f64> {
         match self {
             Self::Float(v) => Some(*v),
@@ -53,7 +53,7 @@ pub(super) struct Node {
     pub span: Range<usize>,
     pub(super) properties: Vec<Property>,
     pub(super) children: Vec<Child>,
-    /// Whether part of it could not be read. The error has been reported.
+    /// Whether a part of the plugin could not be read. The error has been reported.
     pub broken: bool,
 }
 
@@ -78,7 +78,7 @@ fn tokens(text: &str) -> impl Iterator<Item = &str> {
     text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty())
 }
 
-/// Parses numbers separated by spaces or commas.
+/// Parses numbers separated by spaces or commas; returns `None` if a word is not a number.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     tokens(text).map(number).collect()
 }
@@ -106,7 +106,8 @@ impl Node {
         Some(found)
     }
 
-    /// Returns the value of a property that `convert` accepts; `wanted` describes such values.
+    /// Returns the value of a property after `convert`. `wanted` describes, for messages, the values that
+    /// `convert` accepts.
     fn typed<'a, T>(
         &'a self,
         source: &Source,
@@ -152,7 +153,7 @@ impl Node {
         self.typed(source, name, "a transform", |v| if let Value::Transform(v) = v { Some(*v) } else { None })
     }
 
-    /// Locates a value at this plugin.
+    /// Gives a value the location of this plugin.
     pub fn at<T>(&self, value: T) -> Located<T> {
         Located::at(self.span.clone(), value)
     }
@@ -169,7 +170,8 @@ impl Node {
         &self.children
     }
 
-    /// Reports properties and children that were not used, except the `ignored` names, which have no effect.
+    /// Reports an error for each property and child that was not used. `ignored` lists names that have no
+    /// effect.
     pub fn finish(&self, source: &Source, ignored: &[&str]) {
         let unknown = |name: &str, span: &Range<usize>| {
             source.report(source.error(

@@ -1,9 +1,9 @@
-//! XML elements of Mitsuba scene files and their text (W3C, Extensible Markup Language 1.0, 5th ed.).
+//! Writes XML elements of Mitsuba scene files as text (W3C, Extensible Markup Language 1.0, 5th ed.).
 
 use glam::DAffine3;
 use std::fmt::Write;
 
-/// An element with its attributes, in order, and its contents.
+/// An XML element: attributes in order, and contents.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     tag: &'static str,
@@ -70,7 +70,7 @@ impl Element {
         self.property("string", name, value)
     }
 
-    /// Adds a child `<transform>` with the map's matrix, row by row.
+    /// Adds a child `<transform>` with the matrix of a map, row by row.
     pub fn transform(self, name: &str, map: &DAffine3) -> Self {
         let m = map.matrix3;
         let mut value = String::new();
@@ -115,7 +115,7 @@ impl Element {
     }
 }
 
-/// Returns the shortest decimal representation that round-trips.
+/// Returns the shortest decimal representation of an f64 that round-trips.
 pub(super) fn number(value: f64) -> String {
     // Print -0 as 0 for readability.
     format!("{:?}", value + 0.0).trim_end_matches(".0").to_owned()
@@ -143,8 +143,8 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// Makes a comment valid: it must not contain two adjacent hyphens or end with one. The caller adds a space
-/// after it.
+/// Makes a comment valid: a comment must not contain two adjacent hyphens or end with a hyphen. The
+/// caller adds a space after the text.
 fn comment(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {

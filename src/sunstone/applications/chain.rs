@@ -1,5 +1,5 @@
-//! Applies the capture chain to observations: the rig of each seed, its calibration, and all slices of a
-//! variant.
+//! Applies a capture chain to observations: creates the rig of each seed, calibrates it, and
+//! captures all slices of a variant.
 
 use apply::chain::error::ChainError;
 use apply::chain::exposure::{Detectors, Laboratory, mean_reading};
@@ -20,10 +20,10 @@ use rig::calibrate::polarimetric::samples::{self, CalibrationError};
 use rig::session::rig_file::sample_of;
 use tensor::axes::AxisKind;
 
-/// Width and height of the pixel block that calibration averages.
+/// Width and height, in pixels, of the block that calibration averages.
 const SIDE: usize = 16;
 
-/// Number of captures of a sample, in which all elements rotate.
+/// Number of captures of a calibration sample. All elements rotate between captures.
 const CAPTURES: usize = 36;
 
 /// The reason why a chain failed.
@@ -31,7 +31,7 @@ const CAPTURES: usize = 36;
 pub enum ChainFailure {
     #[error("variant {variant}: {cause}")]
     Slice { variant: u64, cause: ChainError },
-    /// The elements cannot be calibrated.
+    /// The polarizing elements cannot be calibrated.
     #[error("calibration: {0}; set `samples` to air, mirror and polarizer")]
     Calibration(#[from] CalibrationError),
     /// The detector refuses the light of a sample.
@@ -42,27 +42,27 @@ pub enum ChainFailure {
 /// A configuration of the capture chain, with a table in the report.
 #[derive(Clone, Debug)]
 pub struct Link {
-    /// Name in the report.
+    /// Name of the link in the report.
     pub label: String,
     /// The chain that captures slices.
     pub chain: Chain,
-    /// The assumed parameters of the elements.
+    /// The element parameters that the reconstruction assumes.
     pub belief: Belief,
-    /// The prior of matrices, for captures that do not determine them.
+    /// Prior of the Mueller matrices, for captures that do not determine the matrices.
     pub prior: Option<Moment>,
-    /// Name of the slice to capture, if not all are captured.
+    /// Name of the slice to capture; `None` captures all slices.
     pub only: Option<String>,
 }
 
-/// The real and the assumed scheme for one seed.
+/// The real and the assumed capture scheme for one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
     real: Scheme,
     believed: Scheme,
 }
 
-/// Derives a distinct seed from numbers and a name (SplitMix64 over them; the step is the odd number next to
-/// 2⁶⁴ over the golden ratio).
+/// Derives a distinct seed from numbers and a name by SplitMix64. The step is the odd number
+/// closest to 2⁶⁴ divided by the golden ratio.
 fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
     let bytes = name.bytes().map(u64::from);
     numbers
@@ -73,16 +73,17 @@ fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
 }
 
 impl Link {
-    /// Returns the true elements of a seed's rig, at the settings of a scheme.
+    /// Returns a scheme with the true elements of a seed's rig and the given settings.
     fn real(&self, settings: &Scheme, seed: u64) -> Scheme {
         let rig = mixed(self.chain.seed, &[seed], "rig");
         self.chain.laboratory.optics.of(settings, rig)
     }
 
-    /// Returns the rig of a seed, calibrated at the wavelengths `nm` if the link requires it.
+    /// Returns the rig of a seed, calibrated at the wavelengths `nm` (nanometres) if the link requires
+    /// calibration.
     ///
     /// # Errors
-    /// [`ChainFailure`].
+    /// [`ChainFailure`] if the elements cannot be calibrated.
     pub fn rig(&self, seed: u64, nm: &[f64]) -> Result<Rig, ChainFailure> {
         let nominal = &self.chain.nominal;
         let real = self.real(nominal, seed);
@@ -104,7 +105,8 @@ impl Link {
         Ok(Rig { real, believed })
     }
 
-    /// Returns the camera at the exposure that gives the requested mean reading for a sample with T00 = 1.
+    /// Returns the noise of the camera, at the exposure for which a sample with T00 = 1 has the requested
+    /// mean reading.
     fn sample_noise(&self, real: &Scheme) -> Noise {
         let Some(mut camera) = self.chain.laboratory.camera.clone() else {
             return Noise::None;
@@ -114,11 +116,11 @@ impl Link {
         Noise::Cmos { camera, demosaic: None }
     }
 
-    /// Returns an observation with captured slices: all of `slices`, or the link's only one. Ground truth is
-    /// unchanged.
+    /// Returns an observation with captured slices: all of `slices`, or only the slice that the
+    /// link names. Ground truth is unchanged.
     ///
     /// # Errors
-    /// [`ChainFailure`].
+    /// [`ChainFailure`] if a slice cannot be captured.
     pub fn observe(
         &self,
         rig: &Rig,
@@ -145,10 +147,11 @@ impl Link {
     }
 }
 
-/// Returns the detectors of a laboratory, exposed for an observation's slices through a scheme.
+/// Returns a laboratory's detectors with exposures that suit an observation's slices captured through a
+/// scheme.
 ///
 /// # Errors
-/// [`ChainFailure::Slice`].
+/// [`ChainFailure::Slice`] if a slice cannot be captured.
 pub fn exposed(
     laboratory: &Laboratory,
     o: &Observation,
@@ -161,7 +164,7 @@ pub fn exposed(
     lights.and_then(exposed).map_err(|cause| ChainFailure::Slice { variant: o.variant, cause })
 }
 
-/// Returns the wavelengths of the first slice that has them, nanometres.
+/// Returns the wavelengths, in nanometres, of the first slice with a wavelength axis.
 pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
     let slices = all.iter().flat_map(|o| o.slices.values());
     let mut known = slices.filter_map(|s| {
@@ -180,14 +183,14 @@ fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     names(a) == names(b)
 }
 
-/// Minimum standard deviation of a sample's readings: without noise, that of rounding.
+/// Minimum standard deviation of a sample's readings, for rounding errors if there is no noise.
 const ROUNDING: f64 = 1e-6;
 
-/// Returns the elements as calibrated from captures of known samples, with the algorithm of `sunstone rig
-/// calibrate`.
+/// Calibrates the elements from simulated captures of known samples, with the algorithm of
+/// `sunstone rig calibrate`.
 ///
 /// # Errors
-/// [`ChainFailure`].
+/// [`ChainFailure`] if the elements cannot be calibrated.
 pub fn calibrated(
     plan: &Scheme,
     real: &Scheme,

@@ -1,4 +1,5 @@
-//! Scores of methods as a function of one parameter of a chain, and the range in which the first method wins.
+//! Computes the scores of methods as a function of one parameter of a capture chain, and the range in which
+//! the first method wins.
 
 use super::Report;
 use super::links::{Links, Part, Through, WHOLE};
@@ -14,20 +15,20 @@ const SURE: f64 = 2.0;
 /// The score of one method at one value of a series.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Series of the link.
+    /// Name of the series.
     pub series: String,
-    /// Value along the axis.
+    /// Value of the parameter, along the axis.
     pub value: f64,
     pub method: String,
-    /// Score by a metric.
+    /// Score of the method by the metric.
     pub worth: Estimate,
-    /// Difference of our score and this score on the same renders; `None` for our method.
+    /// Score of the first method minus this score, on the same renders; `None` for the first method.
     pub ours_less_this: Option<Estimate>,
     /// Whether the method is a baseline.
     pub baseline: bool,
 }
 
-/// Returns the points of a sweep or of few captures; otherwise none.
+/// Returns the points of a sweep or of few captures; for other links, an empty list.
 pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -58,13 +59,13 @@ fn is_baseline(t: &Through, method: &str) -> bool {
     t.task.as_ref().is_none_or(|task| task.baselines.contains(&method))
 }
 
-/// Returns the link with all captures.
+/// Returns the results and the task of the link with all captures.
 fn whole(report: &Report) -> Option<(&Through, &Task)> {
     let found = report.through.iter().find(|t| t.place.series == WHOLE)?;
     Some((found, found.task.as_ref()?))
 }
 
-/// Returns the points of few captures: our method through every link, and baselines through all captures.
+/// Returns the points of few captures: the first method through every link, and baselines with all captures.
 fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -96,7 +97,7 @@ fn better(metric: Metric, difference: f64) -> f64 {
     if metric.more_is_better { difference } else { -difference }
 }
 
-/// Returns whether the difference between our method and another is a significant win.
+/// Returns whether the difference `d` is a significant win of the first method.
 fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
@@ -106,8 +107,8 @@ fn wins(metric: Metric, d: &Estimate) -> bool {
 pub struct Verdict {
     pub series: String,
     pub baseline: String,
-    /// For a sweep, the last value, from best to worst, at which it still wins, or all values at which it
-    /// wins. For few captures, the smallest number of captures.
+    /// Description of the range. For a sweep, it is the last value, from best to worst, at which the first
+    /// method wins, or all such values. For few captures, it is the smallest number of captures.
     pub words: String,
 }
 
@@ -171,8 +172,8 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
     out
 }
 
-/// Returns, for each choice of captures, the smallest number that beats each baseline. Baselines use all
-/// captures.
+/// Returns, for each baseline and each choice of captures, the smallest number of captures with
+/// which the first method wins. Baselines use all captures.
 fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -230,7 +231,7 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
 /// Maximum number of labelled capture counts on an axis.
 const MOST_NAMED: usize = 12;
 
-/// Returns the labelled axis of a sweep or of few captures; otherwise an empty one.
+/// Returns the labelled axis of a sweep or of few captures; for other links, an empty axis.
 pub fn axis(links: &Links) -> ChartAxis {
     let (label, log, named) = match links {
         Links::None | Links::Chain(_) => ("", false, vec![]),
@@ -250,8 +251,8 @@ pub fn axis(links: &Links) -> ChartAxis {
     ChartAxis { label: label.into(), log, named, ..ChartAxis::default() }
 }
 
-/// Names the curve of each point: the method for a sweep, the choice for few captures. A method with all
-/// captures becomes a horizontal line.
+/// Returns points with the names of their curves. The name is the method for a sweep, and the
+/// choice of captures for few captures. A method with all captures becomes a horizontal line.
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
         return points.into_iter().map(|p| (p.method.clone(), p)).collect();
@@ -326,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Two standard errors are not a win; slightly more are.
+    /// Tests that a difference of two standard errors is not a win, and that a slightly larger difference is.
     #[test]
     fn verdicts_say_where_ours_wins_beyond_doubt() {
         let mut all = vec![];

@@ -1,5 +1,5 @@
-//! Capture configurations for applications: a chain with each belief, a sweep of one parameter, or few
-//! captures.
+//! Defines capture configurations for applications: a chain with each of its beliefs, a sweep of
+//! one parameter, or few captures.
 
 use super::chain::{ChainFailure, Link, exposed, wavelengths};
 use apply::application::{Application, Score};
@@ -19,10 +19,10 @@ use transport::render::schedule::Watch;
 pub enum LinksError {
     #[error(transparent)]
     Chain(#[from] ChainFailure),
-    /// The methods refuse their input.
+    /// The application's methods refuse their input.
     #[error(transparent)]
     Apply(#[from] ApplyError),
-    /// The methods refuse the slices from one link.
+    /// The application's methods refuse the slices that one link captured.
     #[error("captured, {label}: {cause}")]
     Captured { label: String, cause: ApplyError },
     #[error("stopped; run the same command again to resume")]
@@ -32,14 +32,14 @@ pub enum LinksError {
 /// A parameter of a chain that can be swept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Electrons per reading (and counts of a counter) at the chosen exposure.
+    /// Number of electrons per reading (or counts of a photon counter) at the chosen exposure.
     Photons,
     Extinction,
-    /// Standard deviation of retardances.
+    /// Standard deviation of the elements' retardances.
     Retardance,
-    /// Standard deviation of axes.
+    /// Standard deviation of the angles of the elements' axes.
     Axis,
-    /// The assumed parameters of the elements.
+    /// Accuracy of the assumed element parameters.
     Calibration,
 }
 
@@ -47,7 +47,7 @@ impl Part {
     pub const ALL: [Self; 5] =
         [Self::Photons, Self::Extinction, Self::Retardance, Self::Axis, Self::Calibration];
 
-    /// Returns the name on the command line.
+    /// Returns the name of the parameter on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Photons => "photons",
@@ -58,7 +58,7 @@ impl Part {
         }
     }
 
-    /// Returns the label of an axis, with its unit.
+    /// Returns the label of the parameter's axis, with the unit.
     pub fn label(self) -> &'static str {
         match self {
             Self::Photons => "electrons of a reading",
@@ -69,7 +69,7 @@ impl Part {
         }
     }
 
-    /// Returns the default values of a sweep.
+    /// Returns the default values of a sweep of this parameter.
     pub fn values(self) -> &'static [f64] {
         match self {
             Self::Photons => &[30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0],
@@ -80,10 +80,10 @@ impl Part {
         }
     }
 
-    /// Parses a name and, after `=`, comma-separated values that replace the default ones.
+    /// Parses a name and, after `=`, comma-separated values that replace the default values.
     ///
     /// # Errors
-    /// A message.
+    /// A message with the fault and the fix.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
         let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
@@ -129,7 +129,7 @@ impl Part {
         }
     }
 
-    /// Formats a value.
+    /// Formats a value of this parameter.
     pub fn shown(self, value: f64) -> String {
         match self {
             Self::Photons => format!("{value} e⁻"),
@@ -140,8 +140,8 @@ impl Part {
         }
     }
 
-    /// Returns a chain with this value; `None` if its elements come from a file, whose errors are not
-    /// tolerances.
+    /// Returns a copy of a chain with this value of the parameter. Returns `None` if the chain
+    /// reads its elements from a file, because such elements have no tolerances.
     pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
         let mut out = chain.clone();
         let Laboratory { optics, exposure, .. } = &mut out.laboratory;
@@ -163,13 +163,13 @@ impl Part {
 /// Maximum number of values in a sweep.
 const MOST_VALUES: usize = 100;
 
-/// Maximum number of chosen captures.
+/// Maximum number of captures in a configuration with few captures.
 const MOST_CAPTURES: usize = 64;
 
-/// Parses a range of numbers of captures.
+/// Parses a range of numbers of captures, such as `1-8`.
 ///
 /// # Errors
-/// A message.
+/// A message with the fault and the fix.
 pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
@@ -183,23 +183,23 @@ const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact
 /// The capture configurations of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Links {
-    /// No capture.
+    /// No capture: only the rendered slices.
     #[default]
     None,
-    /// A chain with each of its beliefs.
+    /// A capture chain with each of its beliefs.
     Chain(Chain),
-    /// A chain with several values of one parameter.
+    /// A capture chain with several values of one parameter.
     Sweep(Chain, Part, Vec<f64>),
-    /// A chain with few captures.
+    /// A capture chain with few captures.
     Few(Chain, RangeInclusive<usize>),
 }
 
 /// The position of a link in a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Name of its series.
+    /// Name of the series.
     pub series: String,
-    /// Value along the axis.
+    /// Value of the parameter, along the axis.
     pub value: f64,
 }
 
@@ -208,9 +208,9 @@ pub struct Place {
 pub struct Through {
     pub label: String,
     pub place: Place,
-    /// Rows as in [`super::Report`].
+    /// Rows of the table, in the order of [`super::Report::rows`].
     pub rows: Vec<Row>,
-    /// Scores, with their seeds.
+    /// All scores, each with the seed of its render.
     pub scores: Vec<(u64, Score)>,
     /// Numbers of captured and of clipped pixels.
     pub count: Count,
@@ -238,7 +238,7 @@ impl Running {
         }
     }
 
-    /// Adds the table of results.
+    /// Computes the table and returns the complete results.
     pub(super) fn compared(self, application: &Application) -> Through {
         Through {
             label: self.link.label,
@@ -336,7 +336,7 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
 /// Name of the series with all captures, which baselines use.
 pub const WHOLE: &str = "all captures";
 
-/// Returns the unchanged chain, then few captures by each choice.
+/// Returns a link for the unchanged chain, followed by links with few captures for each choice.
 fn few(
     chain: &Chain,
     range: RangeInclusive<usize>,

@@ -26,11 +26,11 @@ pub enum ReportError {
 /// Number of maps per row of a page.
 const COLUMNS: usize = 4;
 
-/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is created. Also
-/// writes the tables and charts of a sweep and of few captures. Each file is written atomically.
+/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, and creates the folder.
+/// Also writes the tables and charts of a sweep and of few captures. Each file is written atomically.
 ///
 /// # Errors
-/// [`ReportError`].
+/// [`ReportError`] if a file cannot be drawn or written.
 pub fn write(
     application: &Application,
     report: &Report,
@@ -99,7 +99,7 @@ fn curve(
     Ok(())
 }
 
-/// Formats a number for a table; unknown values are empty.
+/// Formats a number for a table; unknown values become empty cells.
 fn cell(v: f64) -> String {
     if v.is_finite() { format!("{v}") } else { String::new() }
 }
@@ -183,7 +183,7 @@ pub fn document(application: &Application, report: &Report) -> Value {
 /// The pictures of one page: file name, title, and the labels of the pictures.
 type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
 
-/// Groups pictures with shared units by variant, and the others by method, one page each.
+/// Groups pictures into pages: pictures with the same unit by variant, all others by method.
 fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     let mut all: BTreeMap<(String, String), Vec<(String, &Picture)>> = BTreeMap::new();
     for p in pictures {

@@ -1,5 +1,5 @@
-//! Ground-truth maps from the geometry of a scene: the first surface that camera rays hit behind smooth glass
-//! and water ([`Viewer`]).
+//! Computes ground-truth maps from the geometry of a scene. The maps show the first surface that
+//! camera rays hit behind smooth glass and water ([`Viewer`]).
 
 use apply::map::Map;
 use apply::pinhole::{Pinhole, Rig};
@@ -9,7 +9,7 @@ use transport::device::pinhole::Pinhole as Device;
 use transport::render::sight::{Sight, Viewer};
 use transport::scene::Scene;
 
-/// Number of rays along each side of a pixel, for the shares of pixels.
+/// Number of rays along each side of a pixel, to compute the share of the pixel that a material covers.
 const GRID: u32 = 3;
 
 /// Fills a map from the hit of the ray through each pixel's centre.
@@ -24,7 +24,7 @@ fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64
     })
 }
 
-/// Returns the share of each pixel that the given materials cover.
+/// Returns the share, 0..1, of each pixel that the given materials cover.
 pub fn material(scene: &Scene, of: &[&str]) -> Map {
     let (viewer, names) = (Viewer::new(scene), &scene.names);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
@@ -46,15 +46,15 @@ pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
 }
 
-/// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must keep them
-/// ([`Scene::keep_texture_coordinates`]).
+/// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must
+/// keep texture coordinates ([`Scene::keep_texture_coordinates`]).
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |sight, out| {
         out.iter_mut().zip(sight.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
     })
 }
 
-/// Returns the layer of this name; `None` if there is none.
+/// Returns the layer with a name as a map; `None` if there is no such layer.
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
     let [width, height] = layers.size.map(|n| n as usize);
@@ -69,7 +69,8 @@ pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     })
 }
 
-/// Returns the camera and the projector of a scene as a calibrated rig without calibration error.
+/// Returns the camera and the projector of a scene as a rig without calibration error; `None` if the scene
+/// has no projector.
 pub fn rig(scene: &Scene) -> Option<Rig> {
     Some(Rig { camera: pinhole(&scene.camera), projector: pinhole(&scene.projector.as_ref()?.pinhole) })
 }

@@ -1,4 +1,4 @@
-//! Panels of applications: images of methods with their scores. [`super::curves`] draws charts of scores.
+//! Creates panels of applications: images of methods with scores. [`super::curves`] draws charts of scores.
 
 use apply::application::{Application, Size};
 use apply::catalog;
@@ -20,7 +20,7 @@ use crate::applications::links::{Links, LinksError};
 use crate::applications::{self, ApplicationError, find_scenes};
 use crate::studio::Studio;
 
-/// Images whose method has this prefix are ground truth, which no list of methods includes.
+/// Prefix of the method name of ground-truth images. Lists of methods do not include ground truth.
 const TRUTH: &str = "truth";
 
 pub struct Applications<'a> {
@@ -31,14 +31,14 @@ pub struct Applications<'a> {
 }
 
 struct Run<'a> {
-    /// The first panel that shows it.
+    /// The first panel that shows the application.
     at: &'a Located<ViewFile>,
     application: Application,
     scenes: PathBuf,
     seeds: u64,
     links: Links,
     fit: Option<Fit>,
-    /// Number of new renders.
+    /// Number of new renders so far.
     rendered: usize,
 }
 
@@ -106,7 +106,7 @@ impl<'a> Applications<'a> {
         self.add(at, (&view.name, String::new()), application, Links::None)
     }
 
-    /// Adds a run under the application's name and the description of its links, unless it exists.
+    /// Adds a run under the application's name and the description of its links, unless such a run exists.
     fn add(
         &mut self,
         at: &'a Located<ViewFile>,
@@ -196,7 +196,7 @@ impl<'a> Applications<'a> {
         self.all.values().map(|r| r.rendered).sum()
     }
 
-    /// Returns a run and its results.
+    /// Returns the run of a panel and its results.
     fn found(
         &self,
         at: &Located<ViewFile>,
@@ -248,8 +248,8 @@ impl<'a> Applications<'a> {
         Ok((tile, self.values(view, run, fit)?))
     }
 
-    /// Returns the images that share a scale with this one: the figure's images of the same variant, if they
-    /// have one unit.
+    /// Returns the images with the same colour scale as `picture`: all images of the same variant
+    /// in the figure, if their units are equal.
     fn shared<'p>(&self, view: &ApplyFile, picture: &'p Picture, all: &'p [Picture]) -> Vec<&'p Picture> {
         if !picture.shared {
             return vec![picture];
@@ -270,7 +270,7 @@ impl<'a> Applications<'a> {
         all.iter().filter(shown).collect()
     }
 
-    /// Returns the size of the renders as values for captions.
+    /// Returns size and samples of the renders as values for captions.
     fn sizes(&self, run: &Run) -> [(String, Value); 3] {
         let Size { pixels, spp } = run.size(self.settings.preview);
         [("seeds", run.seeds as f64), ("pixels", f64::from(pixels)), ("spp", f64::from(spp))]

@@ -1,4 +1,4 @@
-//! Captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
+//! Parses and fills captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
 
 use super::source::Fault;
 
@@ -12,7 +12,7 @@ pub enum Value {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Piece {
     Text(String),
-    /// A name, and the number of decimals.
+    /// The name of a value, and the number of decimals.
     Value(String, Option<usize>),
 }
 
@@ -58,7 +58,7 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
 /// Checks the syntax of a caption.
 ///
 /// # Errors
-/// [`Fault`].
+/// [`Fault`] if the braces are invalid.
 pub fn check(caption: &str) -> Result<(), Fault> {
     pieces(caption).map(|_| ())
 }
@@ -66,7 +66,7 @@ pub fn check(caption: &str) -> Result<(), Fault> {
 /// Inserts values into a caption.
 ///
 /// # Errors
-/// [`Fault`] if it names a value that is not among `known`.
+/// [`Fault`] if the caption names a value that is not in `known`.
 pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, Fault> {
     let mut out = String::new();
     for piece in pieces(caption)? {
@@ -114,7 +114,7 @@ mod tests {
     }
 
     proptest! {
-        /// No text causes a panic, and a text without braces stays unchanged.
+        /// Tests that no text causes a panic, and that a text without braces is not changed.
         #[test]
         fn any_text_is_a_caption_or_refused(text in "\\PC{0,40}", braces in "[{}:.a0-9]{0,20}") {
             let _ = fill(&braces, &[]);

@@ -1,5 +1,5 @@
-//! Panels with curves of applications: scores of methods over a sweep of a capture chain, or over the number
-//! of captures.
+//! Creates panels with curves of applications: scores of methods over a sweep of a capture chain,
+//! or over the number of captures.
 
 use apply::application::{Application, Metric};
 use apply::chain::file;
@@ -15,7 +15,7 @@ use super::source::Fault;
 use crate::applications::curves;
 use crate::applications::links::{self, Links, Part, WHOLE};
 
-/// Returns a description that distinguishes the capture chains of views.
+/// Returns a description that is unique for each capture chain of a view.
 pub fn words(view: &CurvesFile) -> String {
     let of = |text: &Option<String>| text.clone().unwrap_or_default();
     format!("{}, {}, {}", view.chain, of(&view.sweep), of(&view.captures))
@@ -92,7 +92,7 @@ fn metric(view: &CurvesFile, application: &Application) -> Result<Metric, Fault>
     })
 }
 
-/// Returns a point to draw; its value is the difference if requested.
+/// Returns a point to draw: the score, or the difference of scores if `difference` is set.
 fn drawn(p: &Point, difference: bool) -> curves::Point {
     let [mean, error, less, less_error] = p.numbers;
     let estimate = |mean, error| Estimate { mean, error, counts: [0; 2] };
@@ -171,7 +171,7 @@ pub fn tile(
     Ok((tile, values))
 }
 
-/// Skips the colour of reference lines.
+/// Returns the colour index of curve `i`; skips black, the colour of reference lines.
 fn skipping_black(i: usize) -> usize {
     i + i / BLACK
 }

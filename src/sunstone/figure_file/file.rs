@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FigureFile {
-    /// Title of the document, which is not drawn.
+    /// Title in the document's metadata; it is not drawn.
     #[serde(default)]
     pub title: String,
-    /// `single` (84 mm), `double` (178 mm), or millimetres such as `120 mm`.
+    /// Width of the figure: `single` (84 mm), `double` (178 mm), or millimetres such as `120 mm`.
     #[serde(default = "double")]
     pub width: Located<String>,
     pub columns: Located<usize>,
@@ -21,10 +21,10 @@ pub struct FigureFile {
     pub column_headings: Vec<String>,
     #[serde(default)]
     pub row_headings: Vec<String>,
-    /// Letters (a), (b), … before captions.
+    /// Whether captions begin with letters (a), (b), ….
     #[serde(default = "yes")]
     pub letters: bool,
-    /// Scenes by the names that panels use.
+    /// Scenes, by the names that panels use.
     #[serde(default)]
     pub scenes: BTreeMap<String, SceneEntry>,
     /// Settings of applications, by name.
@@ -43,23 +43,23 @@ pub struct SceneEntry {
     #[serde(default = "one")]
     pub seed: u64,
     pub preview: SizeFile,
-    /// Size of a render for print.
+    /// Size of the renders for the printed figure.
     pub full: SizeFile,
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SizeFile {
-    /// Pixels of the camera's longer side.
+    /// Length of the image's longer side in pixels.
     pub pixels: Located<u32>,
-    /// Samples per pixel.
+    /// Number of samples per pixel.
     pub spp: Located<u32>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApplicationEntry {
-    /// Number of seeds; images are those of the first.
+    /// Number of seeds; images show the first seed.
     pub seeds: u64,
 }
 
@@ -67,23 +67,23 @@ pub struct ApplicationEntry {
 #[serde(deny_unknown_fields)]
 pub struct PanelFile {
     pub scene: Option<Located<String>>,
-    /// The view; without one the place stays empty.
+    /// The view of the panel; without a view the place stays empty.
     pub view: Option<Located<ViewFile>>,
-    /// Caption; `{…}` inserts values of the view.
+    /// Caption; `{NAME}` inserts a value of the view.
     #[serde(default)]
     pub caption: Located<String>,
-    /// Width in columns.
+    /// Number of columns that the panel spans.
     pub span: Option<Located<usize>>,
     /// Ratio of height to width of a map or a profile.
     pub aspect: Option<Located<f64>>,
     #[serde(default = "yes")]
     pub colour_bar: bool,
-    /// Magnified crops.
+    /// Magnified crops of the image.
     #[serde(default)]
     pub insets: Vec<Located<InsetFile>>,
     #[serde(default)]
     pub arrows: Vec<Located<ArrowFile>>,
-    /// A reference length in the scene.
+    /// A scale bar: a reference length in the scene.
     pub scale_bar: Option<Located<ScaleBarFile>>,
 }
 
@@ -91,19 +91,19 @@ pub struct PanelFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewFile {
-    /// Colour photograph of M00.
+    /// A colour photograph of M00.
     Photo(PhotoView),
-    /// The sixteen elements.
+    /// A 4×4 grid of the sixteen Mueller elements.
     Mueller(MuellerView),
-    /// Camera scanline against projector pixels.
+    /// A map of a camera scanline against projector pixels.
     SpaceSpace(MapView),
-    /// Camera scanline against travel time.
+    /// A map of a camera scanline against travel time.
     SpaceTime(MapView),
-    /// Frames of light in flight.
+    /// A sheet with frames of light in flight.
     Flight(FlightView),
-    /// Time profile of a pixel.
+    /// The time profile of one camera pixel.
     Profile(ProfileView),
-    /// One element by its name.
+    /// One Mueller element, given by its name.
     Element(ElementView),
     /// A quantity of the Lu–Chipman decomposition.
     Decomposition(DecompositionFile),
@@ -115,19 +115,21 @@ pub enum ViewFile {
     Curves(CurvesFile),
 }
 
-/// See [`ViewFile::Decomposition`].
+/// A map of a quantity of the Lu–Chipman decomposition.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecompositionFile {
-    /// Slice with Mueller matrices.
+    /// Slice to decompose; it must contain Mueller matrices.
     pub slice: String,
-    /// `polarizance`, `diattenuation`, `retardance` (degrees), `depolarization` or `entropy`.
+    /// Quantity to draw: `polarizance`, `diattenuation`, `retardance` (degrees), `depolarization` or
+    /// `entropy`.
     pub quantity: QuantityFile,
-    /// Wavelength (nearest); default: the middle one.
+    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default: the middle
+    /// wavelength.
     pub wavelength_nm: Option<f64>,
     /// Ends of the colour scale; default: 0 to 1, or 0 to 180 degrees.
     pub limits: Option<[f32; 2]>,
-    /// Grey where M00 is below this fraction of its 99th percentile, because there is too little light.
+    /// Minimum M00, as a fraction of the 99th percentile of M00. Pixels with less light are grey.
     #[serde(default)]
     pub least: f32,
 }
@@ -143,41 +145,41 @@ pub enum QuantityFile {
     Entropy,
 }
 
-/// See [`ViewFile::Layer`].
+/// A map of a layer of ground truth.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LayerFile {
-    /// Name, as printed by `sunstone layers`.
+    /// Name of the layer, as printed by `sunstone layers`.
     pub layer: String,
-    /// Use the layer behind smooth interfaces.
+    /// Whether to use the layer behind smooth interfaces.
     #[serde(default)]
     pub through: bool,
     /// Ends of the colour scale; default: the range of the values.
     pub limits: Option<[f32; 2]>,
 }
 
-/// See [`ViewFile::Apply`].
+/// An image of an application.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApplyFile {
     /// Name of the application.
     pub name: String,
-    /// Name of the image.
+    /// Name of the application's image.
     pub picture: String,
-    /// Method of the image.
+    /// Name of the method that made the image.
     pub method: String,
-    /// Variant of the image; default: the images of the learned quantities.
+    /// Variant of the image. Default: the image of the learned quantities, which belongs to no variant.
     pub variant: Option<u64>,
-    /// A single channel, from 0; default: a colour of three channels, or the only one.
+    /// Index of the channel to draw, from 0. Default: all three channels as a colour, or the only channel.
     pub channel: Option<usize>,
-    /// Ends of the colour scale of values, or black (0) and white of colours; default: the values' range.
+    /// Ends of the colour scale; for colours, black (must be 0) and white. Default: the range of the values.
     pub limits: Option<[f32; 2]>,
     /// Label of the colour bar.
     #[serde(default)]
     pub label: String,
 }
 
-/// See [`ViewFile::Curves`].
+/// Curves of scores of an application's methods.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurvesFile {
@@ -187,21 +189,22 @@ pub struct CurvesFile {
     pub chain: String,
     /// Swept parameter, as for `sunstone apply --sweep`: `photons=30,300,3000`.
     pub sweep: Option<String>,
-    /// Alternatively, numbers of captures, as for `--captures`: `1-8`.
+    /// Numbers of captures, as for `sunstone apply --captures`: `1-8`. Use it instead of `sweep`.
     pub captures: Option<String>,
-    /// Name of the metric; default: the first.
+    /// Name of the metric; default: the first metric of the application.
     pub metric: Option<String>,
-    /// Methods to draw (with `captures`, baselines); default: all.
+    /// Names of the methods to draw (with `captures`, of the baselines); default: all.
     #[serde(default)]
     pub methods: Vec<String>,
-    /// Assumed elements; default: the first belief of the chain.
+    /// Belief: the element parameters that the reconstruction assumes. Default: the first belief of the
+    /// chain.
     pub belief: Option<String>,
-    /// Draw the score of the first method minus that of each other method on the same captures.
+    /// Whether to draw score differences: the first method minus each other method, on the same captures.
     #[serde(default)]
     pub difference: bool,
     /// Ends of the vertical axis; default: the range of all points.
     pub limits: Option<[f64; 2]>,
-    /// List the names of lines under the axis.
+    /// Whether to list the names of the lines under the axis.
     #[serde(default = "yes")]
     pub legend: bool,
 }
@@ -210,13 +213,13 @@ pub struct CurvesFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InsetFile {
-    /// `[x, y, width, height]` as fractions of the image.
+    /// Crop `[x, y, width, height]`, as fractions of the image.
     pub crop: [f64; 4],
     pub magnify: f64,
-    /// `upper left`, `upper right`, `lower left` or `lower right`.
+    /// Corner of the magnified copy: `upper left`, `upper right`, `lower left` or `lower right`.
     #[serde(default = "lower_right")]
     pub at: String,
-    /// Colour of the frames.
+    /// Colour of the frames of the crop and of its magnified copy.
     #[serde(default = "orange")]
     pub colour: String,
 }
@@ -224,20 +227,20 @@ pub struct InsetFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArrowFile {
-    /// Start, as fractions of the image from the upper left.
+    /// Start of the arrow, as fractions of the image from the upper left corner.
     pub from: [f64; 2],
-    /// Tip, as fractions of the image.
+    /// Tip of the arrow, as fractions of the image from the upper left corner.
     pub to: [f64; 2],
     #[serde(default = "orange")]
     pub colour: String,
 }
 
-/// A horizontal reference length, at the depth of a point of the scene.
+/// A scale bar: a horizontal reference length at the depth of a point of the scene.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleBarFile {
     pub length_mm: f64,
-    /// Point whose depth is used, as fractions of the image from the upper left.
+    /// Image point that determines the depth, as fractions of the image from the upper left corner.
     #[serde(default = "middle")]
     pub of: [f64; 2],
 }
@@ -267,7 +270,7 @@ fn middle() -> [f64; 2] {
 }
 
 impl ViewFile {
-    /// Returns the name of the application, if the view shows one.
+    /// Returns the name of the application, if the view shows an application.
     pub fn application(&self) -> Option<&str> {
         match self {
             Self::Apply(view) => Some(&view.name),
@@ -276,7 +279,7 @@ impl ViewFile {
         }
     }
 
-    /// Returns the name of the slice, if the view shows one.
+    /// Returns the name of the slice, if the view shows a slice.
     pub fn slice(&self) -> Option<&str> {
         Some(match self {
             Self::Photo(v) => &v.slice,

@@ -1,10 +1,11 @@
-//! Cached results of applications, stored next to their renders. Methods are fitted again only if scenes,
-//! renders or the program changed.
+//! Stores results of applications in a cache next to the renders. Methods are fitted again only if
+//! scenes, renders or the program changed.
 //!
-//! A file contains one run of an application at one size and is written atomically. Its first line has the
-//! format and a digest of the rest. A line of JSON with names and shapes follows, then all numbers as
-//! little-endian doubles. The key is the digest of the inputs ([`crate::applications::Run::inputs`]) and of
-//! the program. A file with another key, or a damaged one, is recomputed and replaced.
+//! A cache file contains one run of an application at one size and is written atomically. The first line of
+//! the file has the format and a digest of the rest. A line of JSON with names and shapes follows, then all
+//! numbers as little-endian doubles. The key is the digest of the inputs
+//! ([`crate::applications::Run::inputs`]) and of the program. A file with another key or a damaged file is
+//! recomputed and replaced.
 
 use apply::application::Application;
 use apply::map::Map;
@@ -18,10 +19,10 @@ use crate::applications::Report;
 use crate::applications::curves;
 use crate::applications::links::Links;
 
-/// Beginning of a file, with the number of its format.
+/// First words of a cache file, with the number of the format.
 const BEGIN: &str = "sunstone fit 2 ";
 
-/// The results of a run that panels show.
+/// The results of a run of an application that panels show.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
     /// Scores of all methods for all seeds.
@@ -36,7 +37,7 @@ pub struct Fit {
     pub verdicts: Vec<Verdict>,
 }
 
-/// A method at one point of a curve ([`curves::Point`]).
+/// The score of a method at one point of a curve ([`curves::Point`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     pub metric: String,
@@ -45,8 +46,8 @@ pub struct Point {
     pub baseline: bool,
     #[serde(skip)]
     pub value: f64,
-    /// Score and its standard error, then the first method minus this one and its standard error (NaN for the
-    /// first method).
+    /// Score, standard error of the score, score of the first method minus this score, and standard
+    /// error of the difference. The last two are NaN for the first method.
     #[serde(skip)]
     pub numbers: [f64; 4],
 }
@@ -91,7 +92,7 @@ pub struct Picture {
     pub shared: bool,
     /// Columns, rows, channels.
     pub shape: [usize; 3],
-    /// Row-major, channels fastest.
+    /// Values, row-major; the channel varies fastest.
     #[serde(skip)]
     pub data: Vec<f64>,
 }
@@ -159,7 +160,7 @@ impl Fit {
         }
     }
 
-    /// Returns all numbers, in order.
+    /// Returns references to all numbers, in the order of the file.
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
         let scores = self.scores.iter_mut().map(|s| &mut s.value);
         let rows = self.rows.iter_mut().flat_map(|r| [&mut r.mean, &mut r.error]);
@@ -170,15 +171,14 @@ impl Fit {
     }
 }
 
-/// Returns a digest in hexadecimal digits.
+/// Returns the digest of some bytes in hexadecimal digits.
 pub fn digest(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Returns a digest of this executable, which identifies the build if all its code is in the executable;
-/// `None` if it cannot be read. If code is loaded dynamically, as by Python, the digest does not identify the
-/// build.
+/// Returns a digest of this executable; `None` if the executable cannot be read. The digest does
+/// not identify the build if code is loaded dynamically, as by Python.
 pub fn program() -> Option<String> {
     // This link is valid even if another build replaced the file.
     let own = Path::new("/proc/self/exe");
@@ -193,8 +193,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// Creates the path in a folder. `name` identifies the application and its size, `program` and `inputs`
-    /// determine the key.
+    /// Creates the place of a cache file in a folder. `name` identifies the application and the
+    /// size; `program` and `inputs` determine the key.
     pub fn new(folder: &Path, name: &str, program: &str, inputs: &str) -> Self {
         Self {
             path: folder.join(format!("{name}.fit")),
@@ -202,7 +202,7 @@ impl Place {
         }
     }
 
-    /// Returns the cached results if the file is intact and its key matches.
+    /// Returns the cached results if the file is intact and has the same key.
     pub fn read(&self) -> Option<Fit> {
         let bytes = std::fs::read(&self.path).ok()?;
         let (first, rest) = line(&bytes)?;
@@ -227,7 +227,8 @@ impl Place {
         values.next().is_none().then_some(fit)
     }
 
-    /// Writes the results; a failure is only logged. Does not overwrite a file that is not a fit.
+    /// Writes the results; an error is only logged. A file that is not a cache file is not
+    /// overwritten.
     pub fn write(&self, fit: &mut Fit) {
         let foreign = match std::fs::read(&self.path) {
             Ok(bytes) => !bytes.starts_with(BEGIN.as_bytes()),
@@ -251,7 +252,7 @@ impl Place {
     }
 }
 
-/// Returns the first line and the rest.
+/// Splits the bytes into the first line and the rest.
 fn line(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let end = bytes.iter().position(|b| *b == b'\n')?;
     Some((std::str::from_utf8(&bytes[..end]).ok()?, &bytes[end + 1..]))

@@ -1,4 +1,4 @@
-//! A parsed figure file, and the checks that need neither its scenes nor its applications.
+//! Parses a figure file and makes the checks that need neither scenes nor applications.
 
 use base::document;
 use base::locate::{InputError, Located};
@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile};
 
-/// Maximum pixels of an image's longer side.
+/// Maximum length of an image's longer side in pixels.
 const MOST_PIXELS: u32 = 8192;
-/// Maximum samples per pixel.
+/// Maximum number of samples per pixel.
 const MOST_SAMPLES: u32 = 1 << 24;
 
-/// An error without its location, and its fix.
+/// An error message without a location, and the fix.
 pub type Fault = (String, String);
 
 /// A figure file with its text.
@@ -21,7 +21,7 @@ pub type Fault = (String, String);
 pub struct Source {
     pub path: PathBuf,
     pub text: Arc<str>,
-    /// The parsed contents.
+    /// Parsed contents of the file.
     pub file: FigureFile,
 }
 
@@ -29,16 +29,16 @@ impl Source {
     /// Reads a figure file.
     ///
     /// # Errors
-    /// [`InputError`] at the location of an error that does not depend on its scenes and applications.
+    /// [`InputError`] at the location of an error, if the file cannot be read or is invalid.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = document::read(path, "figure file", "pass a figure file, or the store of a render")?;
         Self::of_text(path, &text)
     }
 
-    /// As [`Self::read`], from its text.
+    /// Does the same as [`Self::read`] for the text of a file. `path` names the file in messages.
     ///
     /// # Errors
-    /// As [`Self::read`].
+    /// The same errors as [`Self::read`].
     pub fn of_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file: FigureFile = document::parse(path, text, |message| {
             if message.contains("unknown field") || message.contains("unknown variant") {
@@ -67,12 +67,12 @@ impl Source {
         move |(message, help)| self.error(at, message, help)
     }
 
-    /// Returns the path of a file that is named relative to the figure file.
+    /// Returns the path of a file whose name is relative to the figure file.
     pub fn beside(&self, name: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(name)
     }
 
-    /// Returns the width in millimetres.
+    /// Returns the width of the figure in millimetres; `None` if the width is invalid.
     pub fn width_mm(&self) -> Option<f64> {
         match self.file.width.as_str() {
             "single" => Some(COLUMN_MM[0]),
@@ -198,7 +198,7 @@ impl Source {
     /// Checks and converts an inset.
     ///
     /// # Errors
-    /// [`InputError`] at its location.
+    /// [`InputError`] at the location of the inset if it is invalid.
     pub fn inset(&self, at: &Located<InsetFile>) -> Result<Inset, InputError> {
         let corner = Corner::named(&at.at).ok_or_else(|| {
             let help = "use upper left, upper right, lower left or lower right";
@@ -212,7 +212,7 @@ impl Source {
     /// Checks and converts an arrow.
     ///
     /// # Errors
-    /// [`InputError`] at its location.
+    /// [`InputError`] at the location of the arrow if it is invalid.
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
         let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));

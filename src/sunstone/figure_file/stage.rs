@@ -1,4 +1,4 @@
-//! A scene of a figure, and the errors of figure files.
+//! Defines the scenes of a figure, the settings of a run, and the errors of figure files.
 
 use apply::application::Size;
 use base::locate::InputError;
@@ -19,10 +19,10 @@ pub struct Settings {
     /// Folder of the applications' scenes; default: `scenes` in a parent folder of the figure file or of the
     /// current folder.
     pub scenes: Option<PathBuf>,
-    /// Use preview size instead of full size.
+    /// Whether to render at preview size instead of full size.
     pub preview: bool,
-    /// Identifies this program ([`super::program`]) for the cache of application results next to the renders.
-    /// Without it, methods are fitted every time.
+    /// Digest of this program ([`super::program`]) for the cache of application results. If `None`,
+    /// methods are fitted in every run.
     pub program: Option<String>,
 }
 

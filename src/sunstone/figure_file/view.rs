@@ -1,4 +1,4 @@
-//! Panels of a scene: views of slices, decompositions, layers of ground truth, scale bars.
+//! Creates panels of a scene: views of slices, decompositions, layers of ground truth, and scale bars.
 
 use base::locate::{InputError, Located};
 use figure::composite::ScaleBar;
@@ -20,7 +20,7 @@ use super::source::Fault;
 use super::stage::{FigureFileError, Stage};
 use crate::figures;
 
-/// Returns the corresponding view of the `figure` crate.
+/// Returns the corresponding view of the `figure` crate, or `None` if there is none.
 fn plain(view: &ViewFile) -> Option<View> {
     Some(match view {
         ViewFile::Photo(v) => View::Photo(v.clone()),
@@ -91,7 +91,7 @@ pub fn tile(
     })
 }
 
-/// Returns the quantity, its name and its scale.
+/// Returns the quantity of a decomposition view, with its name and its colour scale.
 fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), String> {
     let (quantity, name, most) = match view.quantity {
         QuantityFile::Polarizance => (Quantity::Polarizance, "polarizance", 1.0),
@@ -182,7 +182,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
     drawn.map_err(|e| e.to_string())
 }
 
-/// Returns the reference length in the image at the depth of a point, or an error with its fix.
+/// Returns the scale bar for a length at the depth of an image point, or an error with its fix.
 pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, Fault> {
     let camera = &scene.camera;
     let [w, h] = camera.resolution.map(f64::from);

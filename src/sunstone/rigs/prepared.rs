@@ -41,27 +41,27 @@ fn failed(e: impl std::fmt::Display) -> PrepareError {
     PrepareError::Failed(e.to_string())
 }
 
-/// The action for an existing store.
+/// The action if the store of a run exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Refuse it with an error.
+    /// Refuse the existing store with an error.
     Refuse,
-    /// Resume it.
+    /// Resume the run in the existing store.
     Resume,
-    /// Replace it.
+    /// Replace the existing store.
     Replace,
 }
 
-/// A plan with its rig.
+/// A measurement plan with its rig.
 pub struct Prepared {
     pub plan: Plan,
     pub rig: RigPlan,
-    /// Files that are read.
+    /// Input files, which must not be overwritten.
     pub inputs: Vec<PathBuf>,
 }
 
 impl Prepared {
-    /// Reads a plan, and the rig that it names or `rig`.
+    /// Reads a plan, and the rig file `rig` or the rig file that the plan names.
     ///
     /// # Errors
     /// [`PrepareError`]: a file is wrong, or no rig is named.
@@ -74,7 +74,7 @@ impl Prepared {
         Ok(Self { plan, rig, inputs: vec![path.to_owned(), named] })
     }
 
-    /// Puts a known sample (air, mirror, polarizer) on a simulated bench, with another noise seed.
+    /// Puts a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
     ///
     /// # Errors
     /// [`PrepareError::Wrong`]: there is no such sample.
@@ -90,17 +90,18 @@ impl Prepared {
         Ok(())
     }
 
-    /// Returns the overshoot with which a stage approaches its targets, degrees.
+    /// Returns the overshoot, in degrees, with which a stage approaches its targets.
     pub fn approach_deg(&self, stage: &str) -> f64 {
         let file = self.rig.stages.get(stage);
         file.map_or(rig_file::APPROACH_DEG, |s| s.approach_deg)
     }
 
-    /// Returns the instruments of the rig file, except those named in `given`, which the caller provides. A
-    /// bench with a scene renders it first, into `folder`; with `dry` it does not, and the sample is black.
+    /// Returns the instruments of the rig file, except the instruments in `given`, which the caller provides.
+    /// For a bench with a scene, the scene is first rendered into `folder`. With `dry`, the scene is not
+    /// rendered and the sample is black.
     ///
     /// # Errors
-    /// [`PrepareError`].
+    /// [`PrepareError`] if an instrument or the render of a bench fails.
     pub fn assemble(
         &self,
         given: &[String],
@@ -151,7 +152,7 @@ impl Prepared {
         made.map_err(wrong)
     }
 
-    /// Creates or resumes the store of a run, and returns it with the frames that are intact.
+    /// Creates or resumes the store of a run, and returns the store and the frames in it that are intact.
     ///
     /// # Errors
     /// [`PrepareError`]: the store exists, belongs to another run, is finished, is an input, or cannot be
@@ -182,7 +183,7 @@ impl Prepared {
         Ok((store, recovered))
     }
 
-    /// Refuses an output that is an input.
+    /// Refuses an output path that is an input file.
     fn spare_inputs(&self, output: &Path) -> Result<(), PrepareError> {
         let tensor = self.rig.bench.as_ref().and_then(|b| match &b.scene {
             Scene::Tensor(path) => Some(path),
@@ -203,7 +204,7 @@ impl Prepared {
     }
 }
 
-/// Returns a rig file without some instruments.
+/// Returns a rig file without the instruments in `given`.
 fn without(rig: &RigPlan, given: &[String]) -> RigPlan {
     let mut rest = rig.clone();
     for name in given {

@@ -27,7 +27,7 @@ fn read(vary: &str, number: u64) -> Result<Variant, InputError> {
     super::read(Path::new("scene.toml"), &with(vary), number)
 }
 
-/// Returns the text at which a message points.
+/// Returns the part of the file to which an error message refers.
 fn place(e: &InputError) -> &str {
     e.span.clone().and_then(|s| e.text.get(s)).unwrap_or("")
 }
@@ -122,7 +122,8 @@ fn draws_are_even_fixed_and_their_own() {
     assert_eq!(draws[..3], PINNED);
 }
 
-/// The first three draws of `x`, reproduced by an independent program in another language.
+/// The first three values drawn for the parameter `x`. An independent program in another language gives the
+/// same values.
 const PINNED: [f64; 3] = [1.9336119120850315, 2.5320505006663043, -0.620638408815303];
 
 #[test]
@@ -200,7 +201,7 @@ mod any_text {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..Default::default() })]
 
-        /// Keys of any content survive TOML's quoting.
+        /// Tests that paths with any keys are read after TOML has quoted the keys.
         #[test]
         fn paths_are_read_as_toml_writes_them(all in prop::collection::vec(any::<String>(), 1..5)) {
             let written: Vec<String> = all.iter().map(|k| toml::Value::String(k.clone()).to_string()).collect();
@@ -209,7 +210,7 @@ mod any_text {
             prop_assert_eq!(keys(&written.join(".")), Some(all));
         }
 
-        /// No text makes parsing of paths or of `[vary]` panic.
+        /// Tests that no text makes the parser of paths or of `[vary]` panic.
         #[test]
         fn any_path_is_read_or_refused(path in any::<String>(), values in any::<String>(), number in any::<u64>()) {
             let path = toml::Value::String(path).to_string();
@@ -219,7 +220,7 @@ mod any_text {
             }
         }
 
-        /// A listed number appears in `every` consecutive variants.
+        /// Tests that each number of a list appears in `every` consecutive variants.
         #[test]
         fn listed_numbers_come_back(list in prop::collection::vec(0.0..1.0_f64, 1..8), every in 1..5_u64, turn in 0..1000_u64) {
             let text = format!(

@@ -1,5 +1,5 @@
-//! Every item of a Mitsuba scene is used, noted or refused. The tests add an unknown item to every kind of
-//! element.
+//! Tests that every item of a Mitsuba scene is used, noted or refused: an unknown item is added to
+//! every kind of element.
 
 use super::imported;
 
@@ -119,7 +119,7 @@ fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
     assert!(tried > 500, "{tried}");
 }
 
-/// Known items whose value changes the image: each changes the scene, is noted or is refused.
+/// Tests known items whose value changes the image: each changes the scene, produces a note or is refused.
 #[test]
 fn known_items_are_never_silent() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Import of cameras and emitters with images, and of media on grids: orthographic sensors, projectors, spots
-//! with a texture, heterogeneous media.
+//! Tests the import of cameras and emitters with images, and of media on grids: orthographic
+//! sensors, projectors, spots with a texture, heterogeneous media.
 
 use super::{built, imported};
 use glam::Vec3A;
@@ -10,14 +10,14 @@ use sunstone::transport::geometry::ray::Ray;
 use sunstone::transport::light::profile::Profile;
 use sunstone::transport::scene::Scene;
 
-/// A scene of one shape with a sensor and an emitter.
+/// Returns a scene of one shape with a sensor and an emitter.
 fn text(sensor: &str, emitter: &str) -> String {
     format!(
         "<scene version=\"3.0.0\">{sensor}<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>{emitter}</scene>"
     )
 }
 
-/// Two rows of two squares: red, green; blue, white.
+/// Writes an image with two rows of two squares: red, green; blue, white.
 fn squares(folder: &Path) {
     let rows = vec![255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255];
     let image = image::RgbImage::from_raw(2, 2, rows).unwrap();
@@ -26,7 +26,8 @@ fn squares(folder: &Path) {
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
 
-/// Grids of extinction and albedo, in separate boxes; a constant extinction also ends with the unit cube.
+/// Tests grids of extinction and albedo in separate boxes. A constant extinction is also bounded by the unit
+/// cube.
 #[test]
 fn heterogeneous_media_keep_their_boxes() {
     let folder = tempfile::tempdir().unwrap();
@@ -78,7 +79,8 @@ fn heterogeneous_media_keep_their_boxes() {
     assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
 }
 
-/// The image is twice as wide as the scale of `to_world`; rays begin at the near plane.
+/// Tests orthographic sensors: the image is twice as wide as the scale of `to_world`, and rays begin at the
+/// near plane.
 #[test]
 fn orthographic_sensors_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -111,20 +113,20 @@ fn orthographic_sensors_are_read() {
     assert!(e.message.contains("different scales of x and y"), "{e}");
 }
 
-/// A scene with one emitter and a perspective sensor.
+/// Returns a scene with one emitter and a perspective sensor.
 fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
     built(folder, &text("<sensor type=\"perspective\"/>", emitter))
 }
 
-/// Radiant intensity at the scene's wavelengths in a direction.
+/// Returns the radiant intensity in a direction, at the scene's wavelengths.
 fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
     let share = light.profile.value(dir.normalize());
     let all = light.share(&scene.materials.textures, dir.normalize(), share).to_array();
     [all[2], all[1], all[0]]
 }
 
-/// A projector of colours becomes an emitter of the scene; a white one becomes the projector, whose pixels T
-/// resolves.
+/// Tests that a projector with a colour image becomes an emitter of the scene, and that a white
+/// projector becomes the scene's projector.
 #[test]
 fn projectors_of_images_become_slides() {
     let folder = tempfile::tempdir().unwrap();
@@ -161,7 +163,7 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// The image of a spot covers the square around its cone; its up direction is the emitter's +y.
+/// Tests that the image of a spot covers the square around its cone; its up direction is the emitter's +y.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();

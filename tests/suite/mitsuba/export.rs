@@ -1,4 +1,4 @@
-//! Features that Mitsuba lacks are refused by name, and non-empty folders are not changed.
+//! Tests that features that Mitsuba lacks are refused by name, and that non-empty folders are not changed.
 
 use super::{ALL, exported, folder};
 use sunstone::scene::mitsuba::export::Export;

@@ -1,4 +1,4 @@
-//! Shapes that become mesh files next to the scene file: curves and grids of distances.
+//! Tests shapes that become mesh files next to the scene file: curves and grids of distances.
 
 use super::{imported, imported_whole};
 use glam::Vec3A;
@@ -10,14 +10,14 @@ use sunstone::transport::scene::Scene;
 
 const CURVE: &str = "0 0 0 0.5\n1 0 0 0.5\n2 0 0 0.5\n3 0 0 0.5\n";
 
-/// A scene of one shape.
+/// Returns a scene of one shape.
 fn text(shape: &str) -> String {
     format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
     )
 }
 
-/// The scene after writing and reading.
+/// Returns the scene after writing and reading.
 fn written(folder: &Path, import: &Import) -> Scene {
     let toml = folder.join("scene.toml");
     import.write(&toml, true).unwrap();
@@ -30,7 +30,7 @@ fn met(scene: &Scene, origin: [f32; 3], dir: [f32; 3]) -> Option<(f32, Surface)>
     Some((hit.t, scene.geometry.surface(&ray, &hit)))
 }
 
-/// A grid of 9 x 9 x 9 distances from a sphere of radius 0.3 about the centre of the unit cube.
+/// Returns a grid of 9 x 9 x 9 distances from a sphere of radius 0.3 about the centre of the unit cube.
 fn sphere() -> Vec<u8> {
     let mut out = b"VOL\x03".to_vec();
     [1_i32, 9, 9, 9, 1].iter().for_each(|v| out.extend(v.to_le_bytes()));
@@ -43,7 +43,8 @@ fn sphere() -> Vec<u8> {
     out
 }
 
-/// `to_world` moves points but does not scale radii (as Mitsuba's `bsplinecurve` and `linearcurve`).
+/// Tests that `to_world` moves points but does not scale radii (as Mitsuba's `bsplinecurve` and
+/// `linearcurve`).
 #[test]
 fn curves_become_tubes_of_their_radius() {
     let folder = tempfile::tempdir().unwrap();
@@ -68,7 +69,7 @@ fn curves_become_tubes_of_their_radius() {
     }
 }
 
-/// Equal shapes share a file; a shape without files needs none.
+/// Tests that equal shapes use the same file, and that a scene without generated shapes has no files.
 #[test]
 fn equal_shapes_share_a_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -108,7 +109,7 @@ fn grids_of_distances_become_their_surface() {
     assert!(e.to_string().contains("unsupported emitter"), "{e}");
 }
 
-/// Each message gives the location in the scene, the file and the fault.
+/// Tests that each message gives the location in the scene, the file and the fault.
 #[test]
 fn broken_curves_and_grids_are_refused_with_their_place() {
     let folder = tempfile::tempdir().unwrap();
@@ -127,7 +128,7 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     }
 }
 
-/// From a Python dictionary, with its files in memory.
+/// Tests the import of a Python dictionary with its files in memory.
 #[test]
 fn files_in_memory_are_enough() {
     let files: BTreeMap<String, Vec<u8>> = [("curve.txt".to_owned(), CURVE.into())].into();

@@ -1,4 +1,4 @@
-//! Hand-written scenes for Mitsuba: what is read, and what is reported with its location.
+//! Tests hand-written scenes for Mitsuba: contents that are read, and errors with their locations.
 
 use super::{ALL, built, exported, imported, imported_whole};
 use glam::Vec3A;
@@ -118,7 +118,7 @@ fn what_is_not_understood_is_told_with_its_place() {
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
 }
 
-/// Faults do not hide each other: all are reported, each with its line, in order.
+/// Tests that all faults are reported in order, each with its line.
 #[test]
 fn all_problems_are_told_at_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -151,7 +151,7 @@ fn one_sided_is_black_behind() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Any damage to a file gives a scene or an error.
+    /// Tests that any damage to a file gives a scene or an error.
     #[test]
     fn broken_files_do_no_harm(
         whole in any::<bool>(),
@@ -191,7 +191,7 @@ fn flipped_rectangles_face_the_other_way() {
     }
 }
 
-/// 1 if the normals of a shape, hit from outside, face the ray, -1 if they point away.
+/// Returns 1 if the normals of a shape that is hit from outside face the ray, -1 if they point away.
 fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
@@ -208,8 +208,9 @@ fn facing(folder: &Path, shape: &str) -> f32 {
 const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
-/// The orientation as in Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`): mirroring turns
-/// spheres and meshes with computed normals inside out, but not other shapes; `flip_normals` turns all.
+/// Tests that the orientation is as in Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`):
+/// mirroring turns spheres and meshes with computed normals inside out, but not other shapes; `flip_normals`
+/// turns all.
 #[test]
 fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -255,8 +256,8 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     }
 }
 
-/// Meshes without normals are smooth, unless `face_normals` is set: where two faces form a right angle, the
-/// normal at the edge points between them.
+/// Tests that meshes without normals are smooth, unless `face_normals` is set: where two faces form
+/// a right angle, the normal at the edge points between them.
 #[test]
 fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -280,8 +281,8 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     assert!((flat - Vec3A::new(-1.0, 1.0, 0.0).normalize()).length() < 1e-6, "{flat}");
 }
 
-/// Names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note; each included file is read by its
-/// own version.
+/// Tests that names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note; each included
+/// file is read by its own version.
 #[test]
 fn old_files_are_upgraded() {
     let folder = tempfile::tempdir().unwrap();
@@ -311,7 +312,8 @@ fn old_files_are_upgraded() {
     assert!(imported(folder.path(), &text).unwrap().toml.contains("3.0"));
 }
 
-/// If two folders contain a file, the last `<path>` takes precedence, before the scene's own folder.
+/// Tests the search order if several folders contain a file: the last `<path>` has precedence; the scene's
+/// own folder is last.
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -335,7 +337,8 @@ fn paths_are_searched_as_in_mitsuba() {
     assert!(e.message.contains("does not exist"), "{e}");
 }
 
-/// A rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, which is noted.
+/// Tests that a rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, with a
+/// note.
 #[test]
 fn rotations_about_long_axes_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -356,7 +359,7 @@ fn rotations_about_long_axes_are_those_of_mitsuba() {
     assert!(e.message.contains("no axis"), "{e}");
 }
 
-/// The window of a cropped film is the same window of the full film's image.
+/// Tests that the window of a cropped film is the same window of the full film's image.
 #[test]
 fn cropped_films_are_windows_of_the_whole_image() {
     let folder = tempfile::tempdir().unwrap();
@@ -373,8 +376,8 @@ fn cropped_films_are_windows_of_the_whole_image() {
     assert!(e.message.contains("crop window"), "{e}");
 }
 
-/// A film of mitransient becomes a slice of time bins in addition to the image; integrators of Mitsuba's
-/// Python package have a maximum depth of 6.
+/// Tests that a film of mitransient becomes a slice of time bins in addition to the image;
+/// integrators of Mitsuba's Python package have a maximum depth of 6.
 #[test]
 fn transient_films_become_time_bins() {
     let folder = tempfile::tempdir().unwrap();
@@ -400,8 +403,8 @@ fn transient_films_become_time_bins() {
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
 
-/// Facets have a single roughness, the root of the product of those along u and v, and never 0; numbers in
-/// images are luminances.
+/// Tests the approximations of the import: facets have a single roughness, the root of the product
+/// of those along u and v, and never 0; numbers in images are luminances.
 #[test]
 fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     let folder = tempfile::tempdir().unwrap();
@@ -449,7 +452,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     }
 }
 
-/// Defaults are Mitsuba's: unlimited paths, black lamps, grey shapes.
+/// Tests that defaults are Mitsuba's: unlimited paths, black lamps, grey shapes.
 #[test]
 fn defaults_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -465,7 +468,7 @@ fn defaults_are_those_of_mitsuba() {
     assert!(lamp.contains("albedo = 0.0") && !lamp.contains("albedo = 0.5"), "{lamp}");
 }
 
-/// Integrators count path lengths differently; differences are noted.
+/// Tests that differences between integrators in counting path lengths are noted.
 #[test]
 fn thin_glass_under_volumetric_integrators_is_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -478,7 +481,7 @@ fn thin_glass_under_volumetric_integrators_is_noted() {
     assert!(noted(&glass.replace("\"path\"", "\"volpath\"")));
 }
 
-/// References can name any top-level element; unreferenced elements are noted.
+/// Tests that references can name any top-level element, and that unreferenced elements are noted.
 #[test]
 fn references_reach_everything_at_the_top() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Groups and instances: Mitsuba's `shapegroup` and `instance`, in both directions; files of placements;
-//! faults by name.
+//! Tests groups and instances: Mitsuba's `shapegroup` and `instance`, in both directions; files of
+//! placements; faults by name.
 
 use super::{exported, imported};
 use glam::Vec3A;
@@ -191,7 +191,7 @@ fn built(folder: &Path, text: &str) -> Result<Scene, sunstone::base::locate::Inp
     sunstone::scene::from_text(&folder.join("scene.toml"), text)
 }
 
-/// An array of f8 in NumPy's format, version 1.0.
+/// Returns an array of f8 in NumPy's format, version 1.0.
 fn npy(shape: &str, by_column: bool, values: &[f64]) -> Vec<u8> {
     let order = if by_column { "True" } else { "False" };
     let mut head = format!("{{'descr': '<f8', 'fortran_order': {order}, 'shape': {shape}, }}");

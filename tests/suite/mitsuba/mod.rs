@@ -1,5 +1,5 @@
-//! Round trips: what Mitsuba can express is unchanged after export and import; anything else is refused by
-//! name.
+//! Tests round trips: contents that Mitsuba can express are unchanged after export and import;
+//! other contents are refused by name.
 
 use glam::Vec3A;
 use std::collections::BTreeMap;
@@ -114,7 +114,7 @@ name = "mueller"
 polarization = "mueller"
 "#;
 
-/// A folder with the files that [`ALL`] refers to.
+/// Returns a folder with the files that [`ALL`] refers to.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -139,17 +139,17 @@ fn exported(folder: &Path, text: &str) -> Result<Export, InputError> {
     Export::from_text(&folder.join("scene.toml"), text, None)
 }
 
-/// An import, or its first error.
+/// Returns an import, or its first error.
 fn imported(folder: &Path, xml: &str) -> Result<Import, InputError> {
     imported_whole(folder, xml).map_err(|mut e| e.0.remove(0))
 }
 
-/// An import, or all its errors.
+/// Returns an import, or all its errors.
 fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(&folder.join("scene.xml"), xml, &folder.join("scene.toml"), &BTreeMap::new())
 }
 
-/// An import and its scene.
+/// Returns an import and its scene.
 fn built(folder: &Path, xml: &str) -> (Import, Scene) {
     let import = imported(folder, xml).unwrap_or_else(|e| panic!("{e}"));
     let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml);

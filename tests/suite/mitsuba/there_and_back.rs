@@ -1,4 +1,4 @@
-//! A scene is unchanged after an export to Mitsuba and an import.
+//! Tests that a scene is unchanged after an export to Mitsuba and an import.
 
 use super::{ALL, assert_same, exported, folder};
 use std::collections::BTreeMap;
