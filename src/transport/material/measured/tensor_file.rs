@@ -1,8 +1,9 @@
 //! Reads Mitsuba's tensor file, a container of named arrays, in place.
 //!
-//! All little-endian: `"tensor_file\0"`, version u8 × 2 = 1.0, field count u32. For each field: name length
-//! u16, name, number of dimensions u16, type u8, offset of the data from the start of the file u64, shape u64
-//! × dimensions. Data are row-major, usually aligned to 8 bytes (the reader does not rely on it).
+//! All numbers are little-endian. The file begins with `"tensor_file\0"`, version u8 × 2 = 1.0, field count
+//! u32. Each field has: name length u16, name, number of dimensions u16, type u8, offset of the data from
+//! the start of the file u64, shape u64 × dimensions. Data are row-major, usually aligned to 8 bytes (the
+//! reader does not rely on it).
 //!
 //! Sizes in the header are not trusted: the reader allocates nothing and checks every byte range against the
 //! file size.
@@ -13,7 +14,7 @@ use std::ops::Range;
 /// The first bytes of every tensor file.
 pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 
-/// Bytes before the first field.
+/// Number of bytes before the first field.
 pub(super) const HEAD: usize = 18;
 
 /// Element types of tables.
