@@ -179,8 +179,8 @@ mod tests {
         builder.build()
     }
 
-    /// A wavy mesh between two balls in front of a wall. It is large enough to be entered by the tree's
-    /// boxes.
+    /// Returns a wavy mesh between two spheres in front of a wall. The mesh is large enough to be added
+    /// through the boxes of the tree.
     fn waves() -> Geometry {
         let n = 190_u32;
         let point = |i: u32| {

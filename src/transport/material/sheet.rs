@@ -21,7 +21,8 @@ pub enum SheetAxis {
 }
 
 impl SheetAxis {
-    /// Returns the unit vector along the axis. It is a line in space: equal for light from either side.
+    /// Returns the unit vector along the axis. The axis is a line in space, equal for light from either
+    /// side.
     #[inline]
     pub fn at(&self, at: &Surface) -> Vec3A {
         match self {
@@ -35,14 +36,15 @@ impl SheetAxis {
     }
 }
 
-/// Returns undeflected transmission to `wo` by an element with matrix `block` in the frame `axis`.
+/// Returns the lobe of undeflected transmission to `wo` by an element with matrix `block` in the frame
+/// `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the undeflected transmission to `wo` at a boundary between media of equal index, which keeps the
-/// polarization.
+/// Returns the lobe of undeflected transmission to `wo` at a boundary between media of equal index, which
+/// preserves the polarization.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

@@ -1,12 +1,13 @@
 //! Vertices of a subpath, which are connected to those of another subpath.
 //!
-//! Each vertex stores the Mueller product from the end of its subpath. From the camera this is C = M₁ M₂ ⋯.
-//! From an emitter it is the transpose of L = ⋯ M₂ M₁, which grows on the same side. A whole path is C · L,
-//! and both kinds of subpaths use the same code. The product excludes the interaction at the vertex itself.
+//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, the product is
+//! C = M₁ M₂ ⋯. For a light subpath, the stored product is the transpose of L = ⋯ M₂ M₁, which is extended
+//! on the same side. A whole path is C · L, and both kinds of subpaths use the same code. The product
+//! excludes the interaction at the vertex itself.
 //!
-//! Densities are per area (per volume in media) up to the medium's μ_t at either vertex, which is the same
-//! factor from both sides. They are functions of the path alone, not of the wavelengths that a subpath still
-//! carries, so that the weights computed from them sum to one.
+//! Densities are per area, and per volume in media. A factor of the medium's μ_t at either vertex is
+//! omitted, because it is the same from both sides. Densities depend only on the path, not on the live
+//! wavelengths of a subpath, so that the weights computed from densities sum to one.
 
 use super::bridge::Start;
 use super::guide::{At, Guide};
@@ -28,7 +29,7 @@ pub(super) struct End {
     pub ray: Ray,
     pub chain: Chain,
     pub frame: Vec3A,
-    /// Density of the ray's direction per steradian.
+    /// Density of the direction of the ray, per steradian.
     pub density: f32,
     pub filling: Filling,
     pub nest: Nest,
@@ -38,7 +39,7 @@ pub(super) struct End {
 pub(super) enum Site {
     Pinhole,
     Surface,
-    /// Inside the medium with this number.
+    /// A particle in the medium with this number.
     Volume(u32),
 }
 
@@ -56,36 +57,38 @@ fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub site: Site,
-    /// For a volume or an end, only its position is valid.
+    /// Surface point of the vertex. For a volume or an end, only the position is valid.
     pub surface: Surface,
-    /// The position where the ray met it, in double precision, for measuring path lengths.
+    /// Position where the ray hit the vertex, in double precision, used to measure path lengths.
     pub at: DVec3,
     /// Unit direction to the previous vertex.
     pub back: Vec3A,
-    /// Mueller product from the end of the subpath to the light that arrives here, and that light's frame.
+    /// Mueller product from the end of the subpath to the light that arrives at this vertex, and the frame
+    /// of this light.
     pub chain: Chain,
     pub frame: Vec3A,
     /// Optical path length from the end of the subpath, in metres.
     pub optical_m: f64,
-    /// The material on the side of `back`.
+    /// The medium on the side of `back`.
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Number of interactions before this one, and their label ([`tensor::label`]).
+    /// Number of interactions before this vertex, and their path label ([`tensor::label`]).
     pub interactions: u32,
     pub label: u8,
-    /// True if the subpath continued by a delta lobe.
+    /// True if the subpath continued from this vertex by a delta lobe.
     pub delta: bool,
-    /// Density with which the subpath sampled this vertex, and with which a subpath in the opposite direction
-    /// would have sampled it from the next vertex.
+    /// Density with which the subpath sampled this vertex. The next field is the density with which a
+    /// subpath in the opposite direction would have sampled it from the next vertex.
     pub forward: f32,
     pub reverse: f32,
-    /// Converts a density of the direction `back` to a density at the previous vertex.
+    /// Factor that converts a density of the direction `back` to a density at the previous vertex.
     pub spread: f32,
 }
 
 impl Point {
-    /// Returns the end of a subpath. Its density is that of the direction in which the subpath starts.
+    /// Returns the end of a subpath as a vertex. The vertex's density is the density of the direction in
+    /// which the subpath starts.
     #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
@@ -111,7 +114,7 @@ impl Point {
 
     /// Evaluates scattering of light from `wi` into `wo`, both directions pointing away from the vertex.
     ///
-    /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    /// On surfaces the result is the Mueller BSDF times |cosθ_i|, in media the phase function.
     #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match self.site {
@@ -121,7 +124,7 @@ impl Point {
         }
     }
 
-    /// Returns [`Self::scatter`] separated by lobe kind, each with its label bits.
+    /// Returns [`Self::scatter`] separated by kind of lobe, each with its label bits.
     pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
             Site::Surface => scene.materials.lobes(self.surface.material, &self.surface, wo, wi),
