@@ -163,8 +163,8 @@ impl Grid {
         found
     }
 
-    /// Returns the distance at which the integral from the start of a segment reaches `wanted`, which is at
-    /// most the integral of the whole segment.
+    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`.
+    /// `wanted` is at most the integral of the whole segment.
     fn within(&self, ray: &Ray, piece: &Piece, lane: usize, wanted: f32) -> f32 {
         let at = |t: f32| self.at_along(ray, t).to_array()[lane];
         let first = piece.ends[0].to_array()[lane];
@@ -205,7 +205,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// A grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
+    /// Returns a grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
     fn grid(nearest: bool, stream: &mut Stream) -> Grid {
         let values = (0..24).map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0]).collect();
         let turn = Mat3A::from_rotation_x(0.4) * Mat3A::from_rotation_z(1.1);

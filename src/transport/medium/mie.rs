@@ -349,8 +349,8 @@ mod tests {
     }
 
     /// Away from the forward direction, scattering by a large metal sphere equals the Fresnel reflection at
-    /// the specular point, with an angle of incidence of (180° - θ)/2. This ties the order of S1 and S2,
-    /// their signs, the sign of time and the sign of k to those of `polarization::fresnel`.
+    /// the specular point, with an angle of incidence of (180° - θ)/2. The test thus verifies that the
+    /// order and signs of S1 and S2, the sign of time and the sign of k agree with `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_reflects_as_fresnel_says() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -391,7 +391,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
-        /// All accepted spheres give finite, physically possible numbers.
+        /// Verifies that all accepted spheres give finite, physically possible numbers.
         #[test]
         fn spheres_conserve_energy(
             log_x in -6.0..3.47_f64, n in 0.01..5.0_f64, log_k in -12.0..1.0_f64, mu in -1.0..1.0_f64,

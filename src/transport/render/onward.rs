@@ -29,7 +29,7 @@ pub(super) struct Progress {
     pub hope: f32,
     pub interactions: u32,
     pub labelled: bool,
-    /// Number of times that it has been split.
+    /// Number of times that the subpath has been split.
     pub parted: u32,
 }
 

@@ -177,7 +177,8 @@ impl Point {
         lobes
     }
 
-    /// Returns the medium through which light arrives, if guided turns are possible at the vertex.
+    /// Returns the number of the medium through which light arrives, if guided turns are possible at the
+    /// vertex.
     #[inline]
     pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
@@ -187,7 +188,7 @@ impl Point {
         }
     }
 
-    /// Returns the vertex as a receiver for choosing lights.
+    /// Returns the vertex as a receiver for the choice of lights.
     #[inline]
     pub fn receiver(&self, scene: &Scene) -> Receiver {
         match self.site {
@@ -196,7 +197,8 @@ impl Point {
         }
     }
 
-    /// Returns the density per steradian of direction `to` for a subpath from `from` and direction `back`.
+    /// Returns the density per steradian of the direction `to`, for a subpath that started at the end
+    /// `from` and came from direction `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {
@@ -218,7 +220,7 @@ impl Point {
         scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Returns the projected area along a unit direction, per area.
+    /// Returns the projected area along a unit direction, per area: the cosine on a surface, 1 in a medium.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
@@ -227,7 +229,8 @@ impl Point {
         }
     }
 
-    /// Returns true if light can arrive from any point and leave to any point.
+    /// Returns true if the vertex scatters light from and to all directions, so that connections can end at
+    /// it.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {
@@ -236,7 +239,7 @@ impl Point {
         }
     }
 
-    /// Returns true on plain Lambert surfaces.
+    /// Returns true if the vertex is on a plain Lambertian surface.
     #[inline]
     pub fn is_lambert(&self, scene: &Scene) -> bool {
         matches!(self.site, Site::Surface) && scene.materials.lambert(self.surface.material).is_some()
@@ -266,7 +269,8 @@ impl Point {
         }
     }
 
-    /// Returns the target, offset from the surface, of a line of `length` metres from direction `dir`.
+    /// Returns the target of a line of `length` metres that arrives from direction `dir`; the target is
+    /// offset from the surface.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
         match self.site {
