@@ -1,4 +1,4 @@
-//! Merges renders of one scene with different seeds, as if all samples had been drawn in one render.
+//! Merges renders of one scene with different seeds, as if one render had taken all samples.
 //!
 //! Let an element belong to one camera pixel (`pixels_per_element` = 1). N samples with mean m and standard
 //! error e have the sum of squared deviations M = e²·N(N−1). The pooled values are exact (Chan, Golub &

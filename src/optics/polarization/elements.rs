@@ -28,8 +28,8 @@ pub fn retarder(theta: f32, delta: f32) -> Mueller {
     turned(r, theta)
 }
 
-/// Returns the ideal mirror at normal incidence, with the s-frame on both sides. It swaps handedness and
-/// ±45°.
+/// Returns the ideal mirror at normal incidence, with the s-frame on both sides. The mirror swaps
+/// handedness and ±45°.
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }

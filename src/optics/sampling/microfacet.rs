@@ -119,8 +119,8 @@ fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
 }
 
-/// Returns Euler's beta function B(x, y) for x, y ≥ 1. It is computed in f64, because large logarithms
-/// cancel at grazing incidence.
+/// Returns Euler's beta function B(x, y) for x, y ≥ 1. The function computes in f64, because large
+/// logarithms cancel at grazing incidence.
 #[inline]
 fn beta(x: f32, y: f32) -> f32 {
     // Without masking: B(1, y) = 1/y.

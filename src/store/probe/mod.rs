@@ -5,9 +5,9 @@
 //! classical matrices (`eq:tensor2pol`) T_s = Σ_t T(:,:,0,0,t), T_t = Σ_{s,s'} T(s,s',0,0,:), T_p =
 //! Σ_{s,s',t} T(s,s',:,:,t).
 //!
-//! All steps are linear, so a probe is one weighted sum. It is computed in f64 in a fixed order, so the
-//! result does not depend on the number of threads. Memory contains the result and, per thread, one row of
-//! chunks of camera pixels.
+//! All steps are linear, so a probe is one weighted sum. The sum is computed in f64 in a fixed order, so
+//! the result does not depend on the number of threads. Memory contains the result and, per thread, one row
+//! of chunks of camera pixels.
 //!
 //! **Standard errors.** Elements of one camera pixel are estimated from the same samples and may be
 //! correlated in any way. The standard error of a weighted sum over such elements has the bound Σ|w|·se,

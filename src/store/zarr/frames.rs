@@ -118,7 +118,8 @@ pub struct FrameStore {
 
 impl FrameStore {
     /// Creates a store without frames. With `replace`, an existing store is replaced. The store is created
-    /// atomically with its maps. It is locked against other writers until the returned value is dropped.
+    /// atomically with its maps. The store is locked against other writers until the returned value is
+    /// dropped.
     ///
     /// # Errors
     /// If the path exists, another process writes it, the size of a map differs from that of a frame, or

@@ -3,10 +3,10 @@
 //!
 //! The manifest is a text file. A head with the number of files is followed by one line per file (checksum,
 //! size, path relative to the store), sorted by path, and by the checksum of all lines. The checksum of a
-//! chunk is the CRC-32C at the end of its file, that of a shard the checksum of its tail
-//! ([`shard::checksum`]), and that of metadata (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C
-//! of its bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file
-//! was lost.
+//! chunk is the CRC-32C at the end of the chunk's file. The checksum of a shard is that of the shard's tail
+//! ([`shard::checksum`]). The checksum of metadata (`zarr.json`), or of a file of another format (`.ptu`),
+//! is the CRC-32C of the file's bytes. A chunk of zeros has neither a file nor a line, so a line without a
+//! file means that the file was lost.
 
 use super::atomic::remove_if_present;
 use super::error::OpenError;
@@ -113,8 +113,8 @@ impl Entry {
     }
 }
 
-/// Returns whether the manifest lists a file in a store's folder. It does not list manifests, the journal,
-/// temporary files, and other paths with a component that begins with a dot.
+/// Returns whether the manifest lists a file in a store's folder. The manifest does not list manifests, the
+/// journal, temporary files, and other paths with a component that begins with a dot.
 pub(super) fn is_part(path: &str) -> bool {
     path != FILE && path != OF_PART && !path.split('/').any(|name| name.starts_with('.'))
 }

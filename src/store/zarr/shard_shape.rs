@@ -3,8 +3,8 @@
 //!
 //! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that the
 //! profile of a pixel is a small part of a file. A shard is a block of chunks. The shard grows first along
-//! the axes after the camera axes, so that one shard contains all values of a pixel. It then grows along
-//! the camera axes until it is large enough.
+//! the axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows
+//! along the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;

@@ -25,9 +25,9 @@ pub struct Contribution {
     /// Index of the slice for whose s' the path was sampled, if the path counts only for this slice; or
     /// `EVERY`.
     pub slice: u32,
-    /// Ratio of two densities of this path: the density of sampling it for a given s' (chosen with
-    /// probability 1), divided by the density of sampling it for all slices. 0 if the path cannot be
-    /// sampled for an s'.
+    /// Ratio of two densities of this path: the density of sampling the path for a given s' (chosen with
+    /// probability 1), divided by the density of sampling the path for all slices. The ratio is 0 if the
+    /// path cannot be sampled for an s'.
     pub rival: f32,
 }
 

@@ -65,7 +65,8 @@ impl PointEmitter {
     }
 }
 
-/// Uniform radiance from all directions. It has no travel time: in time slices its light counts as overflow.
+/// Uniform radiance from all directions. This light has no travel time, so in time slices it counts as
+/// overflow.
 #[derive(Clone, Copy, Debug)]
 pub struct Environment {
     /// Radiance per wavelength, W/(m² sr nm).

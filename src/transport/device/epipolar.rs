@@ -24,7 +24,8 @@ pub struct Epipolar {
     squares: Vec<Square>,
 }
 
-/// Margin of the search beyond the half width, in pixels. It exceeds the rounding error of a distance.
+/// Margin of the search beyond the half width, in pixels. The margin exceeds the rounding error of a
+/// distance.
 const ROOM: f32 = 1.0;
 
 /// Number of pixels along each side of a square.

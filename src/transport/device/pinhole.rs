@@ -145,8 +145,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns the device of the ray through an image position. For a parallel device, it is a pinhole at
-    /// this position that looks along the axis.
+    /// Returns the device of the ray through an image position. For a parallel device, the result is a
+    /// pinhole at this position whose forward axis is the device's axis.
     #[inline]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
@@ -268,8 +268,8 @@ impl Pinhole {
         (pixels, local)
     }
 
-    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point;
-    /// `None` if it is behind the device or outside the image.
+    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world
+    /// point; `None` if the point is behind the device or outside the image.
     #[inline(always)]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);

@@ -350,8 +350,8 @@ impl GeometryBuilder {
         triangle
     }
 
-    /// Translates groups that do not contain their origin so that their centres become the origin. Returns
-    /// the translations.
+    /// Translates each group that does not contain the origin of its coordinates, so that the group's
+    /// centre becomes the origin. Returns the translations.
     fn centre(&mut self, groups: &[Set]) -> Vec<Vec3A> {
         let mut origins = vec![];
         for set in groups {

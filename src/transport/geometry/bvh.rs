@@ -87,8 +87,8 @@ pub struct Geometry {
     /// quadrics are instances.
     pub(super) instances: Vec<Instance>,
     pub(super) groups: Vec<Group>,
-    /// Number of packs and of quadrics that belong to groups. In the tables, they precede those of the
-    /// world.
+    /// Number of packs and of quadrics that belong to groups. In the tables, the packs and quadrics of
+    /// groups precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
     /// True if texture coordinates are used; if false, texture coordinates are 0.
@@ -276,7 +276,7 @@ impl Geometry {
 
     /// Returns the index of the object that was hit, as set by
     /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
-    /// indices of the group; [`Hit::owner`] distinguishes them.
+    /// indices of the group; [`Hit::owner`] distinguishes the copies.
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {

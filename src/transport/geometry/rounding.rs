@@ -24,8 +24,8 @@ pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 /// Relative shortening of a line at its end, equal to several rounding errors of a distance along a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
-/// Maximum rounding constant, for slivers and non-uniform maps. On surfaces whose errors exceed it, one ray
-/// in a million may hit the surface that it leaves.
+/// Maximum rounding constant, for slivers and non-uniform maps. On surfaces whose rounding errors exceed
+/// the maximum, one ray in a million may hit the surface that it leaves.
 const MOST: f32 = 128.0;
 
 /// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. A large surface
@@ -50,14 +50,14 @@ pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
 
 /// Returns the rounding constant of an instance, from the constant `k` of the surface in its own
 /// coordinates. The map to the world stretches lengths by at most `stretch`, the inverse map by at most
-/// `back`. Both bounds are results of [`super::instance::stretch`]; their product is 3 for maps that
-/// preserve angles.
+/// `back`. Both bounds are results of [`super::instance::stretch`]; the product of the bounds is 3 for maps
+/// that preserve angles.
 pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }
 
-/// Returns the intersection of a ray from `from` along `dir` with the tangent plane of the surface that it
-/// hit, and its distance, metres.
+/// Returns the intersection of a ray from `from` along `dir` with the tangent plane of the surface that the
+/// ray hit, and the distance of the intersection, metres.
 ///
 /// Barycentric coordinates of a large triangle, and positions, deviate from the ray by several units in the
 /// last place: 50 µm in a scene of 100 m, which is 0.1 ps. The plane is more accurate than the position

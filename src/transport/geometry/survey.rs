@@ -16,11 +16,11 @@ pub(super) const DEPTH_MARGIN: f32 = 1e-4;
 pub(super) const NOTHING: u32 = u32::MAX;
 /// Minimum distance of primitives for a view, relative to the scene's extent.
 const NEAR: f32 = 1e-3;
-/// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below it, the outline is a
-/// sliver whose orientation rounding errors determine.
+/// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
+/// outline is a sliver whose orientation rounding errors determine.
 const SLIVER: f32 = 1e-5;
-/// Minimum sine of the angle between a plane and the line to a corner. Below it, the plane is seen edge-on
-/// and the depths are unreliable.
+/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
+/// edge-on and the depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
 /// Relative enlargement of spheres, against rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;

@@ -13,7 +13,7 @@ use obvhs::aabb::Aabb;
 
 /// Flag of a child that is a leaf; the other bits are the index of the leaf.
 const LEAF: u32 = 1 << 31;
-/// An unused child. Its box is inverted, so that no ray hits it.
+/// Index of an unused child. The box of an unused child is inverted, so that no ray hits the box.
 const NONE: u32 = u32::MAX;
 /// Maximum number of boxes on the traversal stack.
 const STACK: usize = 192;

@@ -28,7 +28,7 @@ impl Polarized {
     }
 
     /// Ends a product at the emitter. Before, the product acts on light travelling along `d` in `frame`;
-    /// afterwards, it acts on the emitter's input.
+    /// afterwards, the product acts on the emitter's input.
     #[inline]
     pub fn end(&self, chain: &mut Chain, d: Vec3A, frame: Vec3A) {
         let own = self.frame(d);

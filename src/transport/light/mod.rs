@@ -121,7 +121,7 @@ impl Lights {
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes it.
+    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes the choice.
     #[inline]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;

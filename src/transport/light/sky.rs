@@ -4,9 +4,9 @@
 //! to acos(y)/π, from the top (Mitsuba's `envmap`). [`Rows`] defines the positions of the rows. Values
 //! between texels are bilinear and periodic in the columns.
 //!
-//! Directions are sampled from a table that is constant over each cell. Its value is the brightness of all
-//! texels that contribute to the cell, times the solid angle (Pharr et al. 2023, sect. 12.5.2). The density
-//! is therefore positive wherever there is light.
+//! Directions are sampled from a table that is constant over each cell. The table's value is the brightness
+//! of all texels that contribute to the cell, times the solid angle (Pharr et al. 2023, sect. 12.5.2). The
+//! density is therefore positive wherever there is light.
 
 use super::Drawn;
 use super::filter::Polarized;

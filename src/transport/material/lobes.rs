@@ -82,9 +82,9 @@ impl Materials {
 
     /// Returns the label bits of a sampled direction.
     ///
-    /// If several kinds of lobe contribute to the direction, one kind is sampled, and `sampled` is replaced
-    /// with the interaction of this kind, divided by the density over all kinds and by the probability of
-    /// the kind.
+    /// If several kinds of lobe contribute to the direction, one kind is sampled. `sampled` is then
+    /// replaced with the interaction of this kind, divided by the density over all kinds and by the
+    /// probability of the kind.
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

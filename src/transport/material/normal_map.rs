@@ -15,7 +15,8 @@ use glam::Vec3A;
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
     pub material: u32,
-    /// Index of the image. Its first three channels are x, y, z; for a bump map, the first is the height.
+    /// Index of the image. The first three channels of the image are x, y, z; for a bump map, the first
+    /// channel is the height.
     pub texture: u32,
     /// Factor of x and y: 0 flattens the normals, 1 leaves them unchanged. For a bump map: height in metres
     /// at the image value 1.

@@ -4,9 +4,10 @@
 //! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i)
 //!
 //! The first term is microfacet reflection with Fresnel's matrix R. The second term is body reflection.
-//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside. It
-//! leaves partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and `wo`). T is
-//! Fresnel's transmission of the smooth mean surface, or the transmission of the facets ([`super::coat`]).
+//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside.
+//! The light leaves partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and
+//! `wo`). T is Fresnel's transmission of the smooth mean surface, or the transmission of the facets
+//! ([`super::coat`]).
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
 //! inside leaves later. Then ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal

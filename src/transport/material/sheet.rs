@@ -1,7 +1,7 @@
 //! Shared code of sheets (polarizers, retarders): an axis in the sheet and undeflected transmission.
 //!
-//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. Their
-//! matrices have the block form of Fresnel matrices in the frame of their axis.
+//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. In
+//! the frame of the sheet's axis, the matrix of a sheet has the block form of a Fresnel matrix.
 
 use super::lobe::Specular;
 use crate::geometry::ray::Surface;

@@ -168,8 +168,8 @@ impl Ensemble {
         Ok(())
     }
 
-    /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. The caller must call it after the
-    /// last [`Self::add`].
+    /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. The caller must call this method
+    /// after the last [`Self::add`].
     pub fn finish(&mut self) {
         // The cost of the quadratic forms, in terms of spheres.
         let long = 2 * self.terms * self.terms;

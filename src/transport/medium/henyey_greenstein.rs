@@ -15,7 +15,7 @@ use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// Maximum |g|. Beyond it, f32 does not resolve the peak of the phase function.
+/// Maximum |g|. Beyond this value, f32 does not resolve the peak of the phase function.
 pub const LARGEST_G: f64 = 0.999;
 
 #[derive(Clone, Copy, Debug)]

@@ -17,7 +17,7 @@
 //! same sign.)
 //!
 //! The recurrences are numerically stable at any size. For n ≤ x, where ψ_n oscillates, ψ_n is computed by
-//! an upward recurrence. For n > x, where ψ_n decays, it is computed from the logarithmic derivative, by a
+//! an upward recurrence. For n > x, where ψ_n decays, ψ_n is computed from the logarithmic derivative, by a
 //! downward recurrence. Absorption is summed directly and not as a difference: the Wronskian ψ_{n-1} χ_n -
 //! ψ_n χ_{n-1} = 1 gives Re a_n - |a_n|² = -Im A/|p - i q|².
 

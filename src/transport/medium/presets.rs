@@ -12,8 +12,8 @@
 //!   1975; Olson, White & Richter 2004),
 //! - casein: volume-weighted density of t = r/(150 nm - r) log-normal with mean 43/107 and standard deviation
 //!   0.23, index 1.503,
-//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. Its absorbance (Du et al.
-//!   1998, 33 000 per M and cm at 266.5 nm) makes milk yellowish.
+//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. The absorbance of riboflavin
+//!   (Du et al. 1998, 33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
 //! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs,
 //! Yang & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). The absorption of polystyrene is negligible.

@@ -1,11 +1,11 @@
 //! A scattering matrix tabulated over the scattering angle for up to four wavelengths, and its sampler.
 //!
 //! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond. The grid is nearly
-//! uniform in θ (dθ/dv = 2 to 2.8), and v needs only one square root. It is accurate at both ends, where
-//! peaks of large particles are narrower than the resolution of an f32 cosine. S1 and S2 are polynomials in
-//! cosθ = 1 - 2v², so all elements are smooth and even in v. Interpolation is cubic over four nodes; the
-//! node before the first equals the second. The grid is doubled until the interpolated matrix halfway
-//! between nodes is accurate to [`TOLERANCE`].
+//! uniform in θ (dθ/dv = 2 to 2.8), and v needs only one square root. The grid is accurate at both ends,
+//! where peaks of large particles are narrower than the resolution of an f32 cosine. S1 and S2 are
+//! polynomials in cosθ = 1 - 2v², so all elements are smooth and even in v. Interpolation is cubic over
+//! four nodes; the node before the first equals the second. The grid is doubled until the interpolated
+//! matrix halfway between nodes is accurate to [`TOLERANCE`].
 //!
 //! Directions are sampled from a density that agrees with S11 at the nodes and is linear in cosθ between
 //! nodes. A cell is chosen by Walker's alias method (Walker 1977; Vose 1991), which takes constant time for

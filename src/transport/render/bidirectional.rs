@@ -43,8 +43,9 @@ const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
 /// Fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
 /// and are seen and lit through interfaces. In this case, subpaths turn to the apparent position of the
-/// other end and are connected to it from every particle, which finds nearly all light. Connections between
-/// particles do not account for the forward peaks: they find a tenth of the light in a fifth of the time.
+/// other end and are connected to this end from every particle, which finds nearly all light. Connections
+/// between particles do not account for the forward peaks: such connections find a tenth of the light in a
+/// fifth of the time.
 const RARELY: f32 = 0.04;
 
 /// Number of camera samples that determine which connections are efficient.

@@ -39,8 +39,9 @@ const LEAN: f32 = 0.9;
 /// Number of events in which a subpath turns and leans. Afterwards the subpath follows the phase function.
 /// The weight of a subpath is a product of as many factors. The tail of the weight distribution grows with
 /// this number beyond what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82,
-/// whose light meets hundreds of particles. With guiding in all events, the result was 5 to 14 % too low in
-/// up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49 events.)
+/// whose light is scattered by hundreds of particles. With guiding in all events, the result was 5 to 14 %
+/// too low in up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
+/// events.)
 pub(super) const MOST_EVENTS: u32 = 48;
 
 /// Maximum number of targets in a medium for the subpaths of one end.
@@ -145,8 +146,8 @@ impl Guide {
 }
 
 /// A direction's partner, which is opposite across the incoming direction, and a density factor. The factor
-/// is the direction's density relative to the phase function if the subpath does not turn. It is in 0..2;
-/// the factor of the partner is 2 minus this factor.
+/// is the direction's density relative to the phase function if the subpath does not turn. The factor is in
+/// 0..2; the factor of the partner is 2 minus this factor.
 #[derive(Clone, Copy)]
 pub(super) struct Lean {
     pub partner: Vec3A,
@@ -265,7 +266,7 @@ mod tests {
     }
 
     /// Verifies that directions sampled with leaning have the stated density, by the same test. Densities
-    /// without leaning, or with a quarter less of it, fail the test.
+    /// without leaning, or with a quarter less leaning, fail the test.
     #[test]
     fn leaning_has_its_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);

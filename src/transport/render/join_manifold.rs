@@ -114,8 +114,8 @@ impl Joiner<'_> {
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors and appends the
     /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
-    /// sequences of three or more mirrors are also tried. If it is false, other strategies must account for
-    /// these connections in their weights ([`Mirrors::flats_weigh`]).
+    /// sequences of three or more mirrors are also tried. If `alone` is false, other strategies must
+    /// account for these connections in their weights ([`Mirrors::flats_weigh`]).
     pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);

@@ -8,7 +8,7 @@
 //! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where
 //!   light for a point is reflected, so every group, and every pair of groups, has one candidate path.
 //!   Sequences of three or more groups are tried only if no other strategy samples their light.
-//! - Curved mirrors can have any number of specular paths. One initial guess is drawn at random. If a
+//! - Curved mirrors can have any number of specular paths. One initial guess is sampled at random. If a
 //!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of guesses until
 //!   the path is found again has the mean 1/p.
 //! - Sequences that include a curved mirror, and curved glass: as for curved mirrors, with guesses from a
@@ -61,9 +61,9 @@ const IMAGED: f32 = 0.25;
 /// Tolerance for equal planes: for normals, and for distances relative to the scene's extent.
 const SAME_PLANE: f32 = 1e-4;
 
-/// Maximum distance of an accepted reflection point from the centre of a plane's mirrors, in radii. It is
-/// slightly above 1 because of rounding errors. The limit is larger where interfaces on the path shift the
-/// reflection point.
+/// Maximum distance of an accepted reflection point from the centre of a plane's mirrors, in radii. The
+/// limit is slightly above 1 because of rounding errors. The limit is larger where interfaces on the path
+/// shift the reflection point.
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 

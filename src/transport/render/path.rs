@@ -404,7 +404,7 @@ impl Path {
         connect_lights(&self.vertex(scene, bounces), drawn, out)
     }
 
-    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
+    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the number of rays.
     #[inline(never)]
     fn connect_drawn_point(
         &self,

@@ -79,7 +79,7 @@ pub(super) struct Point {
     /// True if the subpath continued from this vertex by a delta lobe.
     pub delta: bool,
     /// Density with which the subpath sampled this vertex. The next field is the density with which a
-    /// subpath in the opposite direction would have sampled it from the next vertex.
+    /// subpath in the opposite direction would have sampled this vertex from the next vertex.
     pub forward: f32,
     pub reverse: f32,
     /// Factor that converts a density of the direction `back` to a density at the previous vertex.

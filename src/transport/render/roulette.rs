@@ -77,7 +77,8 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
-    /// Returns the weight of a connection with contribution up to about `expected`; `None` to skip it.
+    /// Returns the weight of a connection with contribution up to about `expected`; `None` if the
+    /// connection is skipped.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide(expected, self.0, stream)

@@ -3,7 +3,7 @@
 //! The image is rendered in parts, with the splats of one part in memory. All subpaths are traced once, in
 //! batches. The splats of each batch are appended to an unnamed temporary file, sorted by part, and each
 //! part reads its own splats. The cost per sample is therefore independent of the number of parts. Each
-//! part gets the same splats in the same order as if subpaths were traced for it alone.
+//! part gets the same splats in the same order as if subpaths were traced for this part alone.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};

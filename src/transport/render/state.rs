@@ -42,7 +42,7 @@ pub(super) struct State {
     /// The medium that contains the ray.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Path label before the ray ([`tensor::label`]). Plain paths update it only on demand.
+    /// Path label before the ray ([`tensor::label`]). Plain paths update the label only on demand.
     pub label: u8,
 }
 

@@ -8,8 +8,8 @@ use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
 
 /// Maximum deviation of a mirror direction from the geometric mirror direction, as 1 minus the cosine.
-/// Beyond it, the direction is perturbed and its derivatives are unknown. Rounding errors are ten times
-/// smaller.
+/// Beyond this deviation, the direction is perturbed and the derivatives of the direction are unknown.
+/// Rounding errors are ten times smaller.
 const TURNED: f32 = 1e-6;
 
 /// Step for differences, as a fraction of a triangle or as a sine on a quadric. Images have up to a few

@@ -2,8 +2,8 @@
 //!
 //! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger
 //! file is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to
-//! the missing pages ends the process (SIGBUS on Unix). To replace such a file, rename a new file over it;
-//! never overwrite it in place.
+//! the missing pages ends the process (SIGBUS on Unix). To replace such a file, rename a new file over the
+//! old file; never overwrite a file in place.
 //!
 //! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic; the other angles and
 //! the wavelength are clamped to their ends. Entries are BRDF values (no cosine) between the s frames of
@@ -88,7 +88,7 @@ fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> P
     PbsdfError::Shape { field, found: found.shape_text(), want: want.into() }
 }
 
-/// Returns the bands around a wavelength, and true if it is outside the table's range.
+/// Returns the bands around a wavelength, and true if the wavelength is outside the table's range.
 fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
     let inside = nm.clamp(first, last);
