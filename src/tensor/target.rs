@@ -16,8 +16,7 @@ use serde_json::{Value, json};
 /// Name of the root attribute of a store that was rendered to a target error.
 pub const ATTRIBUTE: &str = "target";
 
-/// Name of the root attribute of a round's store: the number of the round and the render that it belongs
-/// to.
+/// Name of the root attribute of a round's store: the number of the round, and the render.
 pub const ROUND: &str = "round";
 
 /// Name of the root attribute of a store whose tiles have different numbers of samples.
@@ -36,12 +35,10 @@ const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 /// samples are less reliable.
 const GROWTH: f64 = 4.0;
 
-/// Ratio of the error that a round aims at to the goal, so that the last round does not narrowly miss the
-/// goal.
+/// Ratio of a round's target error to the goal; the last round then does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half of this minimum
-/// is skipped.
+/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half is skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
@@ -63,8 +60,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names in the
-    /// message.
+    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names.
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(

@@ -51,7 +51,7 @@ const RARELY: f32 = 0.04;
 /// Number of camera samples that determine which connections are efficient.
 const PILOT: u32 = 2048;
 
-/// Number of plain paths per sample of redirected light.
+/// Number of plain paths per sample of redirected light. The next constant is the minimum number of samples.
 const PATHS_PER_SAMPLE: u32 = 16;
 const LEAST_SAMPLES: u32 = 8;
 

@@ -25,7 +25,7 @@ use optics::spectrum::{Spectral, max_lane};
 /// The wavelengths that use a specular path, and the weight of the path.
 #[derive(Clone, Copy)]
 pub(super) struct Takers {
-    /// The wavelengths that use the path.
+    /// The wavelengths that use the path. The next field is the one whose refractive indices were used.
     pub lanes: Lanes,
     pub lane: usize,
     /// Weight of the path.

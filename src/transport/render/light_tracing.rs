@@ -39,7 +39,7 @@ impl Walks {
         }
     }
 
-    /// Calls `found` as [`look`] does, for the vertices that belong only to the current branch.
+    /// Calls `found` as [`Self::look`] does, for the vertices that belong only to the current branch.
     fn look_from_branch(
         &mut self,
         scene: &Scene,

@@ -102,7 +102,7 @@ struct Search<'a> {
 pub(super) struct Passed {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Mean transmittance of the media.
+    /// Mean transmittance of the media. The next field is the refractive index at the emitter.
     pub mean: f32,
     pub index: f32,
 }

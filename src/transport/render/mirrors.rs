@@ -25,7 +25,7 @@ use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
 
-/// Group number of surfaces that are not mirrors.
+/// Group number of surfaces that are not mirrors. The next constant is that of all curved mirrors.
 const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
 
@@ -51,8 +51,7 @@ const MOST_IN_ROW: usize = 8;
 /// Maximum number of sequences of three or more planes that are considered.
 const MOST_ROWS: usize = 1024;
 
-/// Estimated radiant intensity of light from curved glass, which leaves in a cone of about π sr, relative
-/// to a uniformly scattering mirror.
+/// Estimated intensity of light from curved glass (a cone of π sr), relative to a uniformly scattering mirror.
 const PASSED: f32 = 4.0;
 
 /// Fraction of random points that are replaced by their image in a flat mirror.
@@ -107,8 +106,7 @@ pub(super) struct Mirrors {
     /// Estimate of the light from curved mirrors; `bright` includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; the owner [`EVERY`] stands for all
-    /// owners.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] stands for all owners.
     groups: HashMap<Key, u32>,
     /// True if interfaces may shift the point of reflection.
     bent: bool,
@@ -129,8 +127,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the point of reflection on the path between two points, or `None` if it is outside these
-    /// mirrors.
+    /// Returns the point of reflection between two points; `None` if the point is outside these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -234,8 +231,7 @@ impl Mirrors {
         self
     }
 
-    /// Returns the group of the surface that was hit; on surfaces that are not mirrors, a number that no
-    /// seed has.
+    /// Returns the group of the surface that was hit; if it is not a mirror, a number that no seed has.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
@@ -268,8 +264,7 @@ impl Mirrors {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls `f` with each sequence of one or two flat mirrors over which light can go, in order from
-    /// `from` to `to`.
+    /// Calls `f` with each sequence of one or two flat mirrors from `from` to `to` over which light can go.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed { group: group as u32, point };
         for (i, a) in self.flats.iter().enumerate() {
@@ -306,8 +301,7 @@ impl Mirrors {
     }
 
     /// Calls `f` with each sequence of three to `most` flat mirrors over which light can go from a point to
-    /// `to`, in order from the point. If there are many mirrors, sequences are shorter, which bounds the
-    /// cost.
+    /// `to`, in order from the point. If there are many mirrors, sequences are shorter.
     pub fn flat_rows(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
         let most = most.min(self.longest_row());
         if self.flats.len() > 1 && most > 2 {

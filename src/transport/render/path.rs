@@ -105,8 +105,8 @@ struct Rows {
 }
 
 impl Paths {
-    /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a uniformly
-    /// random point of the pixel, stratified over the group.
+    /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a
+    /// uniformly random point of the pixel, stratified over the group.
     ///
     /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of
     /// traced rays.
@@ -404,7 +404,8 @@ impl Path {
         connect_lights(&self.vertex(scene, bounces), drawn, out)
     }
 
-    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the number of rays.
+    /// Connects the surface to a sampled point emitter, after `bounces` interactions. Returns the number of
+    /// rays.
     #[inline(never)]
     fn connect_drawn_point(
         &self,
