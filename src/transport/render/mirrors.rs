@@ -51,7 +51,7 @@ const MOST_IN_ROW: usize = 8;
 /// Maximum number of sequences of three or more planes that are considered.
 const MOST_ROWS: usize = 1024;
 
-/// Estimated intensity of light from curved glass (a cone of π sr), relative to a uniformly scattering mirror.
+/// Intensity of light from curved glass (a cone of π sr), relative to a mirror that scatters uniformly.
 const PASSED: f32 = 4.0;
 
 /// Fraction of random points that are replaced by their image in a flat mirror.
