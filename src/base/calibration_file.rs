@@ -1,4 +1,4 @@
-//! The calibration file of a rig: one TOML document; each calibration writes only its own tables into it.
+//! The calibration file of a rig: one TOML document, in which each calibration writes only its own tables.
 //!
 //! | part | keys | readers |
 //! |---|---|---|
@@ -17,24 +17,25 @@ use std::io;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// Result of one calibration.
+/// The part of a calibration file that one kind of calibration writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Polarizers, retarders, beamsplitter and mirrors: a capture scheme.
+    /// Polarizers, retarders, beamsplitter and mirrors, as a capture scheme.
     Elements,
-    /// Camera and projector.
+    /// Calibration of camera and projector.
     Devices,
-    /// A camera's sensor.
+    /// Calibration of a camera's sensor.
     Sensor,
-    /// A photon counter.
+    /// Calibration of a photon counter.
     Counter,
 }
 
 impl Part {
-    /// All parts in the order of the file: keys without a table header come first.
+    /// All parts, in the order of the file, in which keys without a table header come first.
     pub const ALL: [Self; 4] = [Self::Elements, Self::Devices, Self::Sensor, Self::Counter];
 
-    /// Returns the part's keys; the second of a pair is a key in the table that the first names.
+    /// Returns the keys of the part. In a pair, the first key names a table, and the second is a key in
+    /// this table.
     fn keys(self) -> &'static [(&'static str, Option<&'static str>)] {
         match self {
             Self::Elements => &[
@@ -54,7 +55,7 @@ impl Part {
         }
     }
 
-    /// Returns this part of a document.
+    /// Returns the tables and keys of a document that belong to this part.
     fn of(self, all: &Table) -> Table {
         let mut out = Table::new();
         for (key, inner) in self.keys() {
@@ -75,12 +76,12 @@ impl Part {
     }
 }
 
-/// Reason why nothing was written; the file is unchanged.
+/// Error of [`put`]; the file is unchanged.
 #[derive(Debug)]
 pub enum PutError {
     /// The existing file is not a calibration.
     Input(InputError),
-    /// Another calibration is writing to the file; contains the lock's holder.
+    /// Another calibration is writing to the file; contains the holder of the lock.
     Held(String),
     /// File system error.
     Io(io::Error),
@@ -131,17 +132,18 @@ struct Detectors {
     spad: IgnoredAny,
 }
 
-/// Parses the part that a reader needs. Keys unknown to all readers are refused; other readers' are ignored.
+/// Parses the part of a calibration file that a reader needs. Keys of other readers are ignored. Keys that
+/// no reader knows are refused.
 ///
 /// # Errors
-/// [`InputError`] with its location.
+/// [`InputError`] with the location of the fault.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<T, InputError> {
     document::parse::<Document>(path, text, |_| fix.to_owned())?;
     document::parse(path, text, |_| fix.to_owned())
 }
 
-/// Returns a calibration file's text with one part replaced by `text` (TOML with that part's keys only). The
-/// other parts are those of `old`, the present text of the file at `path`.
+/// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys
+/// of this part only. The other parts are those of `old`, the present text of the file at `path`.
 ///
 /// # Errors
 /// [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
@@ -166,8 +168,9 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
     Ok(out)
 }
 
-/// Writes a part (TOML with its keys only) to the calibration file at `path`, which is created if it does not
-/// exist. The other parts are kept except for their comments. Readers see either the old or the new file.
+/// Writes a part to the calibration file at `path`, which is created if it does not exist. `text` is TOML
+/// with the keys of this part only. The other parts are kept except for comments. Readers see either the
+/// old or the new file.
 ///
 /// # Errors
 /// [`PutError`]; the file is unchanged.
@@ -217,7 +220,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// In any order, with repetitions: every part is the last one written; there are no others.
+        /// Verifies, for parts in any order and with repetitions, that every part is the last one written,
+        /// and that there are no other parts.
         #[test]
         fn parts_come_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -229,7 +233,7 @@ mod tests {
             prop_assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 1);
         }
 
-        /// Any damaged text gives a calibration or an error, and never a panic.
+        /// Verifies that any damaged text gives a calibration or an error, and never a panic.
         #[test]
         fn damage_is_survived(text in "[ -~\n]{0,60}", at in 0_usize..200) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -240,7 +244,7 @@ mod tests {
         }
     }
 
-    /// A new result replaces all keys of the part's previous one.
+    /// Verifies that a new result replaces all keys of the same part.
     #[test]
     fn a_part_is_replaced_whole() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -252,7 +256,7 @@ mod tests {
         assert!(all.contains_key("temporal") && all["detector"]["cmos"]["gain_e_per_dn"].is_float());
     }
 
-    /// A file that is not a calibration is reported with a location and left unchanged.
+    /// Verifies that a file that is not a calibration is reported with a location and left unchanged.
     #[test]
     fn other_files_are_left() {
         let folder = tempfile::tempdir().expect("a folder");

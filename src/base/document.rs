@@ -1,4 +1,5 @@
-//! Parsing of TOML documents. Errors name file, line, column and fix; a list never replaces a table.
+//! Parsing of TOML documents. Errors contain file, line, column and fix. A list is never accepted for a
+//! table.
 
 use crate::input;
 use crate::locate::InputError;
@@ -29,8 +30,8 @@ pub fn parse<T: DeserializeOwned>(
     fault(path, text, fix, toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))))
 }
 
-/// Parses a table like [`parse`]. Its values come from `text`, even if the table was assembled from several
-/// places; errors name their location in `text`.
+/// Parses a table as [`parse`] parses a document. The values of the table come from `text`, even if the
+/// table was assembled from several places. Errors contain the location in `text`.
 ///
 /// # Errors
 /// [`InputError`] at the location that does not match the type.

@@ -1,7 +1,8 @@
 //! Reading of input files: regular files only.
 //!
-//! A pipe without a writer never ends, nor does `/dev/zero`, so any other kind of file is refused before it
-//! is opened. Text is read up to a maximum size, because a sparse file can report any size.
+//! Reading a pipe without a writer, or `/dev/zero`, never ends. Anything other than a regular file is
+//! therefore refused before it is opened. Text is read up to a maximum size, because a sparse file can
+//! report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};
@@ -10,7 +11,7 @@ use std::path::Path;
 /// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Returns whether a path exists and is neither a file nor a folder: a pipe, a device or a socket.
+/// Returns whether a path exists and is neither a file nor a folder, but a pipe, a device or a socket.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -61,7 +62,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// Returns the machine's memory in bytes, or the maximum if it is unknown.
+/// Returns the machine's memory in bytes, or the maximum value if the memory is unknown.
 fn memory() -> u64 {
     #[cfg(target_os = "linux")]
     {
@@ -75,7 +76,7 @@ fn memory() -> u64 {
     }
 }
 
-/// Returns the name of a file type.
+/// Returns the name of a file type for messages.
 fn name(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {

@@ -1,8 +1,8 @@
 //! Journal of the completed parts of a long task, so that a killed task can resume.
 //!
-//! The journal is an append-only file of JSON lines in the output folder. A part's line is appended after all
-//! its files are in place. A line truncated by a crash is ignored, and that part is repeated with identical
-//! bytes.
+//! The journal is an append-only file of JSON lines in the output folder. The line of a part is appended
+//! after all files of the part are in place. If a crash truncates a line, the line is ignored, and the part
+//! is repeated with identical bytes.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -55,7 +55,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         file.write_all(line.as_bytes())
     }
 
-    /// Removes the journal when the task is complete.
+    /// Removes the journal of a complete task.
     ///
     /// # Errors
     /// If the file cannot be removed.

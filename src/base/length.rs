@@ -2,16 +2,16 @@
 
 use std::str::FromStr;
 
-/// Units and their lengths in metres; a name that ends with another name comes before it.
+/// Names of units with their lengths in metres. A name that ends with another name precedes it.
 const UNITS: [(&str, f64); 7] =
     [("nm", 1e-9), ("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
 
-/// A positive length.
+/// A positive length from the command line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Length {
     /// The length in metres.
     pub metres: f64,
-    /// Whether it was given with a unit.
+    /// Whether the length was given with a unit.
     pub has_unit: bool,
 }
 
@@ -34,7 +34,8 @@ impl Length {
     /// Returns the length in metres if it has a unit or is at most `limit` metres.
     ///
     /// # Errors
-    /// A message about the length `what`, if it has no unit and exceeds `limit`: it may be in millimetres.
+    /// A message about the length `what`, if the length has no unit and exceeds `limit`, because it may be
+    /// in millimetres.
     pub fn within(self, limit: f64, what: &str) -> Result<f64, String> {
         if self.has_unit || self.metres <= limit {
             return Ok(self.metres);

@@ -1,4 +1,4 @@
-//! Values with their location in a document, and errors that report it.
+//! Values with their location in a document, and errors that report the location.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub struct Located<T>(toml::Spanned<T>);
 
 impl<T> Located<T> {
-    /// Wraps a value that is not from a file (a default).
+    /// Wraps a value that is not from a file, such as a default.
     pub fn nowhere(value: T) -> Self {
         Self(toml::Spanned::new(0..0, value))
     }
@@ -23,7 +23,7 @@ impl<T> Located<T> {
         Self(toml::Spanned::new(span, value))
     }
 
-    /// Returns the byte range in the file.
+    /// Returns the byte range of the value in the file.
     pub fn span(&self) -> Range<usize> {
         self.0.span()
     }
@@ -88,16 +88,16 @@ pub struct InputError {
     pub file: PathBuf,
     /// Text of the file (empty if it could not be read).
     pub text: Arc<str>,
-    /// Byte range of the error.
+    /// Byte range of the error in the text, if known.
     pub span: Option<Range<usize>>,
     /// Description of the error.
     pub message: String,
-    /// Advice how to fix it.
+    /// Advice on how to fix the error.
     pub help: Option<String>,
 }
 
 impl InputError {
-    /// Returns an error in the text of a file, with advice how to fix it.
+    /// Creates an error in the text of a file, with advice on how to fix it.
     pub fn new(
         file: impl Into<PathBuf>,
         text: impl Into<Arc<str>>,
@@ -109,7 +109,8 @@ impl InputError {
         Self { file, text, span, message, help: Some(help.into()) }
     }
 
-    /// Returns line and column of the error, both counted from 1; columns are in characters.
+    /// Returns the line and the column of the error, both counted from 1. Columns are counted in
+    /// characters.
     pub fn line_column(&self) -> Option<(usize, usize)> {
         let start = self.span.as_ref()?.start.min(self.text.len());
         let before = self.text.get(..start)?;

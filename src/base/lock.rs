@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Number of attempts to read the holder from a lock file, and the time between them.
+/// Number of attempts to read the holder from a lock file. The next constant is the time between attempts.
 const TRIES: u32 = 100;
 const WAIT: Duration = Duration::from_millis(2);
 
@@ -24,7 +24,7 @@ pub struct Lock {
 /// Reason why a lock was not acquired.
 #[derive(Debug)]
 pub enum LockError {
-    /// Another holder has the lock, for example `process 12 on host`.
+    /// Another holder has the lock; contains its name, for example `process 12 on host`.
     Held(String),
     /// File system error.
     Io(io::Error),
@@ -37,10 +37,12 @@ pub fn file_of(output: &Path) -> PathBuf {
 }
 
 impl Lock {
-    /// Locks an output, which need not exist; creates missing parent folders. Follows symbolic links.
+    /// Locks an output. The output need not exist; missing parent folders are created. Symbolic links are
+    /// followed.
     ///
     /// # Errors
-    /// [`LockError`]: another process or another part of this one holds the lock, or the file system fails.
+    /// [`LockError`] if another process or another thread of this process holds the lock, or the file
+    /// system fails.
     pub fn take(output: &Path) -> Result<Self, LockError> {
         let real = output.canonicalize().unwrap_or_else(|_| output.to_owned());
         let path = file_of(&real);
@@ -83,7 +85,7 @@ impl Drop for Lock {
     }
 }
 
-/// Returns the lock's holder from its file; retries if the holder has not yet written the file.
+/// Returns the holder of a lock from the lock file. Retries if the holder has not yet written the file.
 fn holder(mut file: File) -> String {
     for _ in 0..TRIES {
         let mut text = String::new();
@@ -96,7 +98,7 @@ fn holder(mut file: File) -> String {
     "another process".to_owned()
 }
 
-/// Returns whether an open file is still the one at a path.
+/// Returns whether an open file is still the file at a path.
 fn is_file_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -114,7 +116,7 @@ fn is_file_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Returns this process's name for others: `process 12 on host`.
+/// Returns the name of this process as a lock holder, for example `process 12 on host`.
 pub fn holder_name() -> String {
     format!("process {} on {}", std::process::id(), host())
 }
@@ -155,7 +157,7 @@ mod tests {
         Lock::take(&output).expect("nobody holds it");
     }
 
-    /// A link and its target have one lock.
+    /// Verifies that a link and its target have the same lock.
     #[cfg(unix)]
     #[test]
     fn links_are_followed() {
@@ -167,7 +169,7 @@ mod tests {
         assert!(matches!(Lock::take(&link), Err(LockError::Held(_))));
     }
 
-    /// Concurrent threads never hold the lock at the same time.
+    /// Verifies that concurrent threads never hold the lock at the same time.
     #[test]
     fn never_two_at_once() {
         let dir = tempfile::tempdir().expect("a folder");

@@ -1,11 +1,11 @@
 //! Positioned reads and writes, so that several threads can access one file concurrently.
 //!
-//! On systems without positioned I/O, threads take turns.
+//! On systems without positioned I/O, a lock serializes the accesses.
 
 use std::fs::File;
 use std::io;
 
-/// Fills `out` with the bytes from offset `at`. The file's own position is undefined afterwards.
+/// Fills `out` with the bytes of the file from offset `at`. The file position is undefined afterwards.
 ///
 /// # Errors
 /// On a file system error, or if the file is too short.
@@ -24,7 +24,7 @@ pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
     }
 }
 
-/// Writes all bytes from offset `at`. The file's own position is undefined afterwards.
+/// Writes all bytes to the file from offset `at`. The file position is undefined afterwards.
 ///
 /// # Errors
 /// On a file system error.

@@ -1,17 +1,17 @@
-//! Tables over wavelength, linear between entries and constant beyond them.
+//! Tables of values over wavelength, interpolated linearly between entries and constant beyond the ends.
 
-/// Values at vacuum wavelengths in nanometres.
+/// A table of values at vacuum wavelengths in nanometres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectralTable<'a> {
     /// Wavelengths in nanometres, strictly increasing.
     pub nm: &'a [f64],
-    /// One value per wavelength.
+    /// Values, one per wavelength.
     pub values: &'a [f64],
 }
 
 impl SpectralTable<'_> {
-    /// Returns whether the table is valid: as many values as wavelengths, at least one, all finite, and
-    /// wavelengths positive and strictly increasing.
+    /// Returns whether the table is valid: it has at least one entry and as many values as wavelengths. All
+    /// numbers must be finite, and wavelengths positive and strictly increasing.
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
         finite
@@ -21,7 +21,8 @@ impl SpectralTable<'_> {
             && self.nm.is_sorted_by(|a, b| a < b)
     }
 
-    /// Returns the value at a wavelength: linear between entries, constant beyond them, 0 for an empty table.
+    /// Returns the value at a vacuum wavelength in nanometres: linear between entries, constant beyond the
+    /// ends, 0 for an empty table.
     pub fn at(&self, nm: f64) -> f64 {
         let right = self.nm.partition_point(|w| *w <= nm);
         let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));
@@ -33,16 +34,18 @@ impl SpectralTable<'_> {
     }
 }
 
-/// Returns the index of the entry nearest to `wanted`, the first of equal ones; `None` for an empty list.
+/// Returns the index of the entry nearest to the wavelength `wanted` (nanometres); of two equally near, the
+/// first. Returns `None` for an empty list.
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
     (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// Maximum distance of a wavelength beyond the table's range, in nanometres.
+/// Maximum distance of an accepted wavelength beyond the range of a table, in nanometres.
 pub const BEYOND_NM: f64 = 5.0;
 
-/// As [`nearest`], but `None` for a wavelength more than [`BEYOND_NM`] beyond the entries.
+/// Returns the index as [`nearest`] does, but `None` for a wavelength more than [`BEYOND_NM`] beyond the
+/// entries.
 pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     let low = nm.iter().copied().fold(f64::INFINITY, f64::min);
     let high = nm.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -1,7 +1,9 @@
-//! Atomic creation of folders: built next to the destination under a hidden name, then renamed.
+//! Atomic creation of folders, which are built next to the destination under a hidden name and then
+//! renamed.
 //!
-//! The next holder of the destination's [`super::lock::Lock`] finds what a killed process left: `.NAME.part`
-//! (unfinished work, to be resumed or restarted) and `.NAME.old` (a replaced folder to be deleted).
+//! A killed process may leave `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a
+//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds these
+//! folders.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -12,7 +14,7 @@ fn beside(path: &Path, kind: &str) -> PathBuf {
     path.with_file_name(format!(".{name}.{kind}"))
 }
 
-/// Returns the path of the unfinished folder: `.NAME.part` next to the destination.
+/// Returns the path of the unfinished folder, which is `.NAME.part` next to the destination.
 pub fn part_of(path: &Path) -> PathBuf {
     beside(path, "part")
 }
@@ -28,8 +30,8 @@ pub fn remove(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder back,
-/// or deletes it if the new one is in place. Only the holder of the lock may call this.
+/// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder
+/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this.
 ///
 /// # Errors
 /// On a file system error.
@@ -44,7 +46,8 @@ pub fn recover(path: &Path) -> io::Result<()> {
     remove(&old)
 }
 
-/// Renames the folder `part` to `path`, replacing an existing folder, atomically where the system allows it.
+/// Renames the folder `part` to `path` and replaces an existing folder. The replacement is atomic if the
+/// system supports it.
 ///
 /// # Errors
 /// On a file system error; the old folder stays in place.

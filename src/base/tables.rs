@@ -1,8 +1,9 @@
 //! Deserialization that never accepts a list for a table.
 //!
-//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
-//! 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and everything read
-//! through it, and refuses a list where a struct is expected. The error keeps its location.
+//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0,
+//! 0, 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and everything
+//! that is read through it, and refuses a list where a struct is expected. The error contains the location
+//! of the list.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,
@@ -10,7 +11,7 @@ use serde::de::{
 };
 use std::fmt;
 
-/// Wrapper of a deserializer, a visitor or an access object that refuses lists for tables.
+/// A deserializer, a visitor or an access object that refuses lists for tables.
 pub struct Strict<T> {
     inner: T,
     /// Names of the fields, if a struct is expected.
@@ -31,7 +32,7 @@ impl<T> Strict<T> {
 /// Start of the error message for a list in place of a table.
 pub const WANTED: &str = "expected a table, {";
 
-/// The expected type in the error message.
+/// The expected type in the error message, given by the field names.
 struct Table(&'static [&'static str]);
 
 impl de::Expected for Table {

@@ -1,8 +1,9 @@
 //! Atomic file writes: a file appears completely or not at all.
 //!
-//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which is then renamed
-//! over it. If the process is killed, either the old or the new file remains, never a partial one; at worst
-//! the temporary file is left. Files are not synced: this does not protect against power loss.
+//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which then replaces
+//! the destination by renaming. If the process is killed, the destination is either the old or the new
+//! file, never a partial file. The temporary file may remain. Files are not synced, so a power loss may
+//! damage them.
 
 use crate::input;
 use std::fs::{self, File};
@@ -13,14 +14,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Counter of this process's temporary files.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
-/// Returns a temporary name next to `path`, unique in this process and among running processes.
+/// Returns a path for a temporary file next to `path`. The name is unique in this process and among running
+/// processes.
 pub fn temporary_beside(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let n = COUNTER.fetch_add(1, Ordering::Relaxed);
     path.with_file_name(format!(".{name}.{}-{n}.tmp", std::process::id()))
 }
 
-/// Returns whether a name has the form that [`temporary_beside`] returns.
+/// Returns whether a name has the form of the names that [`temporary_beside`] returns.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
@@ -33,7 +35,7 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Resolves links and dots in a path whose last components need not exist.
+/// Resolves symbolic links and dots in a path whose last components need not exist.
 pub fn real(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut found = PathBuf::new();
@@ -49,7 +51,7 @@ pub fn real(path: &Path) -> PathBuf {
     found
 }
 
-/// Returns whether two paths are the same inode, because hard links have different names.
+/// Returns whether two paths are the same inode, which may have several names because of hard links.
 #[cfg(unix)]
 fn is_same_node(a: &Path, b: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -62,7 +64,8 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Writes a file atomically (temporary file in the same directory, then rename); creates directories.
+/// Writes a file atomically, by a temporary file in the same directory that is then renamed. Creates
+/// missing directories.
 ///
 /// # Errors
 /// On a file system error; the old file, if any, is unchanged.
@@ -78,7 +81,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// As [`write()`], through a buffered writer; first removes temporary files that killed processes left.
+/// Writes a file as [`write()`] does, through a buffered writer. Before that, removes temporary files that
+/// killed processes left.
 ///
 /// # Errors
 /// As [`write()`], and errors of `fill`.
@@ -104,7 +108,7 @@ fn sweep(path: &Path) {
     }
 }
 
-/// Returns whether a process with this id may still be running.
+/// Returns whether a process with this id may be running.
 fn is_running(id: i32) -> bool {
     #[cfg(unix)]
     {

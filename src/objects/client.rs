@@ -1,5 +1,5 @@
-//! Requests: reads objects, whole or in part, and lists, writes and removes them. Each object is written
-//! atomically.
+//! Requests to object stores: reads whole objects or parts, and lists, writes and removes objects. Each
+//! object is written atomically.
 
 use super::{AT_ONCE, ATTEMPTS, Key, Objects, again, chain, up_to, wait};
 use bytes::Bytes;
@@ -10,10 +10,10 @@ use object_store::{
 use store::objects::{Ask, Condition, ObjectClient, Put, Version};
 use store::refusal::Refusal;
 
-/// Maximum size of an object to read; no file of a store is larger.
+/// Maximum size, in bytes, of an object to read. No file of a store is larger.
 const LARGEST: u64 = 4 << 30;
 
-/// Converts a request to a range that the servers of a scheme support.
+/// Converts a request to a byte range that the servers of a scheme support.
 fn range(ask: &Ask, scheme: &str) -> Option<GetRange> {
     match ask {
         Ask::Whole => None,

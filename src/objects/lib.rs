@@ -1,9 +1,9 @@
 //! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and
 //! web servers (read-only).
 //!
-//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail
-//! temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the
-//! environment variables of each cloud.
+//! Calls block. Requests run on a runtime of two threads; the requests of one call are concurrent. Requests
+//! that fail temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come
+//! from the environment variables of each cloud.
 
 mod client;
 #[cfg(test)]
@@ -28,7 +28,7 @@ const AT_ONCE: usize = 32;
 const ATTEMPTS: usize = 6;
 /// Pause before the first retry.
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
-/// Maximum total time of retries. The client itself has already retried longer failures, with increasing
+/// Maximum total time of retries. The client library has already retried longer failures, with increasing
 /// pauses.
 const PATIENCE: Duration = Duration::from_secs(10);
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
@@ -47,7 +47,7 @@ fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> 
     message.recv().map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 
-/// The objects below an address.
+/// The objects below an address, with the client of their store.
 #[derive(Clone)]
 struct Objects {
     scheme: String,
@@ -55,7 +55,7 @@ struct Objects {
     below: Key,
 }
 
-/// Omits the store, which contains credentials.
+/// Formats the value without the store, which contains credentials.
 impl fmt::Debug for Objects {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Objects({}://.. {})", self.scheme, self.below)
@@ -138,7 +138,7 @@ pub fn install() {
     store::objects::install(|scheme, address| Ok(Arc::new(Objects::open(scheme, address)?)));
 }
 
-/// Installs the cryptography provider of HTTPS, unless the program has chosen one.
+/// Installs the cryptography provider of HTTPS, unless the program has installed one.
 fn provider() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -154,8 +154,8 @@ fn retry() -> RetryConfig {
     }
 }
 
-/// Repeats an idempotent request whose response was lost or truncated; the client itself does not repeat
-/// requests that change something.
+/// Repeats an idempotent request whose response was lost or truncated; the client library does not repeat
+/// requests that change objects.
 async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
     up_to(ATTEMPTS, ask).await
 }
@@ -191,7 +191,8 @@ fn chain(error: &Error) -> String {
     text
 }
 
-/// Environment variables for the credentials of a scheme, for anonymous access, and for the server's URL.
+/// Returns the environment variables for the credentials of a scheme, for anonymous access, and for the
+/// server's URL.
 fn variables(scheme: &str) -> [&'static str; 3] {
     match scheme {
         "gs" => ["GOOGLE_APPLICATION_CREDENTIALS", "GOOGLE_SKIP_SIGNATURE=true", "GOOGLE_BASE_URL"],
@@ -204,7 +205,7 @@ fn variables(scheme: &str) -> [&'static str; 3] {
     }
 }
 
-/// Converts an error to a refusal.
+/// Converts an error of the client library to a refusal.
 fn refusal(scheme: &str, error: &Error) -> Refusal {
     let text = chain(error);
     let says = |words: &[&str]| words.iter().any(|word| text.contains(word));

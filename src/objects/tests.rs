@@ -1,4 +1,4 @@
-//! Tests with object stores in memory: reads, repeated requests, refusals.
+//! Tests with object stores in memory: reads, repeated requests and refusals.
 
 pub(crate) mod faulty;
 
@@ -37,7 +37,7 @@ fn objects_are_read_and_listed_below_their_address() {
     assert_eq!(found, expected.map(|text| text.map(Bytes::from)));
 }
 
-/// Also works on threads of another runtime.
+/// Verifies that calls also work on threads of another runtime.
 #[test]
 fn another_runtime_is_not_in_the_way() {
     put(&memory("within"), "a", vec![1]);
@@ -91,7 +91,8 @@ fn below(address: &str) -> Objects {
     Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
-/// Lost requests and lost responses: all kinds of requests, at all positions of the failure pattern.
+/// Verifies that lost requests and lost responses are repeated, for all kinds of requests and at all
+/// positions of the failure pattern.
 #[test]
 fn what_fails_is_asked_again() {
     let objects = below("flaky://asked/s.zarr");

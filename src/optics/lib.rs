@@ -1,4 +1,4 @@
-//! Polarization optics, lens distortion, and the mathematics of sampling. Performs no file access.
+//! Polarization optics, lens distortion, and sampling methods. This crate accesses no files.
 //!
 //! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
 

@@ -5,18 +5,18 @@
 
 use serde::{Deserialize, Serialize};
 
-/// One value per wavelength lane; lanes beyond the scene's wavelength count are zero.
+/// Values per wavelength lane. Lanes beyond the number of the scene's wavelengths are zero.
 pub type Spectral = wide::f32x4;
 
 /// Maximum number of wavelengths of a render.
 pub const MAX_WAVELENGTHS: usize = 4;
 
-/// The vacuum wavelengths of a render, in nanometres, 1 to 4 of them.
+/// The 1 to 4 vacuum wavelengths of a render, in nanometres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wavelengths(Vec<f64>);
 
 impl Default for Wavelengths {
-    /// Returns 450, 550 and 660 nm.
+    /// Returns the default wavelengths 450, 550 and 660 nm.
     fn default() -> Self {
         Self(vec![450.0, 550.0, 660.0])
     }
@@ -35,7 +35,7 @@ pub enum WavelengthError {
 }
 
 impl Wavelengths {
-    /// Creates a list of vacuum wavelengths in nanometres after checking it.
+    /// Checks a list of vacuum wavelengths in nanometres, and creates the value.
     ///
     /// # Errors
     /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
@@ -74,7 +74,7 @@ impl Wavelengths {
         Spectral::new(lanes)
     }
 
-    /// Returns one in every used lane, zero in the others.
+    /// Returns 1 in every used lane and 0 in the others.
     #[inline]
     pub fn ones(&self) -> Spectral {
         self.map(|_| 1.0)

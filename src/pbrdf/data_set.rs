@@ -1,8 +1,8 @@
 //! Data sets of pBRDFs: moments and samples of materials from `.pbsdf` files or analytic materials.
 //!
-//! Materials are read one at a time, with their φ_d slabs in parallel. Only the pages being read are in
-//! memory; for an analytic material, one slab per thread. Angles are not used, so files with empty axes are
-//! accepted.
+//! Materials are read one at a time, with their φ_d slabs in parallel. For a file, only the pages being
+//! read are in memory; for an analytic material, one slab per thread is in memory. Angles are not used, so
+//! files with empty axes are accepted.
 
 use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;
@@ -15,7 +15,7 @@ use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::measured::write::slab;
 
-/// Error of reading or creating a data set, with advice.
+/// Error of reading or creating a data set; the message includes advice.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
@@ -27,10 +27,10 @@ pub enum DataError {
     /// A table is invalid.
     #[error("{}: {cause}", path.display())]
     Table { path: PathBuf, cause: PbsdfError },
-    /// The axes are invalid for tabulating analytic materials.
+    /// The axes are invalid for tables of analytic materials.
     #[error("cannot tabulate the materials: {0}")]
     Axes(PbsdfError),
-    /// No bands are given.
+    /// The list of bands is empty.
     #[error("expected at least one band, got none; give bands in nanometres")]
     NoBands,
     /// The matrices do not form a valid data set.
@@ -38,12 +38,12 @@ pub enum DataError {
     Data(#[from] data_set::DataError),
 }
 
-/// A named analytic material, with one table source per group of bands; see
+/// A named analytic material, with one source per group of bands; see
 /// [`tabulate`](transport::material::measured::write::tabulate).
 pub type Analytic<'a> = (String, Vec<(&'a Materials, u32)>);
 
-/// Reads all `.pbsdf` files of a folder at their bands nearest to the given ones (nanometres), each band
-/// once. Bands are read as measured, without interpolation; a missing band is replaced with a warning.
+/// Reads all `.pbsdf` files of a folder at the bands nearest to `bands_nm` (nanometres), each band once.
+/// Bands are read as measured, without interpolation; a missing band is replaced with a warning.
 ///
 /// # Errors
 /// [`DataError`].
@@ -66,7 +66,7 @@ pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Data
     Ok(DataSet { materials: files.iter().map(one).collect::<Result<_, _>>()? })
 }
 
-/// Evaluates analytic materials at the entries of a table, without writing one.
+/// Creates a data set from analytic materials, evaluated at the entries of a table. No table is written.
 ///
 /// # Errors
 /// [`DataError`].
@@ -92,7 +92,7 @@ pub fn evaluate(axes: &Axes, materials: &[Analytic], settings: &Settings) -> Res
     Ok(DataSet { materials: out })
 }
 
-/// Reads one file.
+/// Reads one `.pbsdf` file.
 fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material, DataError> {
     let options = Options { even_axes: true, ..Options::default() };
     let table =
@@ -154,7 +154,8 @@ mod tests {
         .unwrap();
     }
 
-    /// Files are read in order of name. Moments are those of the entries; samples are entries.
+    /// Verifies that files are read in order of name, that moments are those of the entries, and that
+    /// samples are entries.
     #[test]
     fn folders_are_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -195,7 +196,8 @@ mod tests {
         assert_eq!(again.mapped(Weight::Bins), data.mapped(Weight::Bins));
     }
 
-    /// Evaluation in memory is bit-identical to reading a file, with more bands than one set holds.
+    /// Verifies that evaluation in memory is bit-identical to reading a file, with more bands than one set
+    /// holds.
     #[test]
     fn memory_and_file_agree() {
         let text = "[materials]\nm.plastic = { albedo = 0.4, ior = 1.5, alpha = 0.2 }";
@@ -224,7 +226,7 @@ mod tests {
         assert!(matches!(few, Err(DataError::Axes(PbsdfError::Sources { .. }))));
     }
 
-    /// Errors name the fault and its fix.
+    /// Verifies that errors name the fault and the fix.
     #[test]
     fn faults_are_named() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,10 +1,10 @@
 //! Mueller matrices of a single material: its BRDF, and the reflection and transmission of smooth surfaces.
 //!
-//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming one to the
-//! light's source, the outgoing one to its destination. Stokes vectors are in frames whose horizontal is
-//! (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the direction, so that "s" is the first
-//! axis. The renderer's frames ([`optics::polarization::scatter`]) are therefore rotated in both directions,
-//! and for transmission radiance is converted to power.
+//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming direction
+//! to the source of the light, the outgoing direction to the destination. Stokes vectors are in frames
+//! whose horizontal is (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the direction, so
+//! that "s" is the first axis. The renderer's frames ([`optics::polarization::scatter`]) are therefore
+//! rotated for both directions. For transmission, radiance is converted to power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;
@@ -17,9 +17,9 @@ use transport::scene::Scene;
 /// A direction: polar angle from the normal (+z) and azimuth from the tangent (+x), in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction {
-    /// Angle from the normal; above 90 behind the surface.
+    /// Polar angle from the normal, degrees; above 90 for directions behind the surface.
     pub theta_deg: f64,
-    /// Azimuth from the tangent.
+    /// Azimuth from the tangent, degrees.
     pub phi_deg: f64,
 }
 
@@ -35,25 +35,26 @@ impl Direction {
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
     }
 
-    /// Returns the horizontal of the Stokes frame along the direction: (-sin φ, cos φ, 0), also on the
-    /// normal.
+    /// Returns the horizontal of the Stokes frame along the direction, (-sin φ, cos φ, 0). This also holds
+    /// for the normal.
     pub fn frame(self) -> [f64; 3] {
         let phi = self.phi_deg.to_radians();
         [-phi.sin(), phi.cos(), 0.0]
     }
 
-    /// Returns vector and frame in the renderer's types.
+    /// Returns the vector and the frame in the single-precision types of the renderer.
     fn single(self) -> (Vec3A, Vec3A) {
         let [w, x] = [self.vector(), self.frame()].map(|v| v.map(|c| c as f32).into());
         (w, x)
     }
 
-    /// Returns the direction of mirror reflection.
+    /// Returns the direction of mirror reflection at the surface.
     fn mirrored(self) -> Self {
         Self { phi_deg: self.phi_deg + 180.0, ..self }
     }
 
-    /// Returns a vector's direction, on the other side of the normal in this plane of incidence.
+    /// Returns the direction of a vector that is on the other side of the normal in the plane of incidence
+    /// of `self`.
     fn across(self, w: Vec3A) -> Self {
         Self {
             theta_deg: f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees(),
@@ -62,15 +63,15 @@ impl Direction {
     }
 }
 
-/// The material has no such specular lobe.
+/// Error: the material has no such specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the material does not {} specularly at this point; evaluate its BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
 
-/// Value of a BRDF for two directions.
+/// Value of a BRDF for a pair of directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrdfValue {
-    /// `[wavelength][out][in]`, 1/sr, without the cosine.
+    /// Mueller BRDF `[wavelength][out][in]`, 1/sr, without the cosine.
     pub mueller: Vec<[[f32; 4]; 4]>,
     /// Density per steradian with which the renderer samples the incoming direction for the outgoing one.
     pub pdf: f32,
@@ -79,13 +80,14 @@ pub struct BrdfValue {
 /// Reflection or transmission of a smooth surface at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularValue {
-    /// `[out][in]` for power; radiance also changes by the squared ratio of the refractive indices.
+    /// Mueller matrix `[out][in]` for power. Radiance also changes by the squared ratio of the refractive
+    /// indices.
     pub mueller: [[f32; 4]; 4],
     /// Outgoing direction; `None` under total reflection, where the transmission matrix is zero.
     pub outgoing: Option<Direction>,
 }
 
-/// A material of a set or a scene on a flat surface.
+/// A material of a material set or of a scene, on a flat surface.
 pub struct Specimen<'a> {
     materials: &'a Materials,
     /// Number of wavelengths.
@@ -123,7 +125,8 @@ impl<'a> Specimen<'a> {
         Self { materials, lanes, id, at }
     }
 
-    /// Returns the BRDF for light from `incoming` to `outgoing`; zero if nothing is scattered.
+    /// Returns the BRDF for light from `incoming` to `outgoing`; zero if the material scatters no light to
+    /// `outgoing`.
     pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
         let m = self.mueller(incoming, outgoing);
         let (wi, wo) = (incoming.single().0, outgoing.single().0);
@@ -205,7 +208,8 @@ mod tests {
         Direction { theta_deg, phi_deg }
     }
 
-    /// Glass of index 1.5 transmits the power that it does not reflect (Fresnel, 50°), from either side.
+    /// Verifies that glass of index 1.5 transmits the power that it does not reflect (Fresnel, 50°), from
+    /// either side.
     #[test]
     fn smooth_surfaces_keep_power() {
         let set = set("g.dielectric = { ior = 1.5 }");
@@ -224,7 +228,7 @@ mod tests {
         assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
     }
 
-    /// Vectors of any length have the direction of their angles; the zenith has azimuth 0.
+    /// Verifies that vectors of any length give the correct angles, and that the zenith has azimuth 0.
     #[test]
     fn vectors_have_directions() {
         for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {
@@ -234,7 +238,7 @@ mod tests {
         }
     }
 
-    /// A diffuse surface of albedo a has the BRDF a/π and no specular lobes.
+    /// Verifies that a diffuse surface of albedo a has the BRDF a/π and no specular lobes.
     #[test]
     fn rough_surfaces_have_a_brdf() {
         let rough = set("r.rough_dielectric = { ior = 1.5, alpha = 0.3 }");

@@ -1,4 +1,4 @@
-//! Tables of a participating medium's scattering: its Mueller matrix over the scattering angle.
+//! Tables of the scattering of a participating medium: its Mueller matrix over the scattering angle.
 
 use base::locate::InputError;
 use glam::Vec3A;
@@ -6,7 +6,7 @@ use optics::spectrum::Wavelengths;
 use scene::media::MediumSet;
 use std::path::Path;
 
-/// A medium at one wavelength.
+/// Optical properties and scattering matrix of a medium at one wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseTable {
     /// Vacuum wavelength, in nanometres.
@@ -21,7 +21,7 @@ pub struct PhaseTable {
     pub asymmetry: f64,
     /// Mean scattering cross section of a particle, m²; 0 if the medium does not define particles.
     pub scattering_cross_section: f64,
-    /// Mean absorption cross section of a particle, m².
+    /// Mean absorption cross section of a particle, m²; 0 if the medium does not define particles.
     pub absorption_cross_section: f64,
     /// S11, S12, S22, S33, S34, S44 at each angle, per steradian, with S11 normalized to an integral of 1
     /// over the sphere. The first axis of both Stokes frames is perpendicular to the scattering plane (S12 =
@@ -29,11 +29,12 @@ pub struct PhaseTable {
     pub elements: Vec<[f32; 6]>,
 }
 
-/// Returns tables of the medium `name` of a file at scattering angles (degrees, 0 to 180), one for each of
-/// `wavelengths_nm`, any number of them in any order. If none are given, those of the file are used.
+/// Returns tables of the medium `name` of a file at scattering angles (degrees, 0 to 180). There is one
+/// table for each of `wavelengths_nm`, which may have any number and order. If `wavelengths_nm` is empty,
+/// the wavelengths of the file are used.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix.
+/// [`InputError`], which contains file, location and fix.
 pub fn tables(
     file: &Path,
     name: &str,
@@ -83,7 +84,8 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
 mod tests {
     use super::*;
 
-    /// Rayleigh scattering at right angles is fully polarized and equals 3/(16π), at any wavelengths.
+    /// Verifies that Rayleigh scattering at right angles is fully polarized and equals 3/(16π), at any
+    /// wavelength.
     #[test]
     fn rayleigh_polarizes_at_right_angles() {
         let folder = tempfile::tempdir().expect("a folder");

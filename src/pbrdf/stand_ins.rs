@@ -7,12 +7,12 @@ use scene::materials::MaterialSet;
 use std::path::{Path, PathBuf};
 use transport::material::Materials;
 
-/// Built-in substitutes.
+/// Text of the material file with the built-in substitutes.
 const STAND_INS: &str = include_str!("../../pbrdf/stand_ins.toml");
-/// Prefix of the names of the materials to tabulate, in that file.
+/// Prefix of the names of those materials in the built-in file that are to be tabulated.
 const PREFIX: &str = "like_";
 
-/// Error of loading materials.
+/// Error of loading materials at several bands.
 #[derive(Debug, thiserror::Error)]
 pub enum BandedError {
     /// The file cannot be read.
@@ -24,7 +24,7 @@ pub enum BandedError {
     /// The file is invalid.
     #[error(transparent)]
     File(#[from] InputError),
-    /// No bands are given.
+    /// The list of bands is empty.
     #[error("expected at least one band, got none")]
     NoBands,
 }
@@ -55,7 +55,7 @@ impl BandedMaterials {
         Ok(Self(sets))
     }
 
-    /// Iterates over all names, in order.
+    /// Iterates over the names of all materials, in order.
     pub fn names(&self) -> impl Iterator<Item = &String> {
         self.0.iter().take(1).flat_map(|set| set.names.keys())
     }
@@ -72,14 +72,15 @@ impl BandedMaterials {
         self.names().filter(smooth).cloned().collect()
     }
 
-    /// Returns the names of the substitutes.
+    /// Returns the names of the built-in substitutes.
     pub fn stand_ins(&self) -> Vec<String> {
         let mut names = self.tabulable();
         names.retain(|name| name.starts_with(PREFIX));
         names
     }
 
-    /// Returns a material as the argument of `tabulate`, one source per four bands; empty if unknown.
+    /// Returns a material as the argument of `tabulate`, with one source per four bands; empty if the name
+    /// is unknown.
     pub fn sources(&self, name: &str) -> Vec<(&Materials, u32)> {
         let of = |set| -> Option<(&Materials, u32)> {
             let set: &MaterialSet = set;

@@ -1,4 +1,5 @@
-//! Tables of analytic materials in the KAIST format: which can be made, and the list of tables.
+//! Tables of analytic materials in the KAIST format: a check which materials can be tabulated, and the list
+//! of tables.
 
 use crate::stand_ins::BandedMaterials;
 use crate::table_part::nearest_band;
@@ -6,7 +7,7 @@ use base::whole_file;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Preferred bands in the list, in nanometres; the nearest available bands are used.
+/// Preferred bands of the list of tables, in nanometres; the nearest available bands are used.
 const SHOWN_NM: [u16; 3] = [450, 550, 650];
 
 /// Reason why a material cannot be tabulated.
@@ -17,11 +18,11 @@ pub enum SynthError {
         "material `{0}` is purely specular and cannot be tabulated; choose a material with a rough or diffuse lobe"
     )]
     Specular(String),
-    /// The name is unknown.
+    /// No material has this name.
     #[error("unknown material `{name}`; known materials: {known}")]
     Unknown {
         name: String,
-        /// All names, separated by commas.
+        /// Names of all materials, separated by commas.
         known: String,
     },
 }
@@ -29,7 +30,7 @@ pub enum SynthError {
 /// Checks that materials can be tabulated.
 ///
 /// # Errors
-/// [`SynthError`] for the first material that cannot.
+/// [`SynthError`] for the first material that cannot be tabulated.
 pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthError> {
     for name in names {
         match materials.is_smooth(name) {

@@ -1,8 +1,8 @@
-//! Parts of a measured table: the entries nearest to given angles and bands, and statistics of its bands.
+//! Parts of a measured table: the entries nearest to given angles and bands, and statistics per band.
 
 use transport::material::measured::table::Table;
 
-/// Approximate number of entries used for statistics; larger tables are subsampled evenly.
+/// Approximate number of entries used for statistics. Larger tables are subsampled evenly.
 const LOOKED_AT: usize = 200_000;
 
 /// Returns the index of the node (in radians) nearest to an angle in degrees; 0 if there are no nodes.
@@ -11,7 +11,7 @@ pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
 
-/// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are none.
+/// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are no bands.
 pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
     let distance = |i: &usize| (f64::from(bands_nm[*i]) - nm).abs();
     (0..bands_nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
@@ -20,19 +20,19 @@ pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
 /// Statistics of a band of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BandStatistics {
-    /// The band, in nanometres.
+    /// Vacuum wavelength of the band, in nanometres.
     pub nm: u16,
-    /// Fraction of the entries that are known.
+    /// Fraction of the entries that are known, 0..1.
     pub known: f64,
     /// Smallest M00 (BRDF, 1/sr); infinite if all entries are unknown.
     pub low: f32,
-    /// Largest M00.
+    /// Largest M00 (BRDF, 1/sr).
     pub high: f32,
-    /// Mean depolarization index of Gil & Bernabéu (1985): 1 preserves all polarization, 0 none.
+    /// Mean depolarization index of Gil & Bernabéu (1985): 1 if all polarization is preserved, 0 if none.
     pub kept: f64,
 }
 
-/// Returns the stride with which [`band_statistics`] samples entries; 1 for small tables.
+/// Returns the stride with which [`band_statistics`] subsamples entries; 1 for small tables.
 pub fn statistics_step(table: &Table) -> usize {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     (p * d * h / LOOKED_AT).max(1)
@@ -72,13 +72,13 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
 pub struct TablePart {
     /// Kept indices along each axis.
     pub kept: [Vec<usize>; 4],
-    /// Lengths of the axes that are not fixed.
+    /// Lengths of the axes that are not fixed, in the order of the axes.
     pub shape: Vec<usize>,
 }
 
 impl TablePart {
-    /// Creates the part in which the given angles (degrees: φ_d, θ_d, θ_h) and wavelength (nanometres) are
-    /// fixed at their nearest entries; the other axes are kept.
+    /// Creates the part in which the given angles (φ_d, θ_d, θ_h, in degrees) and wavelength (nanometres)
+    /// are fixed at the nearest entries. Axes without a given value are kept.
     pub fn new(table: &Table, angles_deg: [Option<f32>; 3], nm: Option<f32>) -> Self {
         let all = |n: usize| (0..n).collect::<Vec<_>>();
         let angles = table.angles();
@@ -98,7 +98,8 @@ impl TablePart {
         Self { kept, shape }
     }
 
-    /// Iterates over kept entries, last axis fastest: four indices and the row-major matrix, NaN if unknown.
+    /// Iterates over the kept entries, last axis fastest. Each item has four indices and the row-major
+    /// matrix, which is NaN if unknown.
     pub fn entries<'a>(&'a self, table: &'a Table) -> impl Iterator<Item = ([usize; 4], [f32; 16])> + 'a {
         let count: usize = self.kept.iter().map(Vec::len).product();
         (0..count).map(move |mut i| {
@@ -151,7 +152,8 @@ mod tests {
         assert_eq!(nearest_band(&[], 550.0), None);
     }
 
-    /// One of 60 entries of the first band is unknown; unpolarized matrices have a depolarization index of 0.
+    /// Verifies statistics of a table in which one of 60 entries of the first band is unknown. Matrices
+    /// without polarization have the depolarization index 0.
     #[test]
     fn bands_tell_what_they_hold() {
         let (_folder, table) = made();

@@ -17,7 +17,7 @@ use tensor::field::Field;
 use tensor::region;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// Records the largest allocation of any test of this crate.
+/// Allocator that records the largest allocation of any test of this crate.
 struct Watched;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
@@ -39,9 +39,9 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Maximum size of one allocation, in bytes: the coordinates of the longest valid axis.
+/// Maximum size of one allocation, in bytes: the size of the coordinates of the longest valid axis.
 const MEMORY: usize = 1 << 27;
-/// Maximum time for one damaged store.
+/// Maximum time for the readers of one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn folder() -> tempfile::TempDir {
@@ -113,20 +113,20 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// A change to a store. Numbers in 0..1 select a file, or a position in it, as a fraction.
+/// A change to a store. Numbers in 0..1 select a file, or a position in the file, as a fraction.
 #[derive(Clone, Debug)]
 enum Damage {
-    /// Replaces a value of a description.
+    /// Replaces a value in a metadata file.
     Value(f64, f64, usize),
-    /// Removes a value of a description.
+    /// Removes a value from a metadata file.
     Drop(f64, f64),
-    /// Replaces coordinates, in a validly coded file.
+    /// Replaces coordinates, in a correctly encoded file.
     Coordinates(f64, Vec<(f64, f64)>),
-    /// Truncates a file, replaces a byte, or deletes a file.
+    /// Truncates a file, replaces a byte of it, or deletes it.
     Cut(f64, f64),
     Byte(f64, f64, u8),
     Delete(f64),
-    /// Replaces one file by another.
+    /// Replaces one file by another file.
     Over(f64, f64),
 }
 
@@ -160,7 +160,7 @@ fn values() -> [Value; 24] {
     ]
 }
 
-/// Returns a coordinate: the original one, or an invalid one.
+/// Returns a coordinate: the original value, or an invalid value.
 fn coordinate(kind: f64, own: f64) -> f64 {
     match (kind * 16.0) as u32 {
         0 => f64::NAN,
@@ -188,7 +188,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Lists all JSON pointers of a description, except those in consolidated copies.
+/// Lists all JSON pointers in a metadata file, except those in consolidated copies.
 fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
     let mut child = |key: &str, v: &Value| {
         let path = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
@@ -279,7 +279,7 @@ impl Damage {
     }
 }
 
-/// Runs all readers of a store; returns the number of successes and errors.
+/// Runs all readers on a store; returns the numbers of successes and errors.
 fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let mut counts = [0, 0];
     let mut note = |fault: Option<String>| {

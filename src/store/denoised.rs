@@ -1,19 +1,19 @@
-//! The mark of denoised stores, whose values are images for figures and not estimates of radiance.
+//! The mark of denoised stores. Values of such stores are images for figures, not estimates of radiance.
 //!
-//! Everything that uses a store as ground truth, or adds samples to it, refuses denoised stores.
+//! Every function that uses a store as ground truth, or adds samples to a store, refuses denoised stores.
 
 use crate::zarr::TensorStore;
 use std::path::PathBuf;
 
-/// Root attribute with the method and the sources of a denoised store.
+/// Name of the root attribute with the method and the sources of a denoised store.
 pub const ATTRIBUTE: &str = "denoised";
 
-/// A denoised store was given where a render is required.
+/// Error: a denoised store was given where a render is required.
 #[derive(Debug, thiserror::Error)]
 #[error("{path} is denoised, which is only for figures; use the original render{of}")]
 pub struct Denoised {
     pub path: PathBuf,
-    /// The sources of the store, as text.
+    /// The sources of the denoised store, as text.
     of: String,
 }
 
@@ -21,6 +21,7 @@ pub fn is_denoised(store: &TensorStore) -> bool {
     store.attributes().contains_key(ATTRIBUTE)
 }
 
+/// Refuses a denoised store.
 ///
 /// # Errors
 /// [`Denoised`].

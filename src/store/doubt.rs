@@ -8,8 +8,8 @@ use tensor::axes::Axis;
 use tensor::doubt::{Doubt, doubtful};
 use tensor::field::Field;
 
-/// Returns the number of pixels with unreliable error estimates. `None` if the slice has no errors of totals,
-/// or none per pixel.
+/// Returns the number of pixels with unreliable error estimates. Returns `None` if the slice has no errors
+/// of totals, or no errors per pixel.
 ///
 /// # Errors
 /// If the errors of totals cannot be read.
@@ -17,8 +17,8 @@ pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
-/// Returns the region of the errors of totals that is needed for a box of pixels: these pixels and their
-/// neighbours, as first index and shape. `None` as for [`of`].
+/// Returns the region (first index and shape) of the errors of totals that is needed for a box of pixels:
+/// these pixels and their neighbours. Returns `None` as [`of`] does.
 ///
 /// # Errors
 /// As [`of`].
@@ -40,7 +40,7 @@ pub fn around(
     Ok(Some([start, read.iter().map(|r| r.end - r.start).collect()]))
 }
 
-/// Does the same as [`of`] for the pixels in a box of rows and columns.
+/// Returns the same number as [`of`] for the pixels in a box of rows and columns.
 ///
 /// # Errors
 /// As [`of`].

@@ -2,10 +2,11 @@
 //!
 //! `stokes.S0.R … stokes.S3.B` are the Stokes vector under unpolarized light, that is, column 0 of the
 //! Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the complete matrix, if
-//! requested. With three wavelengths, R is the longest and B the shortest. Other numbers of wavelengths are
-//! named in nanometres (`stokes.S0.450nm`). All channels are f32. Frames are those of the stored tensor:
-//! projector frame in, camera frame out. Mitsuba's `stokes` integrator uses another frame in each pixel (see
-//! CONVENTIONS.md), so the channels do not have its names `S0.R … S3.B`.
+//! requested. With three wavelengths, R is the longest and B the shortest wavelength. With any other number
+//! of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels are f32. Frames are
+//! those of the stored tensor: projector frame in, camera frame out. Mitsuba's `stokes` integrator uses
+//! another frame in each pixel (see CONVENTIONS.md), so the channels do not have Mitsuba's names `S0.R …
+//! S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,11 +22,11 @@ use tensor::region;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ExrError {
-    /// The tensor is not an image.
+    /// The selected tensor is not an image.
     #[error("`{name}` {reason}")]
     NoImage {
         name: String,
-        /// The fault and the fix.
+        /// The fault, and how to fix it.
         reason: String,
     },
     #[error(transparent)]
@@ -41,11 +42,11 @@ pub struct ExrOptions {
     pub select: Vec<Selection>,
     /// Axes to expand into separate channels instead of summing them.
     pub expand: Vec<AxisKind>,
-    /// Also write all 16 elements (`mueller.M00` …).
+    /// Whether to write also all 16 matrix elements (`mueller.M00` …).
     pub mueller: bool,
 }
 
-/// Exports a slice as one OpenEXR file at `path` (replaced if it exists).
+/// Exports a slice as one OpenEXR file at `path`. An existing file is replaced.
 ///
 /// # Errors
 /// If the selection does not fit the slice, the result has no image axes, or reading or writing fails.
@@ -87,7 +88,7 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
 
 type Indices = Vec<(AxisKind, usize)>;
 
-/// Returns the names of all channels with the tensor indices of their planes.
+/// Returns the names of all channels, and the tensor indices of each channel's image.
 fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
     let known = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn, AxisKind::Wavelength];
     let extra: Vec<_> = tensor.axes.iter().filter(|a| !known.contains(&a.kind)).collect();
@@ -122,7 +123,7 @@ fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
     all
 }
 
-/// Returns the name of every wavelength, or one empty name if there is no such axis.
+/// Returns the name of every wavelength, or one empty name if there is no wavelength axis.
 fn colours(tensor: &Tensor) -> Vec<String> {
     let Some(axis) = tensor.find(AxisKind::Wavelength) else {
         return vec![String::new()];

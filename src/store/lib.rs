@@ -1,4 +1,4 @@
-//! Storage of slices: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
+//! Storage of slices: Zarr v3 stores, probes, merges and shards, and NumPy and OpenEXR files.
 
 pub mod denoised;
 pub mod doubt;

@@ -1,4 +1,4 @@
-//! Opens one store, or renders of one scene with different seeds, for reading together.
+//! Opens a single store, or several renders of one scene with different seeds that are read together.
 
 use crate::denoised;
 use crate::merge::{self, Input, MergeError};
@@ -12,10 +12,10 @@ pub struct MatchingStores {
 }
 
 impl MatchingStores {
-    /// Opens the stores. A single store needs slices only, not the attributes for merging.
+    /// Opens the stores. A single store needs only slices, not the attributes for merging.
     ///
     /// # Errors
-    /// Those of [`merge::merge`] for its inputs; [`MergeError::Denoised`].
+    /// The errors of [`merge::merge`] for inputs, and [`MergeError::Denoised`].
     pub fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
         if let [only] = paths {
             let store = TensorStore::open(only)?;
@@ -33,7 +33,7 @@ impl MatchingStores {
         self.inputs.iter().map(|input| &input.store)
     }
 
-    /// Returns the weights of the stores in the mean of all their samples; their sum is 1.
+    /// Returns the weights of the stores in the mean of all samples; the sum of the weights is 1.
     pub fn shares(&self) -> Vec<f32> {
         let samples = |input: &Input| input.samples_per_pixel.filter(|n| *n > 0.0);
         let all: Option<Vec<f64>> = self.inputs.iter().map(samples).collect();
@@ -42,7 +42,7 @@ impl MatchingStores {
         all.iter().map(|n| (n / sum) as f32).collect()
     }
 
-    /// Returns the attributes of a store with the samples of all stores.
+    /// Returns the root attributes of a store that contains the samples of all stores.
     pub fn attributes(&self) -> Map<String, Value> {
         match &self.inputs[..] {
             [only] => only.store.attributes(),
@@ -50,12 +50,12 @@ impl MatchingStores {
         }
     }
 
-    /// Returns the grid of the sample counts that all stores have.
+    /// Returns the grid of the sample counts, if the sample counts of all stores have the same shape.
     pub fn grid(&self) -> Option<SampleGrid> {
         merge::common_grid(&self.inputs)
     }
 
-    /// Writes the sample counts of all stores, if `out` keeps them.
+    /// Writes the sample counts, summed over all stores, if `out` has sample counts.
     ///
     /// # Errors
     /// [`AccessError`].

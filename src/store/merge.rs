@@ -1,19 +1,19 @@
-//! Merges renders of one scene with different seeds, as if all samples had been drawn in one render.
+//! Merges renders of one scene with different seeds, as if one render had taken all samples.
 //!
-//! If an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples have mean m and
-//! standard error e, so their sum of squared deviations is M = e²·N(N−1). The pooled values are exact (Chan,
-//! Golub & LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² =
-//! M / (N(N−1)) with N = ΣNᵢ.
+//! Let an element belong to one camera pixel (`pixels_per_element` = 1). N samples with mean m and standard
+//! error e have the sum of squared deviations M = e²·N(N−1). The pooled values are exact (Chan, Golub &
+//! LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M /
+//! (N(N−1)) with N = ΣNᵢ.
 //!
-//! Samples that are stratified together count as one: N is then the number of such groups
+//! A group of samples that are stratified together counts as one sample: N is then the number of groups
 //! (`replicates_per_pixel`).
 //!
-//! Errors of totals (`total_std_error`) are pooled in the same way, by the totals of the means. They are
-//! omitted if an input of an earlier version has none.
+//! Errors of totals (`total_std_error`) are pooled in the same way, by the totals of the means. The merged
+//! store has no errors of totals if an input, written by an earlier version, lacks them.
 //!
-//! Sums are in f64; the remaining error is the rounding of the stored f32 values.
+//! Sums are computed in f64; the remaining error is the rounding of the stored f32 values.
 //!
-//! If an element averages several pixels, its samples are not identically distributed and only their means
+//! If an element averages several pixels, the samples are not identically distributed and only their means
 //! are known: m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined instead; the result equals the
@@ -44,7 +44,7 @@ use tensor::field::Field;
 use tensor::region;
 use tensor::target::ATTRIBUTE;
 
-/// A store to merge, with the number of its samples.
+/// A store to merge, and the number of samples in the store.
 pub(crate) struct Input {
     pub(crate) store: TensorStore,
     attributes: Map<String, Value>,
@@ -75,24 +75,24 @@ type Ranges = Vec<(u32, u32)>;
 struct Part<'a> {
     slice: StoredSlice,
     input: &'a Input,
-    /// Pixels of the entries of the axes y and x, if sample counts per pixel determine the samples of an
-    /// element.
+    /// Pixels of the entries of the axes y and x, if an element's number of samples comes from the counts
+    /// per pixel.
     pixels: Option<[Ranges; 2]>,
 }
 
 /// One slice of all inputs.
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
-    /// Whether each element belongs to one camera pixel.
+    /// Whether each element belongs to a single camera pixel.
     equal: bool,
 }
 
 /// Merges the stores `inputs` into a new store `out`; an existing store is replaced only with `replace`.
 ///
 /// Sample counts come from the array `samples` of a store, or else from its root attribute
-/// `samples_per_pixel`. Of the root attributes, `seeds` are concatenated; `samples_per_pixel`,
-/// `discarded_samples` and `wall_time_s` are summed; `merged_from` lists the inputs; all others are those of
-/// the first input.
+/// `samples_per_pixel`. The root attributes `seeds` are concatenated. `samples_per_pixel`,
+/// `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All other root
+/// attributes are those of the first input.
 ///
 /// If the inputs are the parts of one render, `out` equals that render byte for byte, except for
 /// `wall_time_s`, which is the sum.
@@ -108,11 +108,12 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     at_once(inputs, out, || merge_all(inputs, out, options))
 }
 
-/// Number of concurrent chunks. Each needs the memory of one chunk of every input, about 100 MB at most.
+/// Number of chunks that are merged concurrently. Each needs the memory of one chunk of every input, about
+/// 100 MB at most.
 const THREADS: usize = 8;
 
-/// Runs `work` (a merge) on enough threads to use the bandwidth to object stores, if any of the stores is at an
-/// address.
+/// Runs `work` (a merge). If a store is at an address, uses enough threads for the bandwidth to object
+/// stores.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
@@ -142,12 +143,12 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     pool_into(out, &pooled, options.replace, options.partial)
 }
 
-/// The inputs and the attributes of the output.
+/// The inputs of a merge, and the attributes of the output.
 struct Pooled<'a> {
     inputs: &'a [Input],
     slices: &'a [Parts<'a>],
     attributes: &'a Map<String, Value>,
-    /// Identifies everything that the values depend on.
+    /// Text that identifies everything on which the values depend.
     origin: &'a str,
 }
 
@@ -188,14 +189,14 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
 /// Options of [`merge()`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Replace an existing store.
+    /// Whether to replace an existing store.
     pub replace: bool,
-    /// Accept unfinished renders; values that none of them has are NaN.
+    /// Whether to accept unfinished renders. Values that all of them lack are NaN.
     pub partial: bool,
 }
 
-/// Returns a text that identifies everything that the values made from stores depend on: the command, and the
-/// stores with their contents.
+/// Returns a text that identifies everything on which values made from stores depend: the command, the
+/// stores and their contents.
 fn origin<'a>(command: &str, stores: impl Iterator<Item = &'a TensorStore>) -> String {
     let line = |store: &TensorStore| format!("{} {}\n", store.path().display(), store.fingerprint());
     format!("{command}\n{}", stores.map(line).collect::<String>())
@@ -206,7 +207,7 @@ fn merge_origin(inputs: &[Input], options: Options) -> String {
     origin(&command, inputs.iter().map(|input| &input.store))
 }
 
-/// Returns the grid of the sample counts that all inputs have.
+/// Returns the grid of the sample counts, if the sample counts of all inputs have the same shape.
 pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
     let (shape, chunk) = shapes.next()??;
@@ -214,7 +215,7 @@ pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     same.then_some(SampleGrid::new(shape, chunk))
 }
 
-/// Sums the sample counts per pixel, if the merged store keeps them.
+/// Writes the sample counts per pixel, summed over the inputs, if the merged store has sample counts.
 pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), AccessError> {
     let Some((shape, chunk)) = merged.samples_shape() else {
         return Ok(());
@@ -263,7 +264,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
         .ok_or_else(|| MergeError::Attribute { path: slice.path().to_owned(), key: "pixels_per_element" })
 }
 
-/// Returns [`Part::pixels`].
+/// Returns the value of [`Part::pixels`] for a slice.
 fn pixels(input: &Input, slice: &StoredSlice, equal: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
     let layout = slice.layout();
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
@@ -410,7 +411,7 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
     Ok(())
 }
 
-/// Writes the errors of the totals of all samples, if the merged slice keeps them.
+/// Writes the standard errors of totals of all samples, if the merged slice has them.
 fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let field = Field::TotalStdError;
     if !merged.has(field) {
@@ -444,8 +445,8 @@ fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<()
     })
 }
 
-/// Returns the number of samples of every camera element (y, x) of a region, row-major; a single number if
-/// the slice has no camera axes or the counts are equal everywhere.
+/// Returns the number of samples of every camera element (y, x) of a region, row-major. Returns a single
+/// number if the slice has no camera axes or if all counts are equal.
 fn element_counts(part: &Part, start: &[u64], shape: &[u64]) -> Result<Vec<f64>, MergeError> {
     let Some([rows, columns]) = &part.pixels else {
         return Ok(vec![part.input.samples_per_pixel.unwrap_or(0.0)]);

@@ -1,7 +1,8 @@
 //! Writes ground-truth layers as one `.npz`: one array per layer, the names of objects and materials, and the
 //! wavelengths.
 //!
-//! NumPy reads it without pickle: names are arrays of Unicode text (`numpy.load(f)["object_names"][3]`).
+//! NumPy reads the file without pickle, because names are arrays of Unicode text
+//! (`numpy.load(f)["object_names"][3]`).
 
 use super::numpy::write;
 use base::whole_file;
@@ -11,7 +12,8 @@ use tensor::layers::{LayerSet, LayerValues};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Writes texts in `.npy` format, version 1.0: little-endian UCS-4 of one width (numpy.lib.format).
+/// Writes texts as a `.npy` array, version 1.0, of little-endian UCS-4 texts of one width
+/// (numpy.lib.format).
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
     let mut header =
@@ -33,7 +35,7 @@ fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes layers to a file, atomically.
+/// Writes layers to a `.npz` file, atomically.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -28,41 +28,41 @@ pub struct NumpyArray {
 
 #[derive(Debug, Error)]
 pub enum NumpyError {
-    /// The file cannot be read, or is not an array.
+    /// The file cannot be read, or is not a NumPy array.
     #[error("{}: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
     #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
     Elements {
         path: PathBuf,
-        /// The type that was found.
+        /// The element type that was found.
         found: String,
     },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: its elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
-    /// The file is truncated.
+    /// The file is shorter than its header states.
     #[error("{}: the file ends before the end of the array of shape {shape:?}; save it again", path.display())]
     Short {
         path: PathBuf,
-        /// Shape from the header.
+        /// Shape of the array in the header.
         shape: Vec<usize>,
     },
 }
 
-/// An open `.npy` file of real numbers, from which parts are read.
+/// An open `.npy` file of real numbers that is read in parts.
 ///
-/// 8-byte floats and integers of at least 4 bytes are read as `f64`, all others as `f32`. Arrays in
+/// 8-byte floats and integers of at least 4 bytes are read as `f64`, all other numbers as `f32`. Arrays in
 /// column-major order, such as a saved transpose, are kept in memory.
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
     bytes: Bytes,
-    /// Length of every axis; the last varies fastest.
+    /// Length of every axis; the last axis is the fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
-    /// Byte offset of the elements.
+    /// Byte offset of the first element in the file.
     start: u64,
 }
 
@@ -86,10 +86,10 @@ impl Element {
 }
 
 impl NumpyReader {
-    /// Opens a file and checks its header and size.
+    /// Opens a `.npy` file and checks its header and size.
     ///
     /// # Errors
-    /// If it is not such a file, or is truncated.
+    /// If the file is not a `.npy` file of real numbers, or is truncated.
     pub fn open(path: &Path) -> Result<Self, NumpyError> {
         let failed = |cause| NumpyError::Read { path: path.to_owned(), cause };
         let file = base::input::open(path).map_err(failed)?;
@@ -151,12 +151,12 @@ impl NumpyReader {
         self.len() == 0
     }
 
-    /// Returns whether the elements need `f64`.
+    /// Returns whether the elements must be read as `f64`.
     pub fn is_double(&self) -> bool {
         matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }
 
-    /// Reads `out.len()` elements from element `first`. Safe for concurrent use.
+    /// Reads `out.len()` elements from element `first`. Several threads may call this concurrently.
     ///
     /// # Errors
     /// If the file cannot be read, or is too short.
@@ -210,10 +210,10 @@ impl NumpyReader {
 
 impl NumpyArray {
     /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes unchanged, integers of up to 2 bytes as
-    /// `f32`, larger ones as `f64`.
+    /// `f32`, larger integers as `f64`.
     ///
     /// # Errors
-    /// If it is not such a file, or is truncated.
+    /// If the file is not a `.npy` file of real numbers, or is truncated.
     pub fn read(path: &Path) -> Result<Self, NumpyError> {
         let reader = NumpyReader::open(path)?;
         let count = reader.len();
@@ -257,7 +257,7 @@ pub fn write<T: npyz::AutoSerialize>(
     buffered.flush()
 }
 
-/// Writes the header of an array; its elements follow in row-major order with [`append`].
+/// Writes the header of an array. [`append`] then writes the elements in row-major order.
 ///
 /// # Errors
 /// If the writer fails.
@@ -268,7 +268,7 @@ pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -
     options.writer(writer).begin_nd().map(drop)
 }
 
-/// Appends elements to an array from [`begin`].
+/// Appends elements to an array that [`begin`] has started.
 ///
 /// # Errors
 /// If the writer fails.
@@ -276,8 +276,8 @@ pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Re
     writer.write_all(bytemuck::cast_slice(values))
 }
 
-/// Writes elements from element `first` into an array whose elements begin at byte `start` of the file. Safe
-/// for concurrent use.
+/// Writes elements from element `first` into an array whose elements begin at byte `start` of the file.
+/// Several threads may call this concurrently.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -301,7 +301,7 @@ pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
     })
 }
 
-/// Writes named arrays as an uncompressed `.npz` like numpy.savez, atomically.
+/// Writes named arrays as an uncompressed `.npz` file, as numpy.savez does, atomically.
 ///
 /// # Errors
 /// If the file cannot be written.

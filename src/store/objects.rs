@@ -17,19 +17,19 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-/// The bytes of an object that are read.
+/// The part of an object to read.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Ask {
-    /// All bytes.
+    /// All bytes of the object.
     Whole,
-    /// The bytes of a range.
+    /// The bytes in a range of offsets.
     Bytes(Range<u64>),
-    /// The given number of last bytes, and the size of the object if it is known.
+    /// The given number of bytes at the end, and the size of the object if known.
     End(u64, Option<u64>),
 }
 
 impl Ask {
-    /// Cuts the requested bytes out of a whole object.
+    /// Returns the requested bytes of a whole object.
     pub fn of(&self, whole: &Bytes) -> Bytes {
         let size = whole.len();
         let at = |offset: u64| usize::try_from(offset).map_or(size, |o| o.min(size));
@@ -41,39 +41,39 @@ impl Ask {
     }
 }
 
-/// The version of an object, by which a put can be made conditional.
+/// The version of an object, used to make a put conditional.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
-    /// The entity tag.
+    /// Entity tag of the object.
     pub e_tag: Option<String>,
-    /// The version, in stores that number them.
+    /// Version number, in stores that number versions.
     pub version: Option<String>,
 }
 
 /// The condition of a put.
 #[derive(Clone, Debug)]
 pub enum Condition {
-    /// There is no object (`If-None-Match: *`).
+    /// The object does not exist (`If-None-Match: *`).
     Absent,
-    /// The object has this version (`If-Match`).
+    /// The object exists in this version (`If-Match`).
     Is(Version),
 }
 
 /// The result of a conditional put.
 #[derive(Debug)]
 pub enum Put {
-    /// The object was written and has this version.
+    /// The object was written, and now has this version.
     Done(Version),
-    /// The condition does not hold. The object may still be the one that was put, by a request whose response
-    /// was lost.
+    /// The condition does not hold. The object may still be the result of the same put, if the response to
+    /// an earlier request was lost.
     Other,
 }
 
-/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls
-/// block.
+/// The client of an object store, for the objects below one address. Keys are relative to the address.
+/// Calls block until the response.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
-    /// Reads parts of objects, in the order of the requests; returns the bytes and the size of each object.
-    /// `None` if there is no object.
+    /// Reads parts of objects. Returns the bytes and the size of each object, in the order of the requests,
+    /// or `None` for an object that does not exist.
     ///
     /// # Errors
     ///
@@ -94,21 +94,21 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// If the store is read-only.
     fn may_be_written(&self) -> Result<(), Refusal>;
 
-    /// Writes objects, and replaces existing ones. Each is written atomically.
+    /// Writes objects, and replaces existing objects. Each object is written atomically.
     ///
     /// # Errors
     ///
     /// If the store refuses or cannot be reached.
     fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal>;
 
-    /// Writes an object if the condition holds.
+    /// Writes an object if `condition` holds.
     ///
     /// # Errors
     ///
     /// If the store refuses or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
-    /// Reads an object with its version; `None` if there is no object.
+    /// Reads an object and its version; returns `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -123,17 +123,18 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
 }
 
-/// Opens a client for the objects below an address, given its scheme and the address.
+/// Function that opens a client for the objects below an address, given the scheme and the address.
 pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Registers the client of object stores for this process. Later calls have no effect.
+/// Registers the function that opens clients of object stores, for this process. Later calls have no
+/// effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
 
-/// The objects below an address.
+/// The objects below an address, with their client.
 #[derive(Clone, Debug)]
 pub(crate) struct Objects(Arc<dyn ObjectClient>);
 
@@ -158,7 +159,7 @@ impl Objects {
         Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
     }
 
-    /// Reads whole objects, in their order.
+    /// Reads whole objects, in the order of `keys`.
     pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
         let asks = keys.iter().map(|key| (key.clone(), Ask::Whole)).collect();
         let found = self.0.ask(asks)?;
@@ -170,12 +171,12 @@ impl Objects {
         self.0.put_many(vec![(key.to_owned(), bytes)])
     }
 
-    /// Writes an object if none exists.
+    /// Writes an object if there is no object with this key.
     pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Absent)
     }
 
-    /// Replaces one version of an object.
+    /// Replaces an object if it still has the version `old`.
     pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: Version) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Is(old))
     }

@@ -19,12 +19,12 @@ pub fn scheme(path: &Path) -> Option<&str> {
     (scheme.len() > 1 && scheme.chars().all(plain)).then_some(scheme)
 }
 
-/// Returns whether a path is an address rather than a local path.
+/// Returns whether a path is an address of an object store and not a local path.
 pub fn is_address(path: &Path) -> bool {
     scheme(path).is_some()
 }
 
-/// The location of a store.
+/// The location of a store: a local folder, or the objects at an address.
 #[derive(Debug)]
 pub(crate) enum Place {
     Folder(PathBuf),
@@ -32,7 +32,7 @@ pub(crate) enum Place {
 }
 
 impl Place {
-    /// Returns the place of a path or an address, without access to it.
+    /// Returns the location for a path or an address, without accessing it.
     pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
         match scheme(path) {
             None => Ok(Self::Folder(path.to_owned())),

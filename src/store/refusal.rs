@@ -1,8 +1,9 @@
-//! Errors of object stores, which pass through file-only code as the inner error of an [`io::Error`].
+//! Errors of object stores. Code that handles only files passes them on as the inner error of an
+//! [`io::Error`].
 
 use std::io;
 
-/// An error of an object store or of the connection to it, with a fix.
+/// An error of an object store, or of the connection to an object store, with a fix.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}; {fix}")]
 pub struct Refusal {

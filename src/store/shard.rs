@@ -1,5 +1,5 @@
-//! Copies stores into shards: the same values in few large files, from which a pixel's profile is read as a
-//! small range.
+//! Copies stores into shards: the same values in few large files. The profile of a pixel is a small byte
+//! range of such a file.
 //!
 //! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
 //! object stores work best with few large objects and reads of byte ranges ([`crate::zarr`]).
@@ -12,16 +12,16 @@ use tensor::part::Part;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ShardError {
-    /// The output is also the input.
+    /// The output path is also the input path.
     #[error("{path} is both the input and the output: choose another `-o`")]
     Itself { path: PathBuf },
-    /// The input is a part of a render.
+    /// The input is only a part of a render.
     #[error("{path} is {part} of a render: join all parts first (`sunstone merge PART.. -o WHOLE`)")]
     Part { path: PathBuf, part: Part },
-    /// The input is already in shards.
+    /// The input is already sharded.
     #[error("{path} is already sharded: copy it instead")]
     Already { path: PathBuf },
-    /// The input has no slices.
+    /// The input contains no slices.
     #[error("{path} has no slices, so it cannot be sharded: use a store made by `sunstone render`")]
     Nothing { path: PathBuf },
     #[error(transparent)]
@@ -33,7 +33,7 @@ pub enum ShardError {
 }
 
 impl ShardError {
-    /// Returns whether a system error is the cause, rather than the input.
+    /// Returns whether the cause is a system error and not the input.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),
@@ -46,7 +46,7 @@ impl ShardError {
 /// Copies a finished store into a new sharded store `out`; an existing store is replaced only with `replace`.
 ///
 /// Values and attributes are bit-identical. An interrupted copy leaves no valid store, and the same call
-/// resumes it. Needs memory for eight shards, about 400 MB at most.
+/// resumes the copy. The copy needs memory for eight shards, about 400 MB at most.
 ///
 /// # Errors
 /// If the input is not a finished store of a whole render, is already in shards, or if reading or writing

@@ -1,5 +1,5 @@
-//! Zarr stores as the sink of renders: created or resumed, with a journal of tiles, and marked complete at
-//! the end.
+//! Zarr stores as sinks of renders. A sink creates or resumes the store, keeps a journal of tiles, and
+//! marks the store as complete at the end.
 
 use crate::denoised::{self, Denoised};
 use crate::zarr::progress::Progress;
@@ -12,13 +12,13 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// The destination of a render.
+/// The destination of a render, and how an existing store there is treated.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     pub path: PathBuf,
-    /// Resume an unfinished render at `path`.
+    /// Whether to resume an unfinished render at `path`.
     pub resume: bool,
-    /// Replace a store at `path`.
+    /// Whether to replace a store at `path`.
     pub replace: bool,
 }
 
@@ -45,26 +45,26 @@ pub enum SinkError {
     )]
     NoSlice {
         path: PathBuf,
-        /// Number of slices of the render.
+        /// Number of slices that the render has.
         slices: usize,
-        /// Index of the requested slice.
+        /// Index of the slice for which values were passed.
         slice: usize,
     },
     /// The store to resume is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
-    /// The store to resume is another render.
+    /// The store to resume contains another render.
     #[error(
         "{path} contains another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
          --force to replace it"
     )]
     Mismatch {
         path: PathBuf,
-        /// The attribute that differs.
+        /// Name of the attribute that differs.
         what: &'static str,
-        /// Its value in the store.
+        /// Value of the attribute in the store.
         theirs: String,
-        /// Its value in the render.
+        /// Value of the attribute in the render.
         ours: String,
     },
 }
@@ -80,17 +80,17 @@ pub struct ZarrSink {
 struct Open {
     store: TensorStore,
     slices: Vec<StoredSlice>,
-    /// `None` if the render was already complete.
+    /// Journal of tiles; `None` if the render was already complete.
     journal: Option<Progress>,
 }
 
 impl ZarrSink {
-    /// Returns a sink for a destination, which is not accessed before the render begins.
+    /// Creates a sink for a destination. The destination is not accessed before the render begins.
     pub fn new(target: Target) -> Self {
         Self { target, open: None }
     }
 
-    /// Returns the store, after a render has begun.
+    /// Returns the store; `None` before the render has begun.
     pub fn store(&self) -> Option<&TensorStore> {
         self.open.as_ref().map(|o| &o.store)
     }
@@ -104,7 +104,7 @@ impl ZarrSink {
         move |cause| SinkError::Journal { path: path.clone(), cause }
     }
 
-    /// Opens the store to resume, if it is the same render.
+    /// Opens the store to resume, after checking that it contains the same render.
     fn go_on(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let store = TensorStore::open_for_write(&self.target.path)?;
         denoised::refuse(&store)?;
@@ -112,7 +112,7 @@ impl ZarrSink {
         Ok(store)
     }
 
-    /// Creates the store, or resumes an existing one after checking that it is the same render.
+    /// Creates the store, or resumes an existing store after checking that it contains the same render.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target { path, resume, replace } = &self.target;
         if *resume && TensorStore::is_there(path)? {
@@ -245,7 +245,7 @@ impl Sink for ZarrSink {
     }
 }
 
-/// Returns the status of a finished render, or of a finished part of one.
+/// Returns the status text of a finished render, or of a finished part of a render.
 fn finished_status(part: Option<Part>) -> &'static str {
     match part {
         Some(_) => "complete part",

@@ -25,17 +25,18 @@ impl Tensor {
         self.axes.iter().map(|a| a.coords.len()).collect()
     }
 
-    /// Returns the position of an axis kind.
+    /// Returns the index of the axis of this kind in `axes`, or `None` if the tensor has no such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the length of an axis, or 1 if it is absent.
+    /// Returns the length of the axis of this kind, or 1 if the tensor has no such axis.
     pub fn extent(&self, kind: AxisKind) -> usize {
         self.find(kind).map_or(1, |i| self.axes[i].coords.len())
     }
 
-    /// Returns the value at the given indices. Axes not named have index 0; absent axes are ignored.
+    /// Returns the value at the given indices. An axis that is not listed has index 0. A listed axis that
+    /// the tensor lacks is ignored.
     ///
     /// # Panics
     /// If an index is outside its axis.
@@ -49,7 +50,8 @@ impl Tensor {
         self.data[offset]
     }
 
-    /// Calls `f` for each value in order, with its index along every axis and its position in `data`.
+    /// Calls `f` for each value in order, with the value's index along every axis and the value's position
+    /// in `data`.
     pub fn walk(&self, mut f: impl FnMut(&[usize], usize)) {
         let shape = self.shape();
         let mut index = vec![0; shape.len()];
@@ -71,7 +73,7 @@ impl Tensor {
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())
     }
 
-    /// Returns the sub-tensor at one index of an axis, without that axis. Has no effect if the axis is
+    /// Returns the sub-tensor at one index of an axis, without that axis. Returns a copy if the axis is
     /// absent.
     pub fn select(&self, kind: AxisKind, index: usize) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
@@ -80,7 +82,8 @@ impl Tensor {
         })
     }
 
-    /// Returns the sum (in f64) over an axis, without that axis. Has no effect if the axis is absent.
+    /// Returns the sum over an axis, accumulated in f64, without that axis. Returns a copy if the axis is
+    /// absent.
     pub fn sum(&self, kind: AxisKind) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
             for (j, o) in out.iter_mut().enumerate() {
@@ -89,8 +92,8 @@ impl Tensor {
         })
     }
 
-    /// Applies `f(lane, inner, out, length)` to every block of the axis, where `lane` contains `length` runs
-    /// of `inner` values and `out` one run.
+    /// Applies `f(lane, inner, out, length)` to every block of the axis. `lane` contains `length` runs of
+    /// `inner` values; `out` contains one run.
     fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
         let Some(axis) = self.find(kind) else {
             return self.clone();

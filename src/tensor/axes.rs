@@ -7,12 +7,13 @@
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Maximum number of elements in a chunk (8 MiB of f32), so that the tile size bounds the memory used.
+/// Maximum number of elements in a chunk: 8 MiB of f32. With this limit, the tile size bounds the memory
+/// used.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
-/// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Many matrix
-/// elements are zero in a whole tile; their chunks are not created, and one element can be read without the
-/// other 15.
+/// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix elements
+/// that are zero in a whole tile then need no chunks, and one matrix element can be read without the other
+/// 15.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
 /// Dimension of T that an axis resolves.
@@ -30,19 +31,19 @@ pub enum AxisKind {
     T,
     /// Number of surface interactions.
     Bounces,
-    /// 0 direct, 1 indirect.
+    /// Component of the light: 0 direct, 1 indirect.
     Component,
-    /// Interactions of the path: a set of bits of [`crate::label`].
+    /// Interactions of the path, as a set of bits (see [`crate::label`]).
     Label,
-    /// Outgoing Stokes element (p).
+    /// Outgoing Stokes element p.
     StokesOut,
-    /// Incoming Stokes element (p').
+    /// Incoming Stokes element p'.
     StokesIn,
     Wavelength,
 }
 
 impl ProjectorAxis {
-    /// Returns the corresponding axis kind of a slice.
+    /// Converts the projector axis to the axis kind of a slice.
     pub fn kind(self) -> AxisKind {
         match self {
             Self::U => AxisKind::U,
@@ -52,7 +53,7 @@ impl ProjectorAxis {
 }
 
 impl AxisKind {
-    /// All kinds, in storage order.
+    /// All axis kinds, in storage order.
     pub const ALL: [Self; 11] = [
         Self::Y,
         Self::X,
@@ -67,7 +68,7 @@ impl AxisKind {
         Self::Wavelength,
     ];
 
-    /// Returns the dimension name in the store.
+    /// Returns the name of the dimension in the store.
     pub fn name(self) -> &'static str {
         match self {
             Self::Y => "y",
@@ -84,7 +85,7 @@ impl AxisKind {
         }
     }
 
-    /// Returns the kind with this dimension name.
+    /// Returns the axis kind whose dimension has this name in the store, or `None`.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
@@ -99,7 +100,7 @@ impl AxisKind {
         }
     }
 
-    /// Returns a one-line description.
+    /// Returns a one-line description of the axis.
     pub fn long_name(self) -> &'static str {
         match self {
             Self::Y => "camera row (pixel centre)",
@@ -129,27 +130,29 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Returns the number of entries.
+    /// Returns the number of coordinates.
     pub fn len(&self) -> u64 {
         self.coords.len() as u64
     }
 
-    /// Returns whether the axis has no entries.
+    /// Returns whether the axis has no coordinates.
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
 
-    /// Returns the index of the entry nearest to a coordinate, the first of equal ones; 0 for an empty axis.
+    /// Returns the index of the coordinate nearest to `coordinate`; of two equally near, the first; 0 for
+    /// an empty axis.
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
         (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     }
 }
 
-/// Returns first and last pixel of contiguous boxes from pixel 0, given their centres (of a binned axis).
+/// Returns the first and last pixel of each box of a binned axis, given the boxes' centres. The boxes are
+/// contiguous and begin at pixel 0.
 ///
 /// # Errors
-/// The first centre that does not belong to such a box.
+/// Returns the first centre that does not belong to such a box.
 pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut first = 0.0;
     let mut all = Vec::with_capacity(centres.len());
@@ -187,10 +190,10 @@ pub struct SliceLayout {
     pub name: String,
     /// Axes in storage order (row-major, last axis fastest).
     pub axes: Vec<Axis>,
-    /// First edge and bin width of the time axis, in picoseconds, if there is one.
+    /// First edge and bin width of the time axis, in picoseconds; `None` without a time axis.
     pub time: Option<(f64, f64)>,
-    /// Whether the standard errors of camera elements' totals are stored
-    /// ([`crate::field::Field::TotalStdError`]); renders store them.
+    /// Whether the store contains the standard errors of camera elements' totals
+    /// ([`crate::field::Field::TotalStdError`]). Renders store them.
     pub totals: bool,
 }
 
@@ -206,7 +209,7 @@ fn span(first: u32, count: u32) -> Vec<f64> {
     (first..first + count).map(f64::from).collect()
 }
 
-/// Returns the centres of boxes of `n` pixels over `total`; a smaller last box has its own centre.
+/// Returns the centres of the boxes of `n` pixels that cover `total` pixels. The last box may be smaller.
 fn binned(total: u32, n: u32) -> Vec<f64> {
     (0..total).step_by(n as usize).map(|a| f64::from(a + (a + n).min(total) - 1) / 2.0).collect()
 }
@@ -304,22 +307,22 @@ impl SliceLayout {
         Self { name: slice.name.clone(), axes, time, totals: true }
     }
 
-    /// Returns the length of every axis.
+    /// Returns the length of every axis, in storage order.
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(Axis::len).collect()
     }
 
-    /// Returns the chunk length along every axis.
+    /// Returns the chunk length along every axis, in storage order.
     pub fn chunk_shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.chunk).collect()
     }
 
-    /// Returns the position of an axis kind.
+    /// Returns the index of the axis of this kind, or `None` if the slice has no such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the layout without the time axis, as the overflow arrays have it. Keeps the name.
+    /// Returns the layout without the time axis, under the same name. The overflow arrays have this layout.
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);
@@ -327,7 +330,8 @@ impl SliceLayout {
         Self { name: self.name.clone(), axes, time: None, totals: false }
     }
 
-    /// Returns the layout of arrays with one value per camera element: axes `y` and `x` only. Keeps the name.
+    /// Returns the layout of arrays with one value per camera element (axes `y` and `x` only), under the
+    /// same name.
     pub fn camera_alone(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| matches!(a.kind, AxisKind::Y | AxisKind::X));
@@ -339,7 +343,8 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Chunks small slices by whole matrices, large ones by single matrix elements.
+/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole
+/// matrices.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {
@@ -354,8 +359,8 @@ fn divide_matrix(axes: &mut [Axis]) {
     }
 }
 
-/// Bounds the chunk size: divides the matrix, then halves chunks of the axes V, U, T and Label, in this
-/// order.
+/// Limits the chunk size: divides the matrix, then halves the chunks along the axes V, U, T and Label, in
+/// this order.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T, AxisKind::Label] {

@@ -1,28 +1,29 @@
 //! Detection of unreliable error estimates.
 //!
 //! If few samples contribute most of the light, a pixel without such samples underestimates both its light
-//! and its error, and its own samples do not show this. (Nor does the fourth moment: it is large in the
-//! pixels with such samples, whose errors are large.) Its neighbours receive similar light, and some of them
-//! have such samples. Therefore a pixel is marked as unreliable if its error is less than half of the root
-//! mean square of the errors around it.
+//! and its error. The pixel's own samples do not show the fault, and neither does the fourth moment of the
+//! samples. Neighbouring pixels receive similar light, and some of them have such samples. A pixel is
+//! therefore marked as unreliable if its error is less than half of the root mean square of the errors
+//! around it.
 
 use super::array::Tensor;
 use super::axes::Axis;
 
-/// Minimum ratio of an error to the root mean square of the errors around it.
+/// Minimum ratio of a reliable error to the root mean square of the errors around it.
 const LEAST: f64 = 0.5;
 
-/// Number of pixels of a slice with unreliable errors.
+/// Counts of the lit pixels of a slice and of those with unreliable errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Doubt {
-    /// Pixels with an error: those that received varying light, or may have (NaN).
+    /// Number of lit pixels: those whose error is non-zero or unknown (NaN).
     pub lit: usize,
-    /// Those of them whose error is unreliable or unknown.
+    /// Number of lit pixels whose error is unreliable or unknown.
     pub doubtful: usize,
 }
 
 impl Doubt {
-    /// Counts from the standard errors of totals over `y`, `x` and the marks of [`doubtful`].
+    /// Counts pixels, given the standard errors of totals (axes `y`, `x`) and the marks that [`doubtful`]
+    /// returns.
     pub fn of(errors: &[f32], doubtful: &[bool]) -> Self {
         let lit = errors.iter().zip(doubtful).filter(|(e, _)| **e != 0.0);
         lit.fold(Self::default(), |all, (_, doubtful)| Self {
@@ -37,8 +38,8 @@ impl Doubt {
     }
 }
 
-/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). With `single`, each value
-/// is of one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
+/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). With `single`, each
+/// value belongs to one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
 pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let [rows, columns] = &errors.axes[..] else {
         return vec![false; errors.data.len()];

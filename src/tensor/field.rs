@@ -9,7 +9,7 @@ pub enum Field {
     Mean,
     /// Standard error of [`Field::Mean`].
     StdError,
-    /// Light that arrived outside the time bins (no time axis).
+    /// Light that arrived outside the time bins. The array has no time axis.
     Overflow,
     /// Standard error of [`Field::Overflow`].
     OverflowStdError,
@@ -19,7 +19,7 @@ pub enum Field {
 }
 
 impl Field {
-    /// All fields.
+    /// All fields of a slice, in storage order.
     pub const ALL: [Self; 5] =
         [Self::Mean, Self::StdError, Self::Overflow, Self::OverflowStdError, Self::TotalStdError];
 
@@ -34,7 +34,7 @@ impl Field {
         }
     }
 
-    /// Returns a one-line description.
+    /// Returns a one-line description of the field.
     pub fn long_name(self) -> &'static str {
         match self {
             Self::Mean => "light transport",

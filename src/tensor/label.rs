@@ -1,8 +1,8 @@
 //! Path labels: sets of bits that describe a path's interactions, used as coordinates of the axis `label`.
 //!
 //! Every interaction that changes the direction of light sets the bit of its kind. Transmission through a
-//! smooth interface or a sheet sets no bit. So 0 is light that arrives straight from an emitter, possibly
-//! through glass.
+//! smooth interface or a sheet sets no bit. Label 0 is therefore light that arrives directly from an
+//! emitter, possibly through glass.
 
 /// Scattering by a medium.
 pub const MEDIUM: u8 = 1;
@@ -13,14 +13,15 @@ pub const GLOSSY: u8 = 4;
 /// Diffuse scattering: by a Lambertian surface or the body of plastic.
 pub const DIFFUSE: u8 = 8;
 
-/// Number of sets.
+/// Number of possible labels, that is, of sets of the four bits.
 pub const COUNT: u32 = 16;
 
-/// The bits with their names. A measured table is not separable: it sets `glossy` and `diffuse`.
+/// The label bits with their names. A measured material cannot be separated and sets both `glossy` and
+/// `diffuse`.
 pub const BITS: [(u8, &str); 4] =
     [(MEDIUM, "medium"), (SPECULAR, "specular"), (GLOSSY, "glossy"), (DIFFUSE, "diffuse")];
 
-/// Returns the name of a set: `specular+diffuse`, `none`.
+/// Returns the name of a label, for example `specular+diffuse` or `none`.
 pub fn name(set: u8) -> String {
     let all: Vec<&str> = BITS.iter().filter(|(bit, _)| set & bit != 0).map(|(_, n)| *n).collect();
     if all.is_empty() {
@@ -29,7 +30,7 @@ pub fn name(set: u8) -> String {
     all.join("+")
 }
 
-/// Parses the name of a set; its parts may be in any order.
+/// Parses the name of a label; the bits may be in any order. Returns `None` for an unknown name.
 pub fn parse(text: &str) -> Option<u8> {
     if text.trim() == "none" {
         return Some(0);

@@ -1,11 +1,11 @@
 //! Ground-truth layers of an image: arrays over camera pixels with name, unit and description.
 
-/// Values per pixel of a layer.
+/// Number of values per pixel of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parts {
-    /// One number.
+    /// One number per pixel.
     One,
-    /// The three coordinates of a vector in the world frame.
+    /// Three world-space coordinates of a vector.
     Vector,
     /// One number per wavelength.
     Wavelengths,
@@ -14,23 +14,23 @@ pub enum Parts {
 /// Values of a layer: rows from the top of the image, the values of a pixel contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerValues {
-    /// NaN marks missing values.
+    /// Real numbers; NaN marks missing values.
     Real(Vec<f32>),
-    /// -1 marks missing values.
+    /// Integers; -1 marks missing values.
     Number(Vec<i32>),
 }
 
-/// One array of ground truth.
+/// One ground-truth layer of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
     pub name: &'static str,
-    /// Unit of the values, `1` for none.
+    /// Unit of the values; `1` for values without a unit.
     pub units: &'static str,
     pub long_name: &'static str,
-    /// Values per pixel: the axes after y and x.
+    /// Number of values per pixel, which are the axes after y and x.
     pub parts: Parts,
     pub values: LayerValues,
-    /// Names of the objects or materials, by number.
+    /// Names of the objects or materials, indexed by the values of the layer.
     pub labels: Option<Vec<String>>,
 }
 
@@ -39,7 +39,7 @@ pub struct Layer {
 pub struct LayerSet {
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Wavelengths of the layers with one number per wavelength.
+    /// Vacuum wavelengths of the layers with one number per wavelength, in nanometres.
     pub wavelengths_nm: Vec<f64>,
     pub layers: Vec<Layer>,
 }
@@ -59,7 +59,7 @@ impl LayerSet {
         }
     }
 
-    /// Returns the shape of a layer's array: y, x and, for several values per pixel, their number.
+    /// Returns the shape of a layer's array: y, x and, if there are several values per pixel, their number.
     pub fn shape(&self, layer: &Layer) -> Vec<u64> {
         let [w, h] = self.size.map(u64::from);
         match layer.parts {
@@ -68,7 +68,8 @@ impl LayerSet {
         }
     }
 
-    /// Returns the values of a real-valued layer at pixel (x, y), if layer and pixel exist.
+    /// Returns the values of a real-valued layer at pixel (x, y), or `None` if the layer or the pixel does
+    /// not exist.
     pub fn real(&self, name: &str, x: u32, y: u32) -> Option<&[f32]> {
         let layer = self.get(name)?;
         let LayerValues::Real(values) = &layer.values else {
@@ -79,7 +80,8 @@ impl LayerSet {
         (x < self.size[0]).then(|| values.get(first..first + n)).flatten()
     }
 
-    /// Returns the number of an object, copy or material at pixel (x, y); `None` as in [`Self::real`].
+    /// Returns the number of the object, copy or material at pixel (x, y), or `None` if the layer or the
+    /// pixel does not exist.
     pub fn number(&self, name: &str, x: u32, y: u32) -> Option<i32> {
         let LayerValues::Number(values) = &self.get(name)?.values else {
             return None;
@@ -88,7 +90,8 @@ impl LayerSet {
         (x < self.size[0]).then(|| values.get(at).copied()).flatten()
     }
 
-    /// Returns the name for the number at pixel (x, y); `None` also if the value is missing.
+    /// Returns the name of the object or material at pixel (x, y), or `None` if the layer, the pixel or the
+    /// value is missing.
     pub fn label(&self, name: &str, x: u32, y: u32) -> Option<&str> {
         let number = usize::try_from(self.number(name, x, y)?).ok()?;
         self.get(name)?.labels.as_ref()?.get(number).map(String::as_str)

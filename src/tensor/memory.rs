@@ -22,21 +22,22 @@ impl Arrays {
         &self.names
     }
 
-    /// Returns a copy of a field of a slice (shape: the slice's axes, row-major), if the render has it.
+    /// Returns a copy of a field of a slice, row-major over the slice's axes, or `None` if the render does
+    /// not have it.
     pub fn get(&self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].as_ref()?;
         Some(array.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
-    /// Removes and returns a field of a slice without copying; see [`Self::get`].
+    /// Removes a field of a slice and returns it without copying, or `None` if the render does not have it.
     pub fn take(&mut self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].take()?;
         Some(array.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Returns the number of valid samples of each camera pixel, row by row.
+    /// Returns the number of valid samples per camera pixel, row-major.
     pub fn samples(&self) -> Vec<u32> {
         self.samples.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -6,9 +6,9 @@ use bytemuck::Pod;
 pub trait Number: Pod + Default + PartialOrd + Send + Sync {
     /// Rounds `value` to this type.
     fn new(value: f64) -> Self;
-    /// Converts to `f64` without loss.
+    /// Converts this number to `f64` without loss.
     fn get(self) -> f64;
-    /// Returns self · a + b with a single rounding.
+    /// Returns `self` · `a` + `b` with a single rounding.
     fn times_plus(self, a: Self, b: Self) -> Self;
 }
 

@@ -1,36 +1,37 @@
-//! Parts of a render: the tiles of camera pixels that one of several machines renders.
+//! Parts of a render: the tiles of camera pixels that each of several machines renders.
 //!
-//! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the whole
-//! render. Regions of similar cost (dark sky, deep glass) are contiguous in an image; tiles are therefore
-//! assigned to the parts in turn.
+//! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the
+//! whole render. Tiles are assigned to the parts in turn, because regions of similar cost (dark sky, deep
+//! glass) are contiguous in an image.
 
 use serde_json::{Map, Value, json};
 use std::fmt;
 
-/// Root attribute of a store that identifies its part of a render.
+/// Name of the root attribute of a store that identifies the store's part of a render.
 pub const ATTRIBUTE: &str = "part";
 
 /// A subset of the tiles of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// Every `of`-th tile, starting with the `number`-th.
+    /// Every `of`-th tile, starting with tile `number` counted from 1.
     Share {
-        /// From 1 to `of`.
+        /// Number of this part, from 1 to `of`.
         number: u32,
-        /// Number of parts.
+        /// Total number of parts.
         of: u32,
     },
     /// A range of tiles; tiles are numbered from 0, row by row.
     Tiles {
-        /// First tile.
+        /// First tile of the range.
         first: u32,
-        /// Last tile (inclusive).
+        /// Last tile of the range (inclusive).
         last: u32,
     },
 }
 
 impl Part {
-    /// Returns the error of this part for a render of `tiles` tiles, if any. A share may be empty.
+    /// Returns an error message if this part is invalid for a render of `tiles` tiles. A share may be
+    /// empty.
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
             Self::Share { number, of } if number == 0 || number > of => {
@@ -55,12 +56,12 @@ impl Part {
         }
     }
 
-    /// Returns the part's tiles of a render of `tiles` tiles.
+    /// Iterates over the tiles of this part, for a render of `tiles` tiles.
     pub fn tiles(self, tiles: u32) -> impl Iterator<Item = u32> {
         (0..tiles).filter(move |tile| self.contains(*tile))
     }
 
-    /// Converts to an attribute of a store: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
+    /// Converts the part to a store attribute: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
     pub fn to_json(self) -> Value {
         match self {
             Self::Share { number, of } => json!({"number": number, "of": of}),
@@ -68,7 +69,7 @@ impl Part {
         }
     }
 
-    /// Converts from an attribute of a store; returns `None` if it is not one of [`Self::to_json`].
+    /// Parses a store attribute written by [`Self::to_json`]; returns `None` for anything else.
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {
@@ -78,7 +79,7 @@ impl Part {
         (part.fault(u32::MAX).is_none() && part.to_json() == *value).then_some(part)
     }
 
-    /// Returns the part in the root attributes of a store.
+    /// Returns the part in the root attributes of a store, or `None` if the store is a whole render.
     pub fn of_attributes(attributes: &Map<String, Value>) -> Option<Self> {
         attributes.get(ATTRIBUTE).and_then(Self::from_json)
     }
@@ -98,7 +99,8 @@ impl fmt::Display for Part {
 mod tests {
     use super::*;
 
-    /// Every tile is in exactly one share, and the sizes of shares differ by at most one tile.
+    /// Verifies that every tile is in exactly one share, and that sizes of shares differ by at most one
+    /// tile.
     #[test]
     fn shares_are_all_tiles_once() {
         for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {

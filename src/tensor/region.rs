@@ -1,6 +1,6 @@
 //! Boxes of row-major arrays: indices of the chunks that a box intersects, and copies between boxes.
 //!
-//! All functions are index arithmetic on `u64` shapes (last axis fastest), without storage or units.
+//! The functions compute with `u64` indices and row-major shapes (last axis fastest).
 
 /// Returns the number of elements of a shape, or `None` on overflow.
 pub fn volume(shape: &[u64]) -> Option<usize> {
@@ -14,7 +14,8 @@ pub fn contains(bounds: &[u64], start: &[u64], shape: &[u64]) -> bool {
         && (0..bounds.len()).all(|i| start[i].checked_add(shape[i]).is_some_and(|e| e <= bounds[i]))
 }
 
-/// Iterates over the indices of `lo..hi` (exclusive), last axis fastest. A box without axes has one index.
+/// Iterates over the indices of the box `lo..hi` (`hi` exclusive), last axis fastest. A box without axes
+/// has one index.
 pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<> {
     let (lo, hi) = (lo.to_vec(), hi.to_vec());
     let mut next = lo.iter().zip(&hi).all(|(a, b)| a < b).then(|| lo.clone());
@@ -33,7 +34,7 @@ pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<>
     })
 }
 
-/// Iterates over the boxes (start, shape) of a regular chunk grid, clipped to the array, in row-major order.
+/// Iterates in row-major order over the boxes (start, shape) of a regular chunk grid, clipped to the array.
 pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<> {
     let counts: Vec<u64> = shape.iter().zip(chunk).map(|(&n, &c)| n.div_ceil(c.max(1))).collect();
     let (shape, chunk) = (shape.to_vec(), chunk.to_vec());
@@ -52,7 +53,7 @@ pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<
 pub struct Window<'a> {
     /// Shape of the whole array.
     pub shape: &'a [u64],
-    /// First index of the box.
+    /// Index of the first element of the box.
     pub at: &'a [u64],
 }
 

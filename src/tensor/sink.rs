@@ -1,4 +1,4 @@
-//! Destinations of finished tiles: a store on disk, arrays in memory, or a caller's own implementation.
+//! Sinks, which receive finished tiles: a store on disk, arrays in memory, or a custom implementation.
 
 use crate::axes::SliceLayout;
 use crate::field::Field;
@@ -11,18 +11,18 @@ pub const STRETCH: usize = 256;
 /// Description of one slice of a render for the sink.
 #[derive(Clone, Debug)]
 pub struct JobSlice {
-    /// Name, axes and chunks.
+    /// Name, axes and chunks of the slice.
     pub layout: SliceLayout,
-    /// Attributes of the stored group.
+    /// Attributes of the slice's group in the store.
     pub attributes: Map<String, Value>,
 }
 
-/// Description of a render for the sink, given before the first tile.
+/// Description of a render, passed to the sink before the first tile.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Slices in order; [`Piece::slice`] is an index into them.
     pub slices: Vec<JobSlice>,
-    /// Provenance: scene, seed, samples, devices, units.
+    /// Provenance of the render: scene, seed, samples, devices, units.
     pub attributes: Map<String, Value>,
     /// Camera width and height, in pixels.
     pub camera: [u32; 2],
@@ -43,24 +43,24 @@ pub struct Piece<'a> {
     /// Index of the slice in [`Job::slices`].
     pub slice: usize,
     pub field: Field,
-    /// First index along every axis of the field.
+    /// Index of the first element along every axis of the field.
     pub start: &'a [u64],
-    /// Length along every axis.
+    /// Number of elements along every axis.
     pub shape: &'a [u64],
-    /// Values, row-major (last axis fastest).
+    /// Values of the elements, row-major (last axis fastest).
     pub data: &'a [f32],
-    /// Bit mask, lowest bit first: one bit per [`STRETCH`] bytes of data, unset if all of them are zero.
+    /// Bit mask, lowest bit first: one bit per [`STRETCH`] bytes of data, 0 if all these bytes are zero.
     pub touched: &'a [u64],
 }
 
 /// Number of valid samples of each camera pixel of a tile.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleCounts<'a> {
-    /// First row and column.
+    /// First row and column of the tile.
     pub start: [u64; 2],
-    /// Rows and columns.
+    /// Number of rows and columns of the tile.
     pub shape: [u64; 2],
-    /// Counts, row-major.
+    /// Number of valid samples per pixel, row-major.
     pub counts: &'a [u32],
 }
 
@@ -75,7 +75,7 @@ pub struct TileRecord {
     pub discarded: u64,
     /// Number of rays traced.
     pub rays: u64,
-    /// Thread time, in seconds.
+    /// Time that the rendering thread spent on the tile, in seconds.
     pub seconds: f64,
 }
 
@@ -84,11 +84,11 @@ pub struct TileRecord {
 pub struct Summary {
     /// True if every tile is finished; false after an interruption.
     pub complete: bool,
-    /// Number of finished tiles, including earlier runs.
+    /// Number of finished tiles, including those of earlier runs.
     pub tiles_done: u32,
     /// Total number of tiles.
     pub tiles: u32,
-    /// Number of discarded samples, including earlier runs.
+    /// Number of discarded samples, including those of earlier runs.
     pub discarded: u64,
     /// Number of samples of this run.
     pub samples: u64,
@@ -100,9 +100,10 @@ pub struct Summary {
     pub wall_s: f64,
 }
 
-/// Receiver of the tiles of one render. [`Sink::begin`] is called first and [`Sink::end`] last. In between,
-/// the calls of `put`, `put_samples` and then `tile_done` for one tile come from one thread; calls for
-/// different tiles may be concurrent.
+/// Receiver of the tiles of one render.
+///
+/// [`Sink::begin`] is called first and [`Sink::end`] last. In between, `put`, `put_samples` and then
+/// `tile_done` are called for each tile from one thread. Calls for different tiles may be concurrent.
 pub trait Sink: Sync {
     /// Error type of the sink.
     type Error: std::error::Error + Send + Sync + 'static;
@@ -125,7 +126,7 @@ pub trait Sink: Sync {
     /// If the counts cannot be stored; the render stops.
     fn put_samples(&self, samples: &SampleCounts) -> Result<(), Self::Error>;
 
-    /// Marks a tile as finished: all its values have been put.
+    /// Marks a tile as finished, after all values of the tile have been stored.
     ///
     /// # Errors
     /// If the tile cannot be recorded; the render stops.

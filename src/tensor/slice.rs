@@ -1,11 +1,11 @@
-//! Selection of the parts of T(s, s', p, p', t) to keep: one independent choice per axis.
+//! Selection of the parts of T(s, s', p, p', t) to keep, with one independent choice per axis.
 //!
-//! A [`Slice`] is plain data, already resolved against the scene. All slices are filled in the same pass.
+//! A [`Slice`] is plain data, already resolved against the scene. One rendering pass fills all slices.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSelect {
-    /// All pixels.
+    /// All camera pixels.
     All,
     /// Whole rows (increasing y indices): axes `y` (listed rows) and `x`.
     Rows(Vec<u32>),
@@ -22,12 +22,12 @@ pub enum CameraSelect {
     },
 }
 
-/// Selection of projector pixels s' (axes `v` row and `u` column, if resolved).
+/// Selection of projector pixels s' (axes `v` for rows and `u` for columns).
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProjectorSelect {
-    /// Σ over all s', including light that has no s', such as that of a point emitter. No axis.
+    /// Sum over all s', including light without an s', such as that of a point emitter. No axis.
     Sum,
-    /// All s'.
+    /// All projector pixels.
     All,
     /// Whole projector rows (increasing v indices).
     Rows(Vec<u32>),
@@ -42,33 +42,34 @@ pub enum ProjectorSelect {
         /// Rows per box.
         ny: u32,
     },
-    /// Σ over s' weighted per projector pixel (row-major): a drive image in 0..1, or a coordinate. No axis.
+    /// Weighted sum over s', with one weight per projector pixel: a drive image in 0..1, or a coordinate.
+    /// No axis.
     Mask {
-        /// Name of the image or coordinate.
+        /// Name of the drive image or coordinate.
         name: String,
-        /// One weight per projector pixel.
+        /// One weight per projector pixel, row-major.
         weights: Vec<f32>,
     },
-    /// Σ over the s' whose centre is within the half width of the epipolar line of s. No axis.
+    /// Sum over the s' whose centres are within the half width of the epipolar line of s. No axis.
     Epipolar {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
     },
-    /// The s' of [`Self::Epipolar`], summed by column or row: one axis, `u` or `v`.
+    /// The s' of [`Self::Epipolar`], summed by projector column or row. One axis, `u` or `v`.
     EpipolarAlong {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
-        /// Axis that resolves them.
+        /// Projector axis that the slice resolves.
         along: ProjectorAxis,
     },
-    /// Σ over all other s'. No axis.
+    /// Sum over all s' outside the strip around the epipolar line of s. No axis.
     NonEpipolar {
         /// Half width of the excluded strip, in projector pixels.
         half_width_px: f32,
     },
     /// Only s' = s (camera and projector have the same resolution). No axis.
     Coaxial,
-    /// Only light that has no s': that of all emitters except the projector. No axis.
+    /// Only light without an s', from emitters other than the projector. No axis.
     Ambient,
 }
 
@@ -81,7 +82,7 @@ pub enum ProjectorAxis {
     V,
 }
 
-/// A rectangle of pixels: `x`, `y` the first column and row, `w`, `h` the size.
+/// A rectangle of pixels: first column `x`, first row `y`, width `w` and height `h`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
     pub x: u32,
@@ -90,14 +91,14 @@ pub struct Block {
     pub h: u32,
 }
 
-/// Selection of travel time t.
+/// Selection of the travel time t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TimeSelect {
-    /// Steady state: Σ over all t. No axis.
+    /// Steady state: sum over all t. No axis.
     Sum,
-    /// `bins` bins of `bin_ps` picoseconds from `start_ps`; the overflow array stores light outside the bins.
+    /// Time bins of equal width. The overflow array stores the light outside the bins.
     Bins {
-        /// First edge, in picoseconds.
+        /// First edge of the first bin, in picoseconds.
         start_ps: f64,
         /// Width of a bin, in picoseconds.
         bin_ps: f64,
@@ -124,11 +125,13 @@ pub struct Slice {
     pub projector: ProjectorSelect,
     pub time: TimeSelect,
     pub polarization: Polarization,
-    /// Resolves the number of surface interactions (axis `bounces`, 0 = emitter seen directly).
+    /// Whether the slice resolves the number of surface interactions (axis `bounces`). 0 is an emitter seen
+    /// directly.
     pub bounces: bool,
-    /// Separates direct light, whose only surface interaction was lit by the emitter (component 0), from all
-    /// other light (component 1, "indirect"): axis `component`.
+    /// Whether the slice separates direct from indirect light (axis `component`). Component 0 is light with
+    /// a single surface interaction, at a surface that an emitter illuminates directly. Component 1 is all
+    /// other light.
     pub split_first_bounce: bool,
-    /// Separates light by its path's label: axis `label`, with the sets of [`crate::label`].
+    /// Whether the slice separates light by the label of its path (axis `label`, see [`crate::label`]).
     pub labels: bool,
 }

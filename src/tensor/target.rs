@@ -1,42 +1,44 @@
 //! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
 //!
-//! Samples are added in rounds. After each round, the relative error e and the samples n of every lit pixel
-//! give the samples that it needs: n (e / goal)². The slice reaches the goal when a given share of its lit
-//! pixels does (one half: the median). So samples go first to the tiles where they bring most pixels to the
-//! goal. They are saved where pixels have reached it, or would take long to reach it. No tile gets less than
-//! half of the uniform number of samples that would reach the goal, so that no error exceeds √2 times the
-//! uniform one.
+//! Samples are added in rounds. After each round, a lit pixel with relative error e after n samples needs n
+//! (e / goal)² samples. The slice reaches the goal when a given share of its lit pixels does; a share of
+//! 0.5 is the median. Samples are therefore assigned first to the tiles where they move most pixels to the
+//! goal. Tiles whose pixels have reached the goal, or would need many samples to reach it, get fewer
+//! samples. No tile gets less than half of the uniform number of samples that would reach the goal, so that
+//! no error exceeds √2 times the uniform one.
 //!
-//! If a pixel's own noise decided its sample count, its mean would be biased: sampling would stop where the
-//! first samples are dim. Therefore at least [`LEAST_LIT`] pixels decide for a tile, so that a single pixel
-//! barely affects their quantile.
+//! If the noise of a pixel determined its sample count, the mean would be biased, because sampling would
+//! stop where the first samples are dim. Therefore at least [`LEAST_LIT`] pixels determine the samples of a
+//! tile, so that a single pixel barely affects the quantile.
 
 use serde_json::{Value, json};
 
-/// Root attribute of a store that was rendered to a target error.
+/// Name of the root attribute of a store that was rendered to a target error.
 pub const ATTRIBUTE: &str = "target";
 
-/// Root attribute of a round's store: the round's number and the render it belongs to.
+/// Name of the root attribute of a round's store: the number of the round, and the render.
 pub const ROUND: &str = "round";
 
-/// Root attribute of a store whose tiles have different numbers of samples.
+/// Name of the root attribute of a store whose tiles have different numbers of samples.
 pub const TILE_SAMPLES: &str = "tile_samples";
 
-/// Minimum number of lit pixels that decide for a tile; if it has fewer, its neighbours or all tiles count
-/// too.
+/// Minimum number of lit pixels that determine the samples of a tile. If the tile has fewer, its neighbours
+/// or all tiles are included.
 pub const LEAST_LIT: usize = 64;
 
-/// Candidate sample counts: powers of 2^(1/`STEPS`) times the uniform count, from 1/2 to 8 times it.
+/// Number of candidate sample counts per factor of 2. Candidates are 2^(i/`STEPS`) times the uniform count,
+/// from 1/2 to 8 times.
 const STEPS: i32 = 16;
 const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 
-/// Maximum ratio of a round's samples to all earlier ones, whose error estimates are less reliable if few.
+/// Maximum ratio of a round's samples to the samples of all earlier rounds. Error estimates from few
+/// samples are less reliable.
 const GROWTH: f64 = 4.0;
 
-/// Rounds aim slightly below the goal, so that the last one does not narrowly miss it.
+/// Ratio of a round's target error to the goal; the last round then does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples of a tile in a round; a tile that needs at most half of it is skipped.
+/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half is skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
@@ -45,11 +47,11 @@ const GROUPS: u32 = 32;
 /// Target of the sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Name of the slice.
+    /// Name of the slice whose error is measured.
     pub slice: String,
     /// Relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Share of the lit pixels that must reach the error: 0.5 for the median.
+    /// Share of the lit pixels that must reach the error, 0 to 1; 0.5 for the median.
     pub share: f64,
     /// Samples per pixel in the first round.
     pub first: u32,
@@ -58,7 +60,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns the error of this goal, if any. `dashes` is the prefix of option names in the message.
+    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names.
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
@@ -90,7 +92,7 @@ impl Goal {
         None
     }
 
-    /// Converts to an attribute of a store.
+    /// Converts the goal to a store attribute.
     pub fn to_json(&self) -> Value {
         json!({
             "slice": self.slice,
@@ -102,25 +104,25 @@ impl Goal {
     }
 }
 
-/// A lit pixel, or an element of several pixels, after the rounds so far.
+/// Statistics of a lit pixel, or of an element of several pixels, after the rounds so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
-    /// Number of its tile.
+    /// Number of the tile that contains the pixel.
     pub tile: u32,
-    /// Samples per pixel.
+    /// Number of samples per pixel so far.
     pub samples: f64,
     /// Relative standard error; infinite if unknown.
     pub error: f64,
 }
 
-/// A tile after the rounds so far.
+/// Statistics of a tile after the rounds so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tile {
     /// Number of camera pixels.
     pub pixels: u32,
-    /// Samples per pixel.
+    /// Number of samples per pixel so far.
     pub samples: u32,
-    /// Whether the slice keeps any of its pixels.
+    /// Whether the slice keeps any pixel of the tile.
     pub kept: bool,
 }
 
@@ -128,16 +130,16 @@ pub struct Tile {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     pub lit: Vec<Lit>,
-    /// All tiles, row by row.
+    /// All tiles, row-major.
     pub tiles: Vec<Tile>,
     /// Number of tiles per row.
     pub across: u32,
 }
 
-/// Next step.
+/// Next step of adaptive sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
-    /// The goal is reached.
+    /// Stop: the goal is reached.
     Reached,
     /// Stop: pixels have the maximum number of samples.
     Exhausted,
@@ -145,7 +147,8 @@ pub enum Next {
     Round(Vec<u32>),
 }
 
-/// Returns the smallest value that at least a share of the sorted values does not exceed, if any.
+/// Returns the smallest of the `sorted` values that at least a fraction `share` of the values does not
+/// exceed, or `None` if there are no values.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
@@ -156,11 +159,11 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Numbers of samples that pixels need.
+/// Numbers of samples that the pixels of a tile need.
 struct Needs {
-    /// Needs of the tile's own lit pixels.
+    /// Samples that the tile's own lit pixels need.
     own: Vec<f64>,
-    /// Sorted needs of the pixels that decide for the tile.
+    /// Samples that the pixels that determine the tile's count need, sorted.
     samples: Vec<f64>,
 }
 
@@ -173,7 +176,8 @@ impl Needs {
 }
 
 impl Tile {
-    /// Returns `samples`, at least the tile's present ones; only the latter if the slice keeps no pixel.
+    /// Returns the larger of `samples` and the tile's present samples; the present samples if the slice
+    /// keeps no pixel of the tile.
     fn at_least(&self, samples: f64) -> f64 {
         let had = f64::from(self.samples);
         if self.kept { had.max(samples) } else { had }
@@ -187,14 +191,15 @@ impl Survey {
         quantile(&errors, share).unwrap_or(0.0)
     }
 
-    /// Returns the uniform number of samples per pixel that would reach this error, from variances.
+    /// Returns the number of samples per pixel with which uniform sampling would reach this error,
+    /// estimated from variances.
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);
         let needs = self.lit.iter().map(|p| p.samples * (p.error / reached).powi(2));
         quantile(&sorted(needs.collect()), share).unwrap_or(0.0)
     }
 
-    /// Returns the total number of samples.
+    /// Returns the total number of samples of all tiles.
     pub fn samples(&self) -> u64 {
         let of = |t: &Tile| u64::from(t.pixels) * u64::from(t.samples);
         self.tiles.iter().map(of).sum()
@@ -211,7 +216,7 @@ impl Survey {
         self.next_by(goal, LEAST_LIT)
     }
 
-    /// As [`Self::next`], with at least `least` pixels that decide for a tile.
+    /// Works as [`Self::next`], with at least `least` pixels that determine the samples of a tile.
     pub(crate) fn next_by(&self, goal: &Goal, least: usize) -> Next {
         if self.reached(goal.share) <= goal.error {
             return Next::Reached;
@@ -265,9 +270,9 @@ impl Survey {
         (0..own.len()).map(of).collect()
     }
 
-    /// Returns the samples per pixel for each tile, chosen from the increasing `counts`, with which `wanted`
-    /// lit pixels reach the goal. Each tile maximizes its pixels at the goal minus a price per sample; the
-    /// price is as high as possible. Returns `None` if no price is low enough.
+    /// Returns the samples per pixel for each tile, chosen from the increasing `counts`, with which
+    /// `wanted` lit pixels reach the goal. Each tile maximizes its pixels at the goal minus a price per
+    /// sample; the price is as high as possible. Returns `None` if no price is low enough.
     fn plan(&self, needs: &[Needs], counts: &[f64], wanted: f64) -> Option<Vec<f64>> {
         // Per tile and choice: samples per pixel, and pixels at the goal.
         let choices: Vec<Vec<[f64; 2]>> = self
@@ -323,8 +328,8 @@ impl Survey {
     }
 }
 
-/// Returns at least `samples`, rounded up to whole stratified groups of a power-of-two size, such that there
-/// are [`GROUPS`] to twice as many groups; 0 for few samples.
+/// Returns at least `samples`, rounded up to whole stratified groups of a power-of-two size, so that there
+/// are between 1 and 2 times [`GROUPS`] groups; 0 for few samples.
 fn round_count(samples: f64) -> u32 {
     if samples <= f64::from(LEAST_ROUND / 2) {
         return 0;

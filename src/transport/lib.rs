@@ -1,7 +1,8 @@
 //! The renderer: traces a scene in memory and returns finished tiles of T.
 //!
-//! It returns Mueller matrices and applies no illumination state. This crate is the hot path of the program:
-//! it uses plain-data tables and enums, and reads no files except measured tables, which it maps into memory.
+//! The results are Mueller matrices, independent of the polarization of the illumination. For speed, the
+//! crate uses plain-data tables and enums. The only files that it reads are measured tables, which it maps
+//! into memory.
 
 pub mod geometry;
 

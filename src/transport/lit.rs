@@ -1,8 +1,8 @@
 //! Chooses the integrator from the surfaces that the projector and the point emitters illuminate first.
 //!
-//! Projector, point emitters and camera have no extent. Light that leaves one of them along a single
-//! direction (over a mirror, through smooth glass) therefore reaches a given surface point with probability
-//! zero. Where an emitter illuminates such a surface first, paths from the camera miss the redirected light.
+//! Projector, point emitters and camera have no extent. Paths from the camera therefore never find light of
+//! these emitters that a mirror or smooth glass has redirected. If an emitter illuminates such a surface
+//! first, another integrator is needed.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
@@ -13,24 +13,24 @@ use glam::{DVec2, Vec3A};
 use optics::spectrum::max_lane;
 use rayon::prelude::*;
 
-/// Rays along each side of a device's image that are tested for their first surface.
+/// Number of rays along each side of a device's image that are traced to their first surface.
 const GRID: u32 = 96;
 const LEAST_GRID: f32 = 8.0;
 
-/// The largest number of sheets and null boundaries that a ray passes.
+/// Maximum number of sheets and null boundaries that a ray passes.
 const MOST_SHEETS: u32 = 64;
 
-/// How a surface redirects light of one direction into single directions.
+/// Kinds of surfaces that redirect light of one direction into single directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Redirects {
     Mirror,
-    /// Manifold connections can follow light through it.
+    /// A smooth interface, through which manifold connections can follow light.
     Interface,
-    /// A ray splits into two.
+    /// A surface that splits a ray in two.
     Split,
 }
 
-/// Fractions of a device's image whose rays meet each kind first.
+/// Fractions of a device's rays that hit each kind of redirecting surface first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Meets {
     pub mirror: f64,
@@ -50,7 +50,8 @@ fn mirrors(materials: &Materials, at: &Surface, wo: Vec3A) -> bool {
     found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
 }
 
-/// Returns the first redirecting surface along a ray, if any. Sheets and null boundaries let the ray pass.
+/// Returns the kind of the first redirecting surface along a ray, if any. Sheets and null boundaries let
+/// the ray pass.
 pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects> {
     let (geometry, materials) = (&tables.geometry, &tables.materials);
     for _ in 0..MOST_SHEETS {
@@ -74,7 +75,7 @@ pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects>
     None
 }
 
-/// Returns which redirecting surfaces the rays of a device meet first.
+/// Returns the fractions of a device's rays that hit each kind of redirecting surface first.
 pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     let [w, h] = device.resolution.map(f64::from);
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
@@ -95,7 +96,7 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     Meets { mirror, interface, split }
 }
 
-/// Returns true if light of a point emitter meets a redirecting surface first.
+/// Returns true if light of a point emitter hits a redirecting surface first.
 fn points_meet(tables: &SceneTables) -> bool {
     // With many emitters, each gets fewer rays.
     let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
@@ -109,7 +110,7 @@ fn points_meet(tables: &SceneTables) -> bool {
     })
 }
 
-/// Returns the integrator for the scene's settings and the reason for it.
+/// Returns the integrator for the scene's settings, and the reason for the choice.
 pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();

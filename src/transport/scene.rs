@@ -12,19 +12,20 @@ use tensor::axes::Extents;
 /// A scene ready to render: the tables and the quantities derived from them.
 pub struct Scene {
     tables: SceneTables,
-    /// True if some material transmits light straight through, so that connections may pass sheets.
+    /// True if some material transmits light without deflection, so that connections may pass sheets.
     pub(crate) sheets: bool,
     /// True if some object is filled or some boundary is null, so that paths must track their media.
     pub(crate) filled: bool,
     /// A distance in metres that exceeds every distance between surfaces and devices.
     pub(crate) far: f32,
-    /// Light tree over the point emitters, if they are too many to connect each path vertex to all.
+    /// Light tree over the point emitters, if there are too many to connect each path vertex to all.
     pub(crate) point_tree: Option<LightTree>,
-    /// The reason for the integrator, if the scene file did not choose it.
+    /// The reason for the choice of the integrator; `None` if the scene file chose it.
     why: Option<&'static str>,
 }
 
-/// Path vertices are connected to all point emitters up to this number; otherwise to one chosen at random.
+/// Maximum number of point emitters for which each path vertex is connected to all. With more, each vertex
+/// is connected to one emitter chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -51,7 +52,7 @@ impl Scene {
         scene
     }
 
-    /// Replaces `auto` by the integrator that the scene needs, and `caustics` if necessary.
+    /// Replaces the integrator `auto` by the integrator that the scene needs, and `caustics` if necessary.
     fn choose_integrator(&mut self) {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {
@@ -62,7 +63,7 @@ impl Scene {
         }
     }
 
-    /// Sets the integrator; [`Integrator::Auto`] chooses again.
+    /// Sets the integrator. [`Integrator::Auto`] selects the integrator that the scene needs.
     pub fn set_integrator(&mut self, integrator: Integrator) {
         self.settings.manifold = integrator != Integrator::Path;
         self.settings.integrator = integrator;
@@ -70,7 +71,7 @@ impl Scene {
         self.choose_integrator();
     }
 
-    /// Returns the reason for [`Settings::integrator`], if the scene file did not choose it.
+    /// Returns the reason for the choice of [`Settings::integrator`]; `None` if the scene file chose it.
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }
@@ -112,7 +113,7 @@ impl Scene {
         self.far = 2.0 * seen[0].max(seen[1]).max((high - low).length()).max(1.0);
     }
 
-    /// Returns the lanes of all wavelengths.
+    /// Returns the lanes of all wavelengths of the scene.
     #[inline]
     pub fn lanes(&self) -> Lanes {
         Lanes::first(self.wavelengths.count())

@@ -6,7 +6,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Strategy {
-    /// Connects a camera path to the emitter (next-event estimation).
+    /// Next-event estimation: connects a camera path to the emitter.
     NextEvent,
     /// Next-event estimation through a rough interface, near a particle that scatters the light.
     RoughInterface,
@@ -15,9 +15,9 @@ pub enum Strategy {
     FlatMirrors,
     /// Connections over curved mirrors, by further paths through curved glass, and through crystals.
     CurvedMirrors,
-    /// Connects a light path to the camera.
+    /// Light tracing: connects a light path to the camera.
     LightTracing,
-    /// Connects a camera path to a light path.
+    /// Connects a camera path to a light path at inner vertices.
     VertexConnection,
 }
 
@@ -35,7 +35,7 @@ impl Strategy {
         Self::VertexConnection,
     ];
 
-    /// Returns the field's usual term.
+    /// Returns the standard term for the strategy.
     pub fn name(self) -> &'static str {
         match self {
             Self::NextEvent => "next event",
@@ -98,7 +98,7 @@ impl fmt::Display for Strategies {
 mod tests {
     use super::*;
 
-    /// Every strategy has a distinct bit.
+    /// Verifies that every strategy has a distinct bit.
     #[test]
     fn strategies_are_told_apart() {
         for s in Strategy::LIST {

@@ -27,7 +27,7 @@ pub struct SceneTables {
     /// Materials, indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
     pub media: Media,
-    /// The boundary of each material number; [`Boundary::NONE`] if the object is not filled.
+    /// The boundary for each material number; [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
     pub names: Names,
     pub camera: Pinhole,
@@ -35,14 +35,14 @@ pub struct SceneTables {
     pub points: Vec<PointEmitter>,
     /// Uniform light from outside the scene.
     pub environment: Option<Environment>,
-    /// Emitting surfaces, an image of the sky and directional lights.
+    /// Emissive surfaces, an image of the sky, and directional lights.
     pub lights: Lights,
     /// The slices of the tensor that are kept.
     pub slices: Vec<Slice>,
     pub settings: Settings,
-    /// SHA-256 of the scene file and of every file it refers to, in order, in hexadecimal.
+    /// SHA-256 hash, in hexadecimal, of the scene file and of all files that it refers to, in order.
     pub sha256: String,
-    /// Text of the scene file, stored with the results.
+    /// Text of the scene file, which is stored with the results.
     pub text: String,
     /// The variant of the scene file; `None` for the scene as written.
     pub variant: Option<Variant>,
@@ -69,15 +69,15 @@ pub enum Integrator {
     Auto,
     /// Paths from the camera, with connections to the emitters.
     Path,
-    /// As `Path`, plus light paths every few samples. These find the light that mirrors, smooth glass and
-    /// crystals redirect before it meets anything else.
+    /// As `Path`, plus light paths every few samples. The light paths sample light whose first interaction
+    /// is with a mirror, smooth glass or a crystal.
     Caustics,
-    /// Paths from the camera and from the emitters, with connections between all of their vertices.
+    /// Paths from the camera and from the emitters, with connections between all their vertices.
     Bidirectional,
 }
 
 impl Integrator {
-    /// Returns the name that scene files use.
+    /// Returns the name of the integrator in scene files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -107,20 +107,22 @@ pub struct Settings {
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
     /// Restricts bidirectional tracing to one unweighted strategy: the number of vertices on the light path
-    /// and on the camera path, both ends included. For tests; other paths are missing.
+    /// and on the camera path, both ends included. This setting is for tests; other paths are missing from
+    /// the result.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that may be used. For tests; paths that only others can sample are missing.
+    /// Strategies that may be used. A subset is for tests; paths that only other strategies can sample are
+    /// missing.
     pub strategies: Strategies,
-    /// Key of the random streams.
+    /// Seed of the random streams.
     pub seed: u64,
-    /// Edge of a square tile in camera pixels.
+    /// Edge length of a square tile, in camera pixels.
     pub tile: u32,
 }
 
 impl Settings {
-    /// Returns the number of samples of a pixel that are stratified together: the largest that leaves at
-    /// least `replicates` independent groups. Standard errors are estimated from these groups (randomized
-    /// quasi-Monte Carlo: Owen 1997).
+    /// Returns the number of samples of a pixel that are stratified together. The result is the largest
+    /// number that leaves at least `replicates` independent groups. Standard errors are estimated from
+    /// these groups (randomized quasi-Monte Carlo: Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

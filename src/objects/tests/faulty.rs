@@ -1,5 +1,5 @@
-//! In-memory object stores that fail temporarily, like servers and networks, or permanently, like a killed
-//! process.
+//! In-memory object stores that fail temporarily, as servers and networks do, or permanently, as a killed
+//! process does.
 
 use super::super::Key;
 use super::memory;
@@ -16,13 +16,13 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 static LIVES: LazyLock<Mutex<HashMap<String, Arc<AtomicI64>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the number of changes that `mortal://NAME/..` still makes.
+/// Returns the number of changes that `mortal://NAME/..` still makes before it fails.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     let mut lives = LIVES.lock().unwrap_or_else(PoisonError::into_inner);
     lives.entry(name.to_owned()).or_default().clone()
 }
 
-/// The store `memory://NAME/..` with failures.
+/// The store `memory://NAME/..` with simulated failures.
 #[derive(Clone, Debug)]
 pub(crate) struct Faulty {
     inner: Arc<InMemory>,
@@ -31,7 +31,7 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Of ten requests, one is lost and the response of another is lost.
+    /// Fails temporarily: of ten requests, one is lost, and the response to another is lost.
     Flaky(Arc<AtomicU64>),
     /// Fails permanently after a number of changes.
     Mortal(Arc<AtomicI64>),

@@ -1,4 +1,4 @@
-//! The unit tests of this crate as a target of its own, so that `--test objects` runs them alone.
+//! The unit tests of this crate as a separate target, so that `--test objects` runs only these tests.
 
 #![expect(dead_code, reason = "public items are not exported from a test")]
 

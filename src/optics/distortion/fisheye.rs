@@ -3,22 +3,22 @@
 
 use glam::DVec2;
 
-/// The widest invertible angle to the axis, radians: normalized coordinates are on the plane z = 1, which a
-/// ray at 90° does not intersect.
+/// The largest angle to the axis at which the lens is invertible, radians. Normalized coordinates are on
+/// the plane z = 1, which a ray at 90° does not intersect.
 pub const WIDEST: f64 = 1.565;
 
-/// With r = |p| on the plane z = 1 and θ = atan r, p is mapped to p·θ_d/r,
-/// θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
+/// Coefficients k1 to k4 of a fisheye lens. A point p on the plane z = 1, with r = |p| and θ = atan r, is
+/// mapped to p·θ_d/r, where θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fisheye {
     pub k: [f64; 4],
 }
 
-/// Below this radius the lens is the identity up to rounding.
+/// Radius below which the lens is the identity up to rounding errors.
 const TINY: f64 = 1e-8;
 
 impl Fisheye {
-    /// Returns θ_d, and its derivative with respect to θ.
+    /// Returns θ_d and the derivative of θ_d with respect to θ.
     #[inline]
     pub fn radius(&self, theta: f64) -> [f64; 2] {
         let [k1, k2, k3, k4] = self.k;
@@ -65,7 +65,8 @@ impl Fisheye {
         [t2, t2 * t2, t2 * t2 * t2, t2 * t2 * t2 * t2].map(|power| p * (t * power / r))
     }
 
-    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] or where not monotonic.
+    /// Maps distorted normalized coordinates to ideal coordinates. Returns `None` beyond [`WIDEST`] or
+    /// where the map is not monotonic.
     #[inline]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let want = q.length();

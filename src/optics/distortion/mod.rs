@@ -1,4 +1,4 @@
-//! Lens distortion of a pinhole device, its inverse and its Jacobian.
+//! Lens distortion of a pinhole device, with the inverse and the Jacobian of the distortion.
 
 pub mod fisheye;
 pub mod opencv;
@@ -8,15 +8,15 @@ use fisheye::{Fisheye, WIDEST};
 use glam::DVec2;
 use opencv::Opencv;
 
-/// The map that a lens applies to the normalized coordinates of an image (those on the plane z = 1).
+/// The map that a lens applies to normalized image coordinates, which are those on the plane z = 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
     /// No distortion.
     #[default]
     None,
-    /// OpenCV's model of planar images, including Brown–Conrady.
+    /// OpenCV's model for planar images, which includes Brown–Conrady.
     Opencv(Opencv),
-    /// OpenCV's fisheye.
+    /// OpenCV's fisheye model.
     Fisheye(Fisheye),
 }
 
@@ -33,7 +33,7 @@ impl Distortion {
         *self == Self::None
     }
 
-    /// Maps ideal normalized coordinates to distorted ones.
+    /// Maps ideal normalized coordinates to distorted coordinates.
     #[inline]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         match self {
@@ -53,7 +53,8 @@ impl Distortion {
         }
     }
 
-    /// Maps distorted normalized coordinates to ideal ones; `None` where the distortion is not one-to-one.
+    /// Maps distorted normalized coordinates to ideal coordinates; `None` where the distortion is not
+    /// one-to-one.
     #[inline]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         match self {
@@ -63,7 +64,7 @@ impl Distortion {
         }
     }
 
-    /// Explains why [`Self::undistort`] of a point of the image fails.
+    /// Returns the reason why [`Self::undistort`] fails at an image point.
     pub fn complaint(&self, q: DVec2) -> &'static str {
         match self {
             Self::Fisheye(lens)
@@ -83,7 +84,7 @@ mod tests {
     use proptest::prelude::*;
     use tilt::Tilt;
 
-    /// One lens of each model, strong but invertible within |p| < 0.6.
+    /// Returns one lens of each model, with strong distortion that is invertible within |p| < 0.6.
     fn lenses() -> Vec<Distortion> {
         let brown = Opencv { k1: -0.28, k2: 0.07, k3: 0.01, p1: 0.002, p2: -0.001, ..Opencv::default() };
         let rational = Opencv { k4: 0.2, k5: -0.05, k6: 0.03, ..brown };
@@ -142,7 +143,7 @@ mod tests {
             }
         }
 
-        /// Fisheye lenses are invertible to nearly 90°.
+        /// Verifies that fisheye lenses are invertible up to nearly 90°.
         #[test]
         fn fisheyes_invert_far_off_the_axis(theta in 0.0..1.56, turn in 0.0..std::f64::consts::TAU) {
             for lens in lenses().into_iter().skip(4) {
@@ -154,7 +155,7 @@ mod tests {
         }
     }
 
-    /// By hand: x = 0.5, y = 0, coefficients one at a time (OpenCV's formulas).
+    /// Compares with OpenCV's formulas evaluated by hand at x = 0.5, y = 0, for one coefficient at a time.
     #[test]
     fn each_coefficient_does_what_opencv_says() {
         let p = DVec2::new(0.5, 0.0);

@@ -4,12 +4,12 @@
 use super::tilt::Tilt;
 use glam::DVec2;
 
-/// OpenCV's coefficients, which act on normalized coordinates. A coefficient of 0 omits its term
-/// (Brown–Conrady, Brown 1966, has only k1, k2, k3, p1, p2).
+/// OpenCV's distortion coefficients for normalized coordinates. A coefficient of 0 omits the corresponding
+/// term (Brown–Conrady, Brown 1966, has only k1, k2, k3, p1, p2).
 ///
 /// With r² = x² + y²: x' = x·(1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² +
-/// 2x²) + s1 r² + s2 r⁴, y' the same with p1 and p2 exchanged and s3, s4; then the tilt. (OpenCV's
-/// documentation, `calib3d`.)
+/// 2x²) + s1 r² + s2 r⁴, y' is the same with x and y exchanged, p1 and p2 exchanged, and s3, s4. The tilt
+/// is applied last. (OpenCV's documentation, `calib3d`.)
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Opencv {
     pub k1: f64,
@@ -28,8 +28,8 @@ pub struct Opencv {
 }
 
 impl Opencv {
-    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing ones are
-    /// 0.
+    /// Creates a lens without tilt from OpenCV's list k1, k2, p1, p2, k3 to k6, s1 to s4. Missing
+    /// coefficients are 0.
     pub fn from_list(list: &[f64]) -> Self {
         let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
         Self {
@@ -56,7 +56,7 @@ impl Opencv {
         if self.tilt.is_none() { bent } else { self.tilt.apply(bent) }
     }
 
-    /// Applies all terms except the tilt.
+    /// Applies all terms of the distortion except the tilt.
     #[inline]
     fn bend(&self, p: DVec2) -> DVec2 {
         let r2 = p.length_squared();
@@ -70,7 +70,7 @@ impl Opencv {
         p * radial + tangential + prism
     }
 
-    /// Returns the radial factor, and twice its derivative with respect to r².
+    /// Returns the radial factor, and twice the derivative of this factor with respect to r².
     #[inline]
     fn radial(&self, r2: f64) -> [f64; 2] {
         let above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
@@ -137,8 +137,8 @@ impl Opencv {
         ]
     }
 
-    /// Maps distorted normalized coordinates to ideal ones by Newton's method; `None` if it does not converge
-    /// to a point where the distortion is one-to-one.
+    /// Maps distorted normalized coordinates to ideal coordinates by Newton's method. Returns `None` if the
+    /// iteration does not converge to a point where the distortion is one-to-one.
     #[inline]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let bent = if self.tilt.is_none() { q } else { self.tilt.undo(q) };
@@ -165,8 +165,8 @@ impl Opencv {
         None
     }
 
-    /// [`Self::undistort`] for points from which Newton's method diverges: continuation along the line from
-    /// the centre.
+    /// Implements [`Self::undistort`] for points at which Newton's method diverges, by continuation along
+    /// the line from the centre.
     #[cold]
     fn follow(&self, q: DVec2) -> Option<DVec2> {
         const STEPS: i32 = 32;

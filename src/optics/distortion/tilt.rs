@@ -1,13 +1,14 @@
-//! A sensor that is not perpendicular to the axis (Scheimpflug): OpenCV's tau_x, tau_y.
+//! A sensor that is not perpendicular to the optical axis (Scheimpflug): OpenCV's tau_x, tau_y.
 
 use glam::{DMat3, DVec2, DVec3};
 
 /// The homography of a tilted sensor behind the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tilt {
-    /// Radians about x, then about y.
+    /// Angles of rotation about x, then about y, radians.
     pub tau: [f64; 2],
-    /// Maps distorted normalized coordinates (x, y, 1) to those on the tilted sensor, up to a factor.
+    /// Matrix that maps distorted normalized coordinates (x, y, 1) to those on the tilted sensor, up to a
+    /// factor.
     forward: DMat3,
 }
 
@@ -33,19 +34,20 @@ impl Tilt {
         Self { tau: [tau_x, tau_y], forward: back * r }
     }
 
-    /// Returns true if the sensor is perpendicular to the axis.
+    /// Returns true if the sensor is perpendicular to the optical axis.
     #[inline]
     pub fn is_none(&self) -> bool {
         self.tau == [0.0; 2]
     }
 
-    /// Maps coordinates without tilt to those on the tilted sensor.
+    /// Maps normalized coordinates without tilt to coordinates on the tilted sensor.
     #[inline]
     pub fn apply(&self, p: DVec2) -> DVec2 {
         homography(&self.forward, p)
     }
 
-    /// Maps coordinates on the tilted sensor to those without tilt; not finite where there are none.
+    /// Maps coordinates on the tilted sensor to coordinates without tilt. The result is not finite where
+    /// there is no such point.
     #[inline]
     pub fn undo(&self, q: DVec2) -> DVec2 {
         homography(&self.forward.inverse(), q)

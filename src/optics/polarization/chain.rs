@@ -1,8 +1,9 @@
 //! The Mueller product along a path, in the cheapest exact form.
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
-//! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After it, the product is the outer product of a
-//! column (camera side) and a row (projector side): 8 numbers instead of 16, mostly only 2 non-zero.
+//! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After such an interaction, the product is the
+//! outer product of a column (camera side) and a row (projector side), which have 8 numbers instead of 16.
+//! Usually only 2 of these are non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -15,17 +16,17 @@ use glam::Vec3A;
 /// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// No polarizing or depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin 2θ).
+    /// A factor times a frame rotation (cos 2θ, sin 2θ), before any polarizing or depolarizing interaction.
     Rotation { f: Spectral, cos2: f32, sin2: f32 },
-    /// Any matrix.
+    /// A general Mueller matrix.
     Full(Mueller),
-    /// column · rowᵀ.
+    /// The outer product column · rowᵀ.
     RankOne {
         column: [Spectral; 4],
         row: [Spectral; 4],
-        /// Only element 0 of the column is non-zero.
+        /// True if only element 0 of the column is non-zero.
         column_flat: bool,
-        /// Only element 0 of the row is non-zero.
+        /// True if only element 0 of the row is non-zero.
         row_flat: bool,
     },
 }
@@ -48,14 +49,14 @@ pub(super) fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectra
 }
 
 impl Chain {
-    /// Returns the start of a path: the identity scaled per lane, in the camera frame.
+    /// Returns the product at the start of a path: the identity in the camera frame, scaled per lane.
     #[inline]
     pub fn start(f: Spectral) -> Self {
         Self::Rotation { f, cos2: 1.0, sin2: 0.0 }
     }
 
-    /// Multiplies by R(θ) on the right. Afterwards the product acts on Stokes vectors in a frame whose
-    /// rotation by θ gives the previous one (see [`Mueller::rotate_in`]).
+    /// Multiplies the product by R(θ) on the right. Afterwards the product acts on Stokes vectors in a
+    /// frame whose rotation by θ gives the previous frame (see [`Mueller::rotate_in`]).
     #[inline]
     pub fn rotate_in(&mut self, c2: f32, s2: f32) {
         match self {
@@ -72,9 +73,9 @@ impl Chain {
         }
     }
 
-    /// Multiplies by an interaction in place. `d_out` is the direction in which light leaves it, and `frame`
-    /// the current frame of that light. Returns the frame of the incident light, or `None` if the interaction
-    /// depolarizes, so that any frame is valid.
+    /// Multiplies the product by an interaction, in place. `d_out` is the direction in which light leaves
+    /// the interaction, and `frame` is the current frame of this light. Returns the frame of the incident
+    /// light, or `None` if the interaction depolarizes, so that any frame is valid.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Vec3A> {
         match scatter {
@@ -97,7 +98,8 @@ impl Chain {
         }
     }
 
-    /// [`Self::push`] for [`Scatter::Depolarize`]: any frame is valid afterwards.
+    /// Multiplies the product by [`Scatter::Depolarize`] as [`Self::push`] does. Any frame is valid
+    /// afterwards.
     #[inline]
     pub fn depolarize(&mut self, f: Spectral) {
         let z = Spectral::ZERO;
@@ -161,8 +163,9 @@ impl Chain {
         }
     }
 
-    /// Multiplies on the right by the transpose of another product, which was built from the emitter with
-    /// transposed interactions. Both must have the same frame for the light between them.
+    /// Multiplies the product on the right by the transpose of another product, which was built from the
+    /// emitter with transposed interactions. Both products must have the same frame for the light between
+    /// them.
     #[inline]
     pub fn times_transposed(&mut self, other: &Self) {
         let dot =
@@ -278,7 +281,7 @@ mod tests {
         conductor(cos, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5))
     }
 
-    /// Returns the direction across the axis z at an angle in degrees.
+    /// Returns the direction perpendicular to the z axis at an angle in degrees from x.
     fn at(deg: f32) -> Vec3A {
         let (s, c) = deg.to_radians().sin_cos();
         Vec3A::new(c, s, 0.0)
@@ -293,7 +296,7 @@ mod tests {
         Scatter::Full { mueller, frame_out: at(40.0), frame_in: at(-65.0) }
     }
 
-    /// Every form of the chain equals the product of 4×4 matrices.
+    /// Verifies that every form of the chain equals the product of 4×4 matrices.
     #[test]
     fn chain_equals_plain_products() {
         let d = Vec3A::Z;
@@ -364,7 +367,8 @@ mod tests {
         }
     }
 
-    /// A product built from both ends equals one built from one end, wherever they meet.
+    /// Verifies that a product built from both ends equals a product built from one end, wherever the two
+    /// meet.
     #[test]
     fn products_from_both_ends_meet() {
         let d = Vec3A::Z;

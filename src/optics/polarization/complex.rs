@@ -3,7 +3,7 @@
 use crate::spectrum::Spectral;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// `re + i·im` per lane.
+/// A complex number `re + i·im` per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Complex {
     pub re: Spectral,
@@ -31,8 +31,8 @@ impl Complex {
         Self { re: self.re * f, im: self.im * f }
     }
 
-    /// Returns the square root with non-negative real part. On the negative real axis the imaginary part is
-    /// positive, which is the evanescent wave.
+    /// Returns the square root with a non-negative real part. On the negative real axis, the imaginary part
+    /// is positive, as evanescent waves require.
     #[inline]
     pub fn sqrt(self) -> Self {
         // The larger part by a root, the other by division: a difference would cancel for weak absorbers.
@@ -73,7 +73,7 @@ impl Mul for Complex {
 
 impl Div for Complex {
     type Output = Self;
-    /// The divisor must not be zero in a used lane.
+    /// Divides per lane; the divisor must not be zero in a used lane.
     #[inline]
     fn div(self, rhs: Self) -> Self {
         (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())

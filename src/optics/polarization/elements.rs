@@ -3,36 +3,38 @@
 
 use super::mueller::Mueller;
 
-/// R(θ): expresses Stokes vectors in a basis rotated by θ.
+/// Returns R(θ), which expresses Stokes vectors in a basis rotated by θ.
 pub fn rotator(theta: f32) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
     Mueller::splat([[1., 0., 0., 0.], [0., c, s, 0.], [0., -s, c, 0.], [0., 0., 0., 1.]])
 }
 
-/// Rotates an element given at 0° by θ: R(-θ) M R(θ).
+/// Returns R(-θ) M R(θ), which is the element M rotated by θ.
 pub fn turned(element: Mueller, theta: f32) -> Mueller {
     rotator(-theta) * element * rotator(theta)
 }
 
-/// L(θ): ideal linear polarizer with transmitting axis θ.
+/// Returns the ideal linear polarizer L(θ) with the transmitting axis at θ.
 pub fn polarizer(theta: f32) -> Mueller {
     let p = Mueller::splat([[0.5, 0.5, 0., 0.], [0.5, 0.5, 0., 0.], [0., 0., 0., 0.], [0., 0., 0., 0.]]);
     turned(p, theta)
 }
 
-/// Linear retarder with fast axis θ and retardance δ (slow axis lags). δ = π/2 is the paper's Q(θ).
+/// Returns the linear retarder with the fast axis at θ and the retardance δ by which the slow axis lags. δ
+/// = π/2 is the paper's Q(θ).
 pub fn retarder(theta: f32, delta: f32) -> Mueller {
     let (s, c) = delta.sin_cos();
     let r = Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., c, s], [0., 0., -s, c]]);
     turned(r, theta)
 }
 
-/// Mirror at normal incidence, s-frame on both sides: swaps handedness and ±45°.
+/// Returns the ideal mirror at normal incidence, with the s-frame on both sides. The mirror swaps
+/// handedness and ±45°.
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }
 
-/// Ideal depolarizer: keeps only the intensity.
+/// Returns the ideal depolarizer, which keeps only the intensity.
 pub fn depolarizer() -> Mueller {
     let mut m = Mueller::ZERO;
     m.m[0][0] = crate::spectrum::Spectral::ONE;

@@ -1,4 +1,4 @@
-//! Ends of paths: the elements of a finished [`Chain`] that can be non-zero.
+//! Ends of paths: appends the elements of a finished [`Chain`] that can be non-zero.
 
 use super::chain::{Chain, rotate_row, row_times_block};
 use super::extent::Extent;
@@ -8,7 +8,7 @@ use crate::spectrum::Spectral;
 use glam::Vec3A;
 
 impl Chain {
-    /// Ends the path at an emitter: appends the elements that can be non-zero, row by row.
+    /// Ends the path at an emitter. Appends the elements that can be non-zero to `elements`, row by row.
     #[inline]
     pub fn finish(&self, elements: &mut Vec<Spectral>) -> Extent {
         let (rows, cols) = match self {
@@ -29,9 +29,9 @@ impl Chain {
         Extent { rows: rows as u32, cols: cols as u32 }
     }
 
-    /// [`Self::finish`] after one more non-depolarizing interaction, a factor, and a rotation of the frame of
-    /// incident light, (cos 2θ, sin 2θ), without copying the chain. For `d_out` and `frame` see
-    /// [`Self::push`].
+    /// Ends the path as [`Self::finish`] does, after one more non-depolarizing interaction, a factor, and a
+    /// rotation (cos 2θ, sin 2θ) of the frame of incident light. The chain is not copied. For `d_out` and
+    /// `frame` see [`Self::push`].
     #[inline]
     pub fn finish_scattered(
         &self,
@@ -87,7 +87,8 @@ impl Chain {
         Extent { rows: rows as u32, cols: 4 }
     }
 
-    /// [`Self::finish`] after one more depolarizing interaction of factor `f`, without copying the chain.
+    /// Ends the path as [`Self::finish`] does, after one more depolarizing interaction of factor `f`. The
+    /// chain is not copied.
     #[inline]
     pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
         let rows = match self {

@@ -2,8 +2,9 @@
 
 use glam::{Mat3A, Vec3A};
 
-/// Returns cos 2θ and sin 2θ of the rotation from basis `from` to basis `to` of light travelling along `d`,
-/// counter-clockwise looking toward the source. Both bases are unit vectors perpendicular to `d`.
+/// Returns cos 2θ and sin 2θ of the rotation from the basis vector `from` to the basis vector `to`, for
+/// light travelling along `d`, counter-clockwise looking toward the source. Both basis vectors are unit
+/// vectors perpendicular to `d`.
 #[inline]
 pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
     let c = to.dot(from);
@@ -17,8 +18,8 @@ pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
 /// Returns `axis` projected perpendicular to the ray: the unit vector perpendicular to `d` in the plane of
 /// `d` and `axis`.
 ///
-/// If the two are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if `d` is
-/// within 25.8° of z. An arbitrary perpendicular might rotate with the rounding of `d`.
+/// If `axis` and `d` are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if
+/// `d` is within 25.8° of z. An arbitrary perpendicular would depend on the rounding errors of `d`.
 #[inline]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     let x = axis - d * axis.dot(d);
@@ -38,7 +39,7 @@ pub fn perpendicular(d: Vec3A) -> Vec3A {
     Vec3A::from_array(perpendiculars(&d.to_array().map(|v| [v])).map(|[v]| v))
 }
 
-/// [`perpendicular`] for several vectors.
+/// Returns the result of [`perpendicular`] for several vectors.
 #[inline(always)]
 pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     let mut out = [[0.0; N]; 3];
@@ -52,7 +53,7 @@ pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     out
 }
 
-/// Returns a right-handed orthonormal basis whose third column is the unit vector `z`. It maps local
+/// Returns a right-handed orthonormal basis whose third column is the unit vector `z`. The basis maps local
 /// directions to the world.
 #[inline]
 pub fn basis(z: Vec3A) -> Mat3A {
@@ -73,7 +74,8 @@ mod tests {
         assert!((c - 1.0_f32.cos()).abs() < 1e-6 && (s - 1.0_f32.sin()).abs() < 1e-6);
     }
 
-    /// An axis along the light has the frame defined in CONVENTIONS.md, independent of rounding.
+    /// Verifies that an axis along the light gives the frame that CONVENTIONS.md defines, independent of
+    /// rounding.
     #[test]
     fn a_parallel_axis_has_the_stated_frame() {
         for (axis, want) in [

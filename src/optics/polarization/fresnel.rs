@@ -8,16 +8,16 @@ use super::complex::Complex;
 use super::mueller::Mueller;
 use crate::spectrum::Spectral;
 
-/// The block form of a Fresnel Mueller matrix in its s-frame.
+/// A Fresnel Mueller matrix in block form, in its s-frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FresnelBlock {
-    /// M00 = M11: mean of the s and p power coefficients.
+    /// Elements M00 = M11: mean of the s and p power coefficients.
     pub a: Spectral,
-    /// M01 = M10: half their difference, s minus p.
+    /// Elements M01 = M10: half the difference of the power coefficients, s minus p.
     pub b: Spectral,
-    /// M22 = M33.
+    /// Elements M22 = M33.
     pub c: Spectral,
-    /// M23 = -M32.
+    /// Elements M23 = -M32.
     pub d: Spectral,
 }
 
@@ -55,8 +55,9 @@ impl FresnelBlock {
     }
 }
 
-/// Returns reflection by a conductor of complex relative index `n + i·k` (k ≥ 0 absorbs). `cos_i` is the
-/// cosine of incidence in 0..1. Maps the incoming s-frame to the outgoing s-frame.
+/// Returns the block of reflection by a conductor with the complex relative index `n + i·k` (k ≥ 0
+/// absorbs). `cos_i` is the cosine of incidence in 0..1. The block maps the incoming s-frame to the
+/// outgoing s-frame.
 #[inline]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
@@ -72,7 +73,7 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     FresnelBlock::from_amplitudes(r_s, r_p, Spectral::ONE)
 }
 
-/// Reflection and transmission of a smooth dielectric interface.
+/// Mueller blocks of reflection and transmission at a smooth dielectric interface.
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricFresnel {
     /// Mueller block of reflection.
@@ -81,14 +82,14 @@ pub struct DielectricFresnel {
     pub transmission: FresnelBlock,
 }
 
-/// Returns the blocks of a smooth dielectric interface. `eta` is the index on the far side over that on the
-/// side of incidence; `cos_i` is the cosine of incidence in 0..1.
+/// Returns the blocks of a smooth dielectric interface. `eta` is the index on the far side over the index
+/// on the side of incidence; `cos_i` is the cosine of incidence in 0..1.
 #[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
     dielectric_per_lane(Spectral::splat(cos_i), eta)
 }
 
-/// [`dielectric`] with an angle of incidence for each wavelength.
+/// Returns the blocks as [`dielectric`] does, with an angle of incidence for each wavelength.
 #[inline]
 pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel {
     let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);

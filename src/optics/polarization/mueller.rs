@@ -3,10 +3,10 @@
 use crate::spectrum::Spectral;
 use std::ops::{Add, Mul};
 
-/// A Mueller matrix per wavelength lane, `m[out][in]`. Its frames are documented where it is used.
+/// A Mueller matrix per wavelength lane, `m[out][in]`. The code that uses a matrix documents its frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mueller {
-    /// Element `[out][in]`, for all wavelengths.
+    /// Elements `[out][in]`, each for all wavelengths.
     pub m: [[Spectral; 4]; 4],
 }
 
@@ -17,7 +17,8 @@ impl Default for Mueller {
 }
 
 impl Mueller {
-    /// Replaces the matrix by D · self · D with D = diag(1, 1, -1, 1): flips the second axes of both frames.
+    /// Replaces the matrix by D · self · D with D = diag(1, 1, -1, 1): this flips the second axes of both
+    /// frames.
     #[inline]
     pub fn mirror(&mut self) {
         for k in [0, 1, 3] {
@@ -33,7 +34,7 @@ impl Mueller {
 
     pub const ZERO: Self = Self { m: [[Spectral::ZERO; 4]; 4] };
 
-    /// Returns the same real matrix in every lane.
+    /// Returns the matrix with the same real elements in every lane.
     #[inline]
     pub fn splat(rows: [[f32; 4]; 4]) -> Self {
         Self { m: rows.map(|row| row.map(Spectral::splat)) }
@@ -76,7 +77,8 @@ impl Mueller {
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
     }
 
-    /// Computes R(θ)·M: rotates the outgoing frame by θ, given cos 2θ and sin 2θ (M' = R(θ_out) M R(-θ_in)).
+    /// Multiplies by R(θ) on the left, given cos 2θ and sin 2θ: rotates the outgoing frame by θ (M' =
+    /// R(θ_out) M R(-θ_in)).
     #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -87,8 +89,8 @@ impl Mueller {
         }
     }
 
-    /// Computes M·R(θ): afterwards the matrix acts on Stokes vectors in a frame whose rotation by θ gives the
-    /// previous incoming frame.
+    /// Multiplies by R(θ) on the right. Afterwards the matrix acts on Stokes vectors in a frame whose
+    /// rotation by θ gives the previous incoming frame.
     #[inline]
     pub fn rotate_in(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -102,7 +104,7 @@ impl Mueller {
 
 impl Mul for Mueller {
     type Output = Self;
-    /// Light meets the right factor first.
+    /// Multiplies two matrices; light passes the right factor first.
     #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self { m: self.m.map(|row| rhs.row_times(&row)) }

@@ -1,4 +1,4 @@
-//! One interaction as a Mueller matrix in the cheapest exact form.
+//! A single interaction as a Mueller matrix in the cheapest exact form.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -6,22 +6,23 @@ use super::mueller::Mueller;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 
-/// One interaction, from light travelling along `-wi` to light travelling along `wo`.
+/// A single interaction that maps light travelling along `-wi` to light travelling along `wo`.
 // A box would allocate at every bounce; small variants are written without touching the rest.
 #[expect(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Scatter {
-    /// f·e₀e₀ᵀ: complete depolarization; frames do not matter.
+    /// Complete depolarization f·e₀e₀ᵀ, for which frames are irrelevant.
     Depolarize(Spectral),
     /// A Fresnel block whose frame on both sides is the unit vector `s` perpendicular to the plane of
     /// incidence. Wave plates and polarizers that do not deflect light also have this form, in the frame `s`
     /// of their axis.
     Fresnel {
         block: FresnelBlock,
-        /// Its frame, a unit vector.
+        /// Frame of the block, a unit vector.
         s: Vec3A,
     },
-    /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
+    /// A general matrix from Stokes vectors in frame `frame_in` (⟂ `wi`) to Stokes vectors in frame
+    /// `frame_out` (⟂ `wo`).
     Full {
         mueller: Mueller,
         /// Frame of outgoing light, a unit vector.
@@ -53,7 +54,8 @@ impl Scatter {
         }
     }
 
-    /// Returns the full matrix between the given frames of light leaving along `wo` and arriving along `-wi`.
+    /// Returns the full matrix between given frames of light that leaves along `wo` and light that arrives
+    /// along `-wi`.
     #[inline]
     pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
         let (mut m, out, inn) = match self {
@@ -72,8 +74,8 @@ impl Scatter {
         m
     }
 
-    /// Returns the transposed matrix with frames exchanged, for products that are built from the light's
-    /// side, see [`times_transposed`](super::chain::Chain::times_transposed).
+    /// Returns the transposed matrix with frames exchanged, for products that are built from the emitter,
+    /// see [`times_transposed`](super::chain::Chain::times_transposed).
     #[inline]
     pub fn transposed(&self) -> Self {
         match self {
@@ -106,7 +108,7 @@ impl Scatter {
         }
     }
 
-    /// Returns the frame of incident light; an arbitrary one if the interaction depolarizes.
+    /// Returns the frame of incident light; an arbitrary vector if the interaction depolarizes.
     #[inline]
     pub fn frame_in(&self) -> Vec3A {
         match self {
@@ -137,7 +139,7 @@ mod tests {
     use crate::polarization::fresnel::conductor;
     use crate::spectrum::max_lane;
 
-    /// A sum of interactions is the sum of their matrices in any frames.
+    /// Verifies that a sum of interactions is the sum of their matrices in any frames.
     #[test]
     fn sums_of_interactions_are_sums_of_matrices() {
         let block = conductor(0.4, Spectral::splat(0.4), Spectral::splat(2.5));

@@ -5,8 +5,9 @@
 //!
 //! > ρ_s = (q_i - q_j)/(q_i + q_j),  ρ_p = (η_j² q_i - η_i² q_j)/(η_j² q_i + η_i² q_j)
 //!
-//! From the substrate outward, the layers below interface i–j reflect (Airy's recursion: Born & Wolf 1999,
-//! 1.6.4 and 14.4; equivalent to the matrix form of Byrnes 2016, arXiv:1603.02720)
+//! From the substrate outward, the reflected amplitude of all layers below interface i–j is given by Airy's
+//! recursion (Born & Wolf 1999, 1.6.4 and 14.4; equivalent to the matrix form of Byrnes 2016,
+//! arXiv:1603.02720):
 //!
 //! > r_i = (ρ + r_j e^{2iβ_j}) / (1 + ρ r_j e^{2iβ_j}),  β_j = 2π q_j d_j/λ.
 //!
@@ -18,28 +19,28 @@ use super::fresnel::FresnelBlock;
 use crate::spectrum::Spectral;
 use std::f32::consts::TAU;
 
-/// One film; unused lanes have index 1 and thickness 0.
+/// A thin film. In unused lanes, the index is 1 and the thickness is 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Film {
     /// Real part of the refractive index.
     pub n: Spectral,
-    /// Extinction coefficient, k ≥ 0 absorbs.
+    /// Extinction coefficient k, where k ≥ 0 absorbs.
     pub k: Spectral,
-    /// Thickness over vacuum wavelength.
+    /// Thickness divided by the vacuum wavelength.
     pub waves: Spectral,
 }
 
 impl Film {
-    /// No film: no reflection and no phase.
+    /// The absence of a film: no reflection and no phase.
     pub const NONE: Self = Self { n: Spectral::ONE, k: Spectral::ZERO, waves: Spectral::ZERO };
 }
 
 /// A homogeneous layer at a given angle of incidence.
 #[derive(Clone, Copy)]
 struct Layer {
-    /// η².
+    /// Squared index η².
     eta2: Complex,
-    /// η cosθ.
+    /// The product η cosθ.
     q: Complex,
 }
 
@@ -51,14 +52,14 @@ impl Layer {
         Self { eta2, q: (eta2 - Complex::real(sin2)).sqrt() }
     }
 
-    /// Returns the amplitudes (s, p) reflected by the interface with `below`.
+    /// Returns the amplitudes (s, p) that the interface with the layer `below` reflects.
     #[inline]
     fn interface(&self, below: &Self) -> [Complex; 2] {
         let ratio = |a: Complex, b: Complex| (a - b) / (a + b);
         [ratio(self.q, below.q), ratio(below.eta2 * self.q, self.eta2 * below.q)]
     }
 
-    /// Returns e^{2iβ}, the round-trip phase.
+    /// Returns the phase factor e^{2iβ} of a round trip through the layer.
     #[inline]
     fn round_trip(&self, waves: Spectral) -> Complex {
         let twice = Spectral::splat(2.0) * waves;
@@ -70,11 +71,11 @@ impl Layer {
     }
 }
 
-/// Returns reflection by `films`, listed from the outside in, on a substrate of index n + i·k.
+/// Returns the block of reflection by `films`, listed from the outside in, on a substrate of index n + i·k.
 ///
-/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of incidence
-/// in 0..1. Maps the incoming s-frame to the outgoing s-frame. Phases are accurate to 10⁻⁶ of a turn per 10
-/// waves of optical thickness.
+/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of
+/// incidence in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are accurate to
+/// 10⁻⁶ of a turn per 10 waves of optical thickness.
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
     let sin2 = Spectral::ONE - ci * ci;
@@ -134,7 +135,8 @@ mod tests {
         }
     }
 
-    /// ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), and zero for n₁² = n₀ n_s.
+    /// Compares with ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), which is zero for n₁² =
+    /// n₀ n_s.
     #[test]
     fn a_quarter_wave_film_reflects_as_the_textbook_says() {
         for (ns, n1) in [(1.52_f32, 1.38_f32), (1.52, 2.3), (1.9044, 1.38)] {
@@ -145,7 +147,8 @@ mod tests {
         }
     }
 
-    /// Each wavelength lane has a separate thickness in waves: a quarter wave in one is none in another.
+    /// Verifies that each wavelength lane has a separate thickness in waves: a quarter wave in one lane,
+    /// none in another.
     #[test]
     fn lanes_are_independent() {
         let at = |lambda: f32| {
@@ -165,8 +168,8 @@ mod tests {
         }
     }
 
-    /// R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) of PyPI `tmm` 0.2.0 at 0°, 30°,
-    /// 60° and 85°, 550 nm.
+    /// Compares R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) with PyPI `tmm` 0.2.0
+    /// at 0°, 30°, 60° and 85°, 550 nm.
     #[test]
     fn agrees_with_an_independent_program() {
         type Stack<'a> = (&'a str, &'a [Film], [f32; 2], [[f64; 3]; 4]);

@@ -14,7 +14,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
 
 const FRAC_1_SQRT_PI: f32 = FRAC_2_SQRT_PI / 2.0;
 
-/// Returns erfc(x)·exp(x²) for x ≥ 0, with the absolute error 1.5e-7 in erfc (Abramowitz & Stegun 1964,
+/// Returns erfc(x)·exp(x²) for x ≥ 0, with an absolute error of 1.5e-7 in erfc (Abramowitz & Stegun 1964,
 /// 7.1.26).
 #[inline]
 fn erfcx(x: f32) -> f32 {
@@ -22,14 +22,14 @@ fn erfcx(x: f32) -> f32 {
     ((((1.061_405_4 * t - 1.453_152_1) * t + 1.421_413_8) * t - 0.284_496_74) * t + 0.254_829_6) * t
 }
 
-/// Returns the error function, absolute error 2e-7.
+/// Returns the error function, with an absolute error of 2e-7.
 #[inline]
 pub fn erf(x: f32) -> f32 {
     (1.0 - erfcx(x.abs()) * (-x * x).exp()).copysign(x)
 }
 
-/// Returns the inverse of [`erf`] on -1 < x < 1, relative error 1e-6 (Giles 2012, "Approximating the erfinv
-/// function").
+/// Returns the inverse of [`erf`] on -1 < x < 1, with a relative error of 1e-6 (Giles 2012, "Approximating
+/// the erfinv function").
 #[inline]
 pub fn erf_inv(x: f32) -> f32 {
     const CENTRE: [f32; 9] = [
@@ -59,7 +59,7 @@ pub fn erf_inv(x: f32) -> f32 {
     polynomial.iter().fold(0.0, |p, c| p * t + c) * x
 }
 
-/// Returns D(h) per solid angle of h.
+/// Returns the density D(h) per solid angle of h.
 #[inline]
 pub fn d(h: Vec3A, alpha: f32) -> f32 {
     if h.z <= 0.0 {
@@ -82,7 +82,8 @@ pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     ((-a * a).exp() * (FRAC_1_SQRT_PI / a - erfcx(a)) / 2.0).max(0.0)
 }
 
-/// Samples the slope toward the direction of cosine `cos` among those visible from it, at α = 1.
+/// Samples the slope component toward a direction of cosine `cos`, among the slopes visible from this
+/// direction, at α = 1.
 ///
 /// Solves 1 + x + T·exp(-s²) = u·(1 + X + T·exp(-cot²θ)) for x = erf(s), with X = erf(cotθ) and T = tanθ/√π.
 /// The left side is increasing and concave in x, so that ascending Newton steps stay in the interval.
@@ -129,7 +130,7 @@ pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
 mod tests {
     use super::*;
 
-    /// Abramowitz & Stegun, table 7.1.
+    /// Compares with Abramowitz & Stegun, table 7.1.
     #[test]
     fn erf_has_its_tabulated_values() {
         for (x, want) in [
@@ -155,8 +156,8 @@ mod tests {
         assert!((erf_inv(0.842_700_8) - 1.0).abs() < 2e-6);
     }
 
-    /// By Smith's Λ, the facets visible from a direction fill its projected area: ∫ max(0, w·h) D dω_h = cosθ
-    /// / G1.
+    /// Verifies that, with Smith's Λ, the facets visible from a direction fill the projected area of the
+    /// surface: ∫ max(0, w·h) D dω_h = cosθ / G1.
     #[test]
     fn visible_facets_fill_the_projected_area() {
         for alpha in [0.05_f32, 0.3, 1.0] {

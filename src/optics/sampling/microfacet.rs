@@ -4,9 +4,10 @@
 //! al. 2007). Beckmann: [`super::beckmann`]. Smith (1967) assumes facets independent of their neighbours, so
 //! that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
 //!
-//! - correlated (Heitz 2014, eq. 99) by the facet's height: reflection G2 = 1/(1 + Λo + Λi). In transmission,
-//!   high on one side is low on the other: G2 = B(1 + Λo, 1 + Λi) with Euler's beta function (Heitz et al.
-//!   2016, "Multiple-scattering microfacet BSDFs with the Smith model", §5.2);
+//! - correlated by the facet's height (Heitz 2014, eq. 99): for reflection, G2 = 1/(1 + Λo + Λi). For
+//!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with
+//!   Euler's beta function (Heitz et al. 2016, "Multiple-scattering microfacet BSDFs with the Smith model",
+//!   §5.2);
 //! - separable (Walter et al. 2007; Mitsuba 3): G2 = G1(o)·G1(i).
 
 use super::{beckmann, gamma::ln_gamma, warp};
@@ -19,10 +20,10 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
-    /// Trowbridge & Reitz: long tails, as of ground surfaces.
+    /// Trowbridge & Reitz (GGX): long tails, as for ground surfaces.
     #[default]
     Ggx,
-    /// Gaussian slopes.
+    /// Beckmann: Gaussian slopes.
     Beckmann,
 }
 
@@ -30,14 +31,15 @@ pub enum Distribution {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Masking {
-    /// Correlated by the facet's height (Heitz 2014).
+    /// Masking and shadowing correlated by the facet's height (Heitz 2014).
     #[default]
     Correlated,
-    /// Uncorrelated: the product of the two (Walter et al. 2007).
+    /// Uncorrelated: the product of masking and shadowing (Walter et al. 2007).
     Separable,
 }
 
-/// Microfacets about +z. Directions are unit vectors in a frame whose z axis is the surface normal.
+/// A distribution of microfacets about +z. Directions are unit vectors in a frame whose z axis is the
+/// surface normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Microfacet {
     pub distribution: Distribution,
@@ -47,7 +49,7 @@ pub struct Microfacet {
 }
 
 impl Microfacet {
-    /// Returns D(h), per solid angle of h.
+    /// Returns the density D(h) per solid angle of h.
     #[inline]
     pub fn d(&self, h: Vec3A) -> f32 {
         match self.distribution {
@@ -56,7 +58,8 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, on either side.
+    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either
+    /// side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -71,7 +74,8 @@ impl Microfacet {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns masking and shadowing G2(wo, wi) of reflection (both on one side) or transmission.
+    /// Returns the joint masking and shadowing G2(wo, wi) of reflection (`wo` and `wi` on the same side) or
+    /// transmission.
     #[inline]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
         let (o, i) = (self.lambda(wo), self.lambda(wi));
@@ -115,7 +119,8 @@ fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
 }
 
-/// Returns Euler's B(x, y) for x, y ≥ 1. In f64, since large logarithms cancel at grazing incidence.
+/// Returns Euler's beta function B(x, y) for x, y ≥ 1. The function computes in f64, because large
+/// logarithms cancel at grazing incidence.
 #[inline]
 fn beta(x: f32, y: f32) -> f32 {
     // Without masking: B(1, y) = 1/y.
@@ -151,7 +156,7 @@ mod tests {
         }
     }
 
-    /// B(m, n) = (m - 1)! (n - 1)! / (m + n - 1)! and B(3/2, 3/2) = π/8.
+    /// Verifies B(m, n) = (m - 1)! (n - 1)! / (m + n - 1)! and B(3/2, 3/2) = π/8.
     #[test]
     fn beta_has_its_closed_forms() {
         for (x, y, want) in [
@@ -168,8 +173,8 @@ mod tests {
         }
     }
 
-    /// Reflection is correlated by height, so G2 is at least the product; transmission is anticorrelated, so
-    /// G2 is at most the product.
+    /// Verifies that G2 is at least the product of both G1 for reflection, which is correlated by height,
+    /// and at most the product for transmission, which is anticorrelated.
     #[test]
     fn heights_help_reflection_and_hinder_transmission() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

@@ -1,10 +1,11 @@
 //! Low-discrepancy point sets in the unit square: scrambled (0, m, 2)-nets in base 2.
 //!
-//! Of the 2^m points of such a net, every box of area 2^-m whose sides are powers of two contains exactly one
-//! (Niederreiter 1992). Integrands that vary slowly in one or both directions are therefore integrated with
-//! much less noise. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
-//! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and
-//! applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of nets.
+//! Such a net has 2^m points. Every box of area 2^-m whose sides are powers of two contains exactly one
+//! point (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at
+//! least one direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit
+//! (Owen 1995) and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers
+//! and applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of
+//! nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -18,8 +19,8 @@ pub const MOST_BITS: u32 = 6;
 /// Total number of points of all nets of one size.
 pub const POINTS: usize = 1 << 13;
 
-/// Consecutive nets of 2^bits points. Each point is the first `bits` digits of both coordinates as integers,
-/// the second shifted by 8.
+/// Consecutive nets of 2^bits points. Each point contains the first `bits` digits of both coordinates as
+/// integers, with the second coordinate shifted left by 8 bits.
 pub type Nets = [u16; POINTS];
 
 /// Returns the nets of 2^bits points, 1 ≤ bits ≤ [`MOST_BITS`].
@@ -49,8 +50,8 @@ fn make(bits: u32) -> Nets {
     out
 }
 
-/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes: the reversed digits
-/// of `j`, times Pascal's triangle modulo 2 for the second axis.
+/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. These are the
+/// reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     // Digit `row` of the result counts from the most significant one.
     let digit = |row: u32| {
@@ -82,7 +83,7 @@ fn scramble(x: u32, bits: u32, key: u64) -> u32 {
 mod tests {
     use super::*;
 
-    /// Every net has one point in every box of its elementary partitions.
+    /// Verifies that every net has one point in every box of its elementary partitions.
     #[test]
     fn nets_are_nets() {
         for bits in 1..=MOST_BITS {
@@ -99,7 +100,7 @@ mod tests {
         }
     }
 
-    /// All nets of one size differ.
+    /// Verifies that all nets of one size differ.
     #[test]
     fn nets_differ() {
         let mut all: Vec<&[u16]> = nets(4).chunks_exact(16).collect();

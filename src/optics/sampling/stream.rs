@@ -1,10 +1,10 @@
 //! Counter-based random streams: one for each camera sample, keyed by (seed, pixel, sample).
 //!
 //! The samples of a pixel are independent. With stratification, groups of them are independent instead: the
-//! first numbers of a group's samples are in the strata of nets ([`super::nets`]) that are selected anew for
-//! every group. The variance of the mean is estimated without bias from the independent samples or groups.
-//! Error bars are therefore valid at any count, and renders with different seeds merge exactly. No state is
-//! shared, so results do not depend on threads, tiles or resumption.
+//! first numbers of a group's samples are in the strata of nets ([`super::nets`]) that are selected anew
+//! for every group. The variance of the mean is estimated without bias from the independent samples or
+//! groups. Error estimates are therefore valid for any number of samples, and renders with different seeds
+//! merge exactly. No state is shared, so results do not depend on threads, tiles or resumption.
 
 use super::mix::mix;
 use super::nets::{MOST_BITS, Nets, POINTS, nets};
@@ -23,21 +23,23 @@ pub struct Stream {
 #[derive(Clone, Debug)]
 struct Strata {
     nets: &'static Nets,
-    /// Key of the group.
+    /// Key of the sample's group.
     key: u64,
     /// Index of the sample in its group of 2^bits.
     index: u32,
     bits: u32,
-    /// Numbers from [`Self::next`] up to this one are stratified; 0 for an unstratified sample.
+    /// Index after the last stratified number; numbers from [`Self::next`] to here are stratified. 0 for an
+    /// unstratified sample.
     end: u32,
     next: u32,
 }
 
-/// Placeholder for unstratified samples.
+/// Empty nets for unstratified samples.
 static NO_NETS: Nets = [0; POINTS];
 
-/// Stratified numbers per vertex of a path, and number of vertices that have them; all further numbers are
-/// independent. After several random vertices, stratification has no effect.
+/// Number of stratified numbers per vertex of a path. The next constant is the number of vertices with
+/// stratified numbers. All further numbers are independent. After several random vertices, stratification
+/// has no effect.
 const PER_VERTEX: u32 = 8;
 const VERTICES: u32 = 3;
 
@@ -48,7 +50,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Unstratified, independent samples.
+    /// Group of a single sample: unstratified, independent samples.
     pub const ALONE: Self = Self { bits: 0 };
 
     /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates` groups.
@@ -62,7 +64,7 @@ impl Group {
         1 << self.bits
     }
 
-    /// Returns the index of a sample's group.
+    /// Returns the index of the group that contains a sample.
     #[inline]
     pub fn number(self, sample: u32) -> u32 {
         sample >> self.bits
@@ -76,7 +78,7 @@ impl Strata {
         mix(self.key.wrapping_add(u64::from(pair).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
-    /// Returns the sample's point in the net of a pair.
+    /// Returns the digits of the sample's point in the net of a pair of numbers.
     #[inline]
     fn point(&self, drawn: u64) -> u32 {
         // Random bits select the net, permute its points, and shift both coordinates.
@@ -124,8 +126,8 @@ impl Stream {
         }
     }
 
-    /// Returns the stream of a sample whose first numbers are stratified over its group: the first two
-    /// numbers, and several after each call of [`Self::vertex`].
+    /// Returns the stream of a sample whose first numbers are stratified over the sample's group. These are
+    /// the first two numbers, and several numbers after each call of [`Self::vertex`].
     #[inline]
     pub fn stratified(seed: u64, pixel: u32, sample: u32, group: Group) -> Self {
         let mut stream = Self::new(seed, pixel, sample);
@@ -151,7 +153,7 @@ impl Stream {
         Self::new(u64::from(a) << 32 | u64::from(b), c, d)
     }
 
-    /// Moves to the stratified numbers of vertex `vertex` of a path, counted from 0.
+    /// Moves to the stratified numbers of path vertex number `vertex`, counted from 0.
     #[inline]
     pub fn vertex(&mut self, vertex: u32) {
         let strata = &mut self.strata;
@@ -170,7 +172,8 @@ impl Stream {
         unit(raw)
     }
 
-    /// Returns two independent uniforms in [0, 1); if stratified, from one net.
+    /// Returns two independent uniform numbers in [0, 1). In a stratified stream, both are from the same
+    /// net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
@@ -186,7 +189,7 @@ impl Stream {
     }
 }
 
-/// Lets distributions of other crates sample from the stream.
+/// Provides random bits for distributions of other crates.
 impl TryRng for Stream {
     type Error = Infallible;
 
@@ -210,8 +213,9 @@ impl TryRng for Stream {
 mod tests {
     use super::*;
 
-    /// Forks of equal streams are equal, and independent of the rest of the original stream: the covariance
-    /// of 100,000 pairs of numbers is 0 within 5 sigma, where a cloned stream has 1/12.
+    /// Verifies that forks of equal streams are equal, and independent of the further numbers of the
+    /// original stream: the covariance of 100,000 pairs of numbers is 0 within 5 sigma, where a cloned
+    /// stream has 1/12.
     #[test]
     fn forks_are_independent() {
         const N: u32 = 100_000;
@@ -229,7 +233,8 @@ mod tests {
         assert_ne!(a.fork().uniform(), a.uniform());
     }
 
-    /// First numbers of neighbouring pixels and samples are uniform and uncorrelated (5 sigma).
+    /// Verifies that the first numbers of neighbouring pixels and samples are uniform and uncorrelated (5
+    /// sigma).
     #[test]
     fn neighbouring_streams_are_independent() {
         let n = 400_u32;
@@ -304,8 +309,8 @@ mod tests {
         }
     }
 
-    /// All numbers are uniform, and those of one sample, and of consecutive groups, are uncorrelated (5
-    /// sigma, 20,000 groups of 4): mean, and all products of two deviations.
+    /// Verifies that all numbers are uniform, and that numbers of one sample and of consecutive groups are
+    /// uncorrelated, by the mean and all products of two deviations (5 sigma, 20,000 groups of 4).
     #[test]
     fn stratified_numbers_are_uniform_and_independent() {
         let (group, groups) = (Group { bits: 2 }, 20_000);
@@ -334,8 +339,9 @@ mod tests {
         }
     }
 
-    /// The mean of a product of functions of four numbers is unbiased (5 sigma of the spread between groups),
-    /// and has less variance than with independent samples if the functions are smooth.
+    /// Verifies that the mean of a product of functions of four numbers is unbiased (5 sigma of the spread
+    /// between groups), and that it has less variance than with independent samples if the functions are
+    /// smooth.
     #[test]
     fn groups_integrate_smooth_functions_better() {
         let f = |s: &[f32; 20]| f64::from((1.0 + s[0]) * (1.0 + s[1] * s[1]) + s[2] * s[11]);
@@ -362,8 +368,8 @@ mod tests {
         assert_eq!([of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)], [8, 64, 64, 64]);
     }
 
-    /// Raw numbers are those from which uniforms are computed, and every bit is set half of the time (5
-    /// sigma).
+    /// Verifies that raw numbers are those from which uniform numbers are computed, and that every bit is
+    /// set half of the time (5 sigma).
     #[test]
     fn raw_numbers_are_those_of_uniforms() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));

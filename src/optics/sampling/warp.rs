@@ -4,8 +4,8 @@ use crate::polarization::frame::perpendiculars;
 use glam::{Vec2, Vec3A};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
-/// Returns sin x and cos x for |x| ≤ π/4, to the last place (minimax polynomials; Moshier's Cephes, `sinf`
-/// and `cosf`). The library function for any argument takes five times as long.
+/// Returns sin x and cos x for |x| ≤ π/4 (radians), accurate to the last place (minimax polynomials;
+/// Moshier's Cephes, `sinf` and `cosf`). The library function takes five times as long.
 #[inline]
 fn sin_cos_octant(x: f32) -> (f32, f32) {
     let x2 = x * x;
@@ -14,7 +14,7 @@ fn sin_cos_octant(x: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// Returns sin and cos of `turns` full turns, 0 ≤ turns ≤ 1.
+/// Returns the sine and cosine of `turns` full turns, 0 ≤ turns ≤ 1.
 #[inline]
 pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     let quarters = (4.0 * turns + 0.5) as u32;
@@ -23,7 +23,7 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     if quarters & 2 == 2 { (-s, -c) } else { (s, c) }
 }
 
-/// Warps to the unit disk, uniform (density 1/π), by the concentric map of Shirley & Chiu (1997).
+/// Warps uniformly to the unit disk (density 1/π) by the concentric map of Shirley & Chiu (1997).
 #[inline(always)]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
@@ -35,15 +35,16 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     if wide { Vec2::new(r * c, r * s) } else { Vec2::new(r * s, r * c) }
 }
 
-/// Warps to the cosine-weighted hemisphere; density [`cosine_pdf`].
+/// Warps to directions on the cosine-weighted hemisphere about +z, with the density [`cosine_pdf`].
 #[inline]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     let p = concentric_disk(u);
     Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
 }
 
-/// [`cosine_hemisphere`] about several unit vectors `n` (x, y, z arrays), from an equal number of pairs of
-/// uniforms. Bit-identical to `basis(n) * cosine_hemisphere(u)`, but vectorized by the compiler.
+/// Warps as [`cosine_hemisphere`] does, about several unit vectors `n` (x, y, z arrays), given one pair of
+/// uniform numbers per vector. The result is bit-identical to `basis(n) * cosine_hemisphere(u)`, but the
+/// compiler vectorizes the code.
 #[inline(always)]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
     let x = perpendiculars(n);
@@ -62,13 +63,13 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
     out
 }
 
-/// Returns cosθ / π on the upper hemisphere, 0 below.
+/// Returns the density cosθ / π on the upper hemisphere, 0 below, per steradian.
 #[inline]
 pub fn cosine_pdf(w: Vec3A) -> f32 {
     w.z.max(0.0) * FRAC_1_PI
 }
 
-/// Warps to the uniform unit sphere; density 1/(4π).
+/// Warps uniformly to directions on the unit sphere, with the density 1/(4π).
 #[inline]
 pub fn sphere(u: [f32; 2]) -> Vec3A {
     let z = 1.0 - 2.0 * u[0];
@@ -78,7 +79,7 @@ pub fn sphere(u: [f32; 2]) -> Vec3A {
 }
 
 /// Samples a normal visible from the unit direction `wo` (wo.z > 0) under the isotropic GGX distribution of
-/// roughness `alpha`, by spherical caps (Dupuy & Benyoub 2023). Density:
+/// roughness `alpha`, by spherical caps (Dupuy & Benyoub 2023). The density is
 /// [`super::microfacet::Microfacet::visible_pdf`].
 #[inline]
 pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
@@ -106,7 +107,8 @@ pub(super) mod tests {
         }
     }
 
-    /// Pearson's chi² test of 2^18 samples of a sampler against its density on a 20 × 40 grid in (cosθ, φ).
+    /// Tests 2^18 samples of a sampler against its density by Pearson's chi² on a 20 × 40 grid in (cosθ,
+    /// φ).
     pub fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
         const N: usize = 1 << 18;
         const ROWS: usize = 20;

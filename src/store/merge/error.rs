@@ -16,12 +16,13 @@ pub enum MergeError {
         "{first} and {second} are renders of different scenes (`scene_sha256` differs): merge renders of one scene"
     )]
     Scenes { first: PathBuf, second: PathBuf },
-    /// The stores were rendered with different integrators, so some may lack light that others contain.
+    /// The stores were rendered with different integrators, so some stores may lack light that others
+    /// contain.
     #[error(
         "{first} and {second} were rendered with different `integrator`s: merge renders with one (`sunstone render --integrator`)"
     )]
     Integrators { first: PathBuf, second: PathBuf },
-    /// The coordinates of a camera axis do not identify its pixels.
+    /// The coordinates of a camera axis do not identify the pixels of its entries.
     #[error(
         "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of whole pixels, so its sample count is unknown: render it \
          again, or restore it from a backup"
@@ -31,16 +32,16 @@ pub enum MergeError {
         "seed {seed} of {path} occurs twice, so its samples would be counted twice: render with another `--seed`"
     )]
     Seed { path: PathBuf, seed: i128 },
-    /// The output is also an input.
+    /// The output path is also an input path.
     #[error("{path} is both an input and the output: choose another `-o`")]
     Itself { path: PathBuf },
-    /// The stores have different slices.
+    /// The stores do not have the same slices.
     #[error("{first} and {second} differ in slice `{slice}`: merge renders with the same slices")]
     Layout { first: PathBuf, second: PathBuf, slice: String },
     /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
-    /// Parts of a render do not form a complete render.
+    /// The parts do not form a complete render.
     #[error(transparent)]
     Join(Box<JoinError>),
     #[error(transparent)]
@@ -58,7 +59,7 @@ impl From<JoinError> for MergeError {
 }
 
 impl MergeError {
-    /// Returns whether a system error is the cause, rather than the inputs.
+    /// Returns whether the cause is a system error and not the inputs.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

@@ -1,8 +1,8 @@
 //! Joins the parts of one render tile by tile; the result equals the whole render byte for byte.
 //!
-//! Each tile belongs to one part, so nothing is summed. A chunk of one part is copied. A chunk of several
-//! parts (a block of pixels that is not aligned with tiles) is assembled from elements, each of which belongs
-//! to one part.
+//! Each tile belongs to one part, so nothing is summed. A chunk that belongs to one part is copied. A chunk
+//! that belongs to several parts (a block of pixels that is not aligned with tiles) is assembled from
+//! elements, each of which belongs to one part.
 
 mod error;
 mod set;
@@ -19,7 +19,7 @@ use tensor::field::Field;
 use tensor::part;
 use tensor::region;
 
-/// Returns whether a store is a part of a render, finished or not.
+/// Returns whether a store is a finished or unfinished part of a render.
 pub(super) fn is_part(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.part().is_some())
 }
@@ -48,7 +48,7 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
-/// Returns the attributes of the whole render: the common ones, and sums over the parts.
+/// Returns the attributes of the whole render: those common to all parts, and sums over the parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = all[0].clone();

@@ -5,9 +5,10 @@
 pub(super) struct Pool {
     pub n: f64,
     pub mean: f64,
-    /// Identically distributed samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
+    /// Spread of the samples: the sum of squared deviations from the mean if they are identically
+    /// distributed, else Σ N²e².
     spread: f64,
-    /// Stored standard error of an element that only one input has sampled.
+    /// Stored standard error of an element that has samples in only one input.
     only: Option<f64>,
 }
 

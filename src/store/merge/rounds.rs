@@ -1,8 +1,8 @@
-//! Pools the rounds of one render. Each round is a separate store with independent samples, and their number
-//! differs between tiles ([`tensor::target`]).
+//! Pools the rounds of one render. Each round is a separate store with independent samples. The number of
+//! samples differs between tiles ([`tensor::target`]).
 //!
-//! Means are those of all samples, m = Σ Nᵢmᵢ / ΣNᵢ, with errors e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)²: rounds are
-//! independent, and each has its own error.
+//! The pooled mean is that of all samples, m = Σ Nᵢmᵢ / ΣNᵢ. Rounds are independent and have separate
+//! errors eᵢ, so the pooled error is e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 
 use super::{
     Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, origin, parts,
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use tensor::field::Field;
 use tensor::target::{Lit, ROUND, Survey, TILE_SAMPLES, Tile};
 
-/// Minimum total of a lit pixel, relative to the 99th percentile of all totals.
+/// Minimum total of a lit pixel, as a fraction of the 99th percentile of all totals.
 const LIT: f64 = 0.01;
 
 fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
@@ -29,12 +29,12 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
     rounds.iter().map(open).collect()
 }
 
-/// Opens a slice in all rounds; samples are identically distributed only within a round.
+/// Opens a slice in all rounds. Samples are identically distributed only within each round.
 fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     Ok(Parts { equal: false, ..parts(inputs, name)? })
 }
 
-/// Returns the samples of each tile's pixels, summed over rounds.
+/// Returns the number of samples per pixel of each tile, summed over rounds.
 fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     let mut all: Vec<u32> = vec![];
     for input in inputs {
@@ -58,7 +58,8 @@ fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
 /// Returns the errors and variances of a slice, estimated from all rounds.
 ///
 /// A pixel is lit if its total (M00 summed over all entries of the slice, averaged over wavelengths) is at
-/// least 1 % of the 99th percentile. Its error is the standard error of that total divided by the total.
+/// least 1 % of the 99th percentile. The error of the pixel is the standard error of the total divided by
+/// the total.
 ///
 /// # Errors
 /// If the stores are not rounds of one render, lack the slice or cannot be read.

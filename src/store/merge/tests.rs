@@ -1,4 +1,4 @@
-//! Compares pooled values with those of all samples together.
+//! Compares pooled values with the values of all samples together.
 
 use super::*;
 use crate::damage::copy;
@@ -125,7 +125,7 @@ fn parts_merge_to_the_whole() {
     }
 }
 
-/// Stores of earlier versions have no errors of totals, and neither has a merge with one.
+/// Verifies that a merge has no errors of totals if an input of an earlier version has none.
 #[test]
 fn what_one_input_lacks_is_dropped() {
     let dir = tempfile::tempdir().unwrap();
@@ -190,7 +190,8 @@ fn strangers_and_twins_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// A store whose rows are not increasing is refused when its slice is opened, with its name.
+/// Verifies that a store whose rows are not increasing is refused when its slice is opened, and that the
+/// message names the store.
 #[test]
 fn rows_that_do_not_rise_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -209,8 +210,8 @@ fn rows_that_do_not_rise_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// A merge that is interrupted at any chunk leaves no store; the next merge resumes it and gives the same
-/// bytes.
+/// Verifies that a merge that is interrupted at any chunk leaves no store, and that the next merge resumes
+/// it and gives the same bytes.
 #[test]
 fn a_merge_that_was_cut_off_goes_on() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,11 +1,11 @@
-//! Computes the means of camera elements' totals, which are not stored, as sums of stored means.
+//! Computes the means of camera elements' totals from stored means, because these means are not stored.
 
 use crate::zarr::{AccessError, StoredSlice};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
-/// Returns the totals of all camera elements, row by row: M00 summed over all other axes, averaged over
+/// Returns the total of every camera element, row-major: M00 summed over all other axes, averaged over
 /// wavelengths.
 pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
     let shape = slice.field_layout(Field::TotalStdError)?.shape();

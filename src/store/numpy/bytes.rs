@@ -1,4 +1,4 @@
-//! The bytes of an array's elements: in its file, or reordered to row-major order in memory.
+//! The bytes of an array's elements, either in the file or in memory.
 
 use base::positioned;
 use std::fs::File;
@@ -7,12 +7,12 @@ use std::io;
 #[derive(Debug)]
 pub(super) enum Bytes {
     File(File),
-    /// Reordered to row-major order, because the file is in column-major order.
+    /// Elements in memory, reordered to row-major order because the file is in column-major order.
     Memory(Vec<u8>),
 }
 
 impl Bytes {
-    /// Fills `out` from offset `at`.
+    /// Fills `out` with the bytes from offset `at`.
     pub(super) fn read_at(&self, at: u64, out: &mut [u8]) -> io::Result<()> {
         match self {
             Self::File(file) => positioned::read_exact_at(file, out, at),

@@ -1,4 +1,4 @@
-//! Tests with NumPy's files and damaged files.
+//! Tests with files written by NumPy and with damaged files.
 
 use super::*;
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ fn example() -> NumpyArray {
     }
 }
 
-/// Like numpy.save for a transpose: the first index varies fastest in the file.
+/// Verifies reading of a saved transpose, whose first index varies fastest in the file.
 #[test]
 fn column_major_arrays_are_read_by_their_indices() {
     let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
@@ -50,7 +50,7 @@ fn what_is_written_is_read() {
     }
 }
 
-/// Other number types are read, and other types refused with a fix.
+/// Verifies that other number types are read, and that unsupported types are refused with a fix.
 #[test]
 fn kinds_of_numbers() {
     let of = |kind: &str, order: &str, data: &[u8]| {
@@ -94,7 +94,8 @@ fn archives_hold_arrays() {
 }
 
 proptest! {
-    /// Damaged files are refused or read, without panics and without allocating claimed sizes.
+    /// Verifies that damaged files are refused or read, without panics and without allocations of the
+    /// claimed sizes.
     #[test]
     fn damage_is_survived(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
         let mut all = bytes(&example());

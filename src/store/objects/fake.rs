@@ -1,5 +1,6 @@
-//! Object stores in memory, for tests: `memory://NAME/..` works, `flaky://NAME/..` loses responses to
-//! conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed process.
+//! Object stores in memory, for tests. `memory://NAME/..` has no faults, `flaky://NAME/..` loses responses
+//! to conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed
+//! process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
 use crate::refusal::Refusal;
@@ -14,20 +15,20 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 pub(crate) struct Bucket {
     objects: Mutex<BTreeMap<String, (Bytes, u64)>>,
     version: AtomicU64,
-    /// Changes that `mortal://` still makes.
+    /// Number of changes that `mortal://` still makes before it fails.
     life: Arc<AtomicI64>,
     requests: AtomicU64,
 }
 
 static BUCKETS: LazyLock<Mutex<HashMap<String, Arc<Bucket>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the bucket of a name.
+/// Returns the bucket with this name.
 pub(crate) fn memory(name: &str) -> Arc<Bucket> {
     let mut all = BUCKETS.lock().unwrap_or_else(PoisonError::into_inner);
     all.entry(name.to_owned()).or_default().clone()
 }
 
-/// Returns the number of changes that `mortal://NAME/..` still makes.
+/// Returns the number of changes that `mortal://NAME/..` still makes before it fails.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     memory(name).life.clone()
 }
@@ -103,7 +104,7 @@ impl Fake {
         format!("{}{key}", self.below)
     }
 
-    /// Counts a request, and refuses it after the last allowed change.
+    /// Counts a request and its changes, and refuses it after the last allowed change.
     fn request(&self, changes: i64) -> Result<(), Refusal> {
         self.bucket.requests.fetch_add(1, Ordering::Relaxed);
         if matches!(self.kind, Kind::Mortal) && self.bucket.life.fetch_sub(changes, Ordering::Relaxed) <= 0 {

@@ -1,10 +1,11 @@
-//! The lock of a store at an address: an object that only one process can create, and that its holder renews.
+//! The lock of a store at an address: an object that only one process can create, and that its holder
+//! renews.
 //!
-//! The lock is created with a conditional put (`If-None-Match: *`). Its holder rewrites it every third of the
-//! lease. A process that finds a lock watches it for one lease. If it is not renewed, its holder has ended,
-//! and the process takes it over with a put that is conditional on the watched version (`If-Match`). Clocks
-//! of different machines are never compared. A holder whose last renewal began more than a lease ago does not
-//! write.
+//! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every
+//! third of the lease. A process that finds a lock watches it for one lease. If the lock is not renewed,
+//! the holder has ended. The process then takes over the lock with a put that is conditional on the watched
+//! version (`If-Match`). Clocks of different machines are never compared. A holder whose last renewal began
+//! more than a lease ago does not write.
 
 use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
@@ -18,16 +19,16 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
-/// Default lease, after which a lock without renewal expires, and the environment variable that overrides it,
-/// in seconds.
+/// Default lease, after which a lock without renewal expires. The environment variable below overrides the
+/// lease, in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
-/// Range of valid leases, seconds.
+/// Minimum and maximum lease, seconds.
 const LEASES: [f64; 2] = [1.0, 3600.0];
-/// Number of reads of a lock during one lease while it is watched.
+/// Number of times that a watched lock is read during one lease.
 const LOOKS: u32 = 10;
 
-/// Returns the lease of locks that this process takes.
+/// Returns the lease of the locks of this process.
 pub(crate) fn lease() -> Duration {
     let given = std::env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
     given.map_or(LEASE, believed)
@@ -40,9 +41,9 @@ fn believed(seconds: f64) -> Duration {
 /// The reason why a lock was not taken.
 #[derive(Debug)]
 pub(crate) enum NoLock {
-    /// Another process holds it.
+    /// Another process holds the lock; contains the holder.
     Held(String),
-    /// The object store refuses.
+    /// The object store refused the request.
     Refused(Refusal),
 }
 
@@ -52,12 +53,12 @@ impl From<Refusal> for NoLock {
     }
 }
 
-/// The time until which a lock is certainly held; `None` after it is lost.
+/// The time until which a lock is certainly held; `None` after the lock is lost.
 #[derive(Debug)]
 pub(crate) struct Hold(Mutex<Option<Instant>>);
 
 impl Hold {
-    /// Returns how long the lock is certainly held from now.
+    /// Returns for how long, from now, the lock is certainly held.
     fn left(&self) -> Duration {
         let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()))
@@ -83,7 +84,7 @@ pub(crate) struct ObjectLock {
     renewal: Option<JoinHandle<()>>,
 }
 
-/// The content of a lock's object.
+/// The content of the object that represents a lock.
 struct Owner {
     name: String,
     key: String,
@@ -108,8 +109,8 @@ impl Owner {
             .into()
     }
 
-    /// Returns whether a lock's object is from this owner. A repeated put whose first answer was lost finds
-    /// its own object.
+    /// Returns whether a lock's object is from this owner. If the response to a put was lost, the repeated
+    /// put finds the object of the first.
     fn wrote(&self, bytes: &[u8]) -> bool {
         parse(bytes)["key"] == self.key.as_str()
     }
@@ -146,7 +147,7 @@ impl ObjectLock {
         self.hold.clone()
     }
 
-    /// Ends the renewal without removing the lock, like a killed process.
+    /// Stops the renewal without removing the lock, as if the process were killed.
     #[cfg(test)]
     pub(crate) fn abandon(mut self) {
         self.stop.take();
@@ -171,7 +172,7 @@ impl Drop for ObjectLock {
     }
 }
 
-/// Creates or takes over the lock's object, and returns its version and the start time of the lock.
+/// Creates or takes over the object of a lock. Returns the object's version and the start time of the lock.
 fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLock> {
     'free: loop {
         let begun = Instant::now();

@@ -1,4 +1,4 @@
-//! Tests of locks of stores at addresses, and of addresses without a client.
+//! Tests of the locks of stores at addresses, and of addresses without a client.
 
 use super::fake::{life, memory, put};
 use super::lock::{NoLock, ObjectLock};
@@ -11,7 +11,7 @@ fn below(address: &str) -> Objects {
     Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
-/// Long enough for a busy machine to renew the lock.
+/// Lease of the tests, long enough for a busy machine to renew the lock.
 const LEASE: Duration = Duration::from_millis(1500);
 
 #[test]
@@ -42,7 +42,7 @@ fn a_lock_has_one_holder_and_ends_with_it() {
     assert_eq!(objects.list().expect("lists").len(), 1);
 }
 
-/// A conditional put whose answer was lost finds its own object when it is repeated.
+/// Verifies that a conditional put whose response was lost finds its own object when it is repeated.
 #[test]
 fn locks_are_taken_when_answers_are_lost() {
     let objects = below("flaky://bad_line/s.zarr");
@@ -54,7 +54,7 @@ fn locks_are_taken_when_answers_are_lost() {
     }
 }
 
-/// While its server does not answer, a holder relies on its lock no longer than a lease.
+/// Verifies that a holder relies on its lock no longer than a lease if the server does not respond.
 #[test]
 fn a_lock_that_cannot_be_renewed_expires() {
     let left = life("cut_off");

@@ -1,4 +1,5 @@
-//! Executes a plan: reads chunks, computes weighted sums in f64, and combines camera pixels in a fixed order.
+//! Executes a plan: reads chunks, computes weighted sums in f64, and adds up camera pixels in a fixed
+//! order.
 
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use tensor::axes::{Axis, AxisKind};
 use tensor::field::Field;
 use tensor::region;
 
-/// Allocations of more sums than this are tested first.
+/// Minimum number of sums for which an allocation is tested first.
 const LARGE: usize = 1 << 25;
 
 /// Maximum number of boxes that are fetched ahead.
@@ -22,11 +23,12 @@ type Ranges = Vec<(usize, usize)>;
 /// Sums over all axes for the camera pixels of one block.
 struct Partial {
     mean: Vec<f64>,
-    /// Σ|w|·se.
+    /// Bound Σ|w|·se on the standard errors of the sums.
     bound: Vec<f64>,
 }
 
-/// Returns mean, standard error, and (with a pulse) the light that was moved out of the stored bins.
+/// Returns the mean, the standard error and, with a pulse, the light that the pulse moved out of the stored
+/// bins.
 pub(super) fn run(
     plan: &Plan,
     slice: &StoredSlice,
@@ -72,7 +74,8 @@ pub(super) fn run(
     Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
 }
 
-/// Allocates `pixels` times `rest` sums. Returns an error instead of aborting if they do not fit into memory.
+/// Allocates `pixels` times `rest` sums. Returns an error instead of aborting if the sums do not fit into
+/// memory.
 fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
     let refused = || ProbeError::TooLarge { elements: pixels as u128 * rest as u128 };
     let elements = pixels.checked_mul(rest).ok_or_else(refused)?;
@@ -137,7 +140,7 @@ fn gather(
 }
 
 /// Returns the first of the trailing axes that are kept unchanged and lie completely in the box, and the
-/// product of their lengths. Their entries are added as one run.
+/// product of their lengths. The entries of these axes are added as one run.
 fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     let (mut tail, mut run) = (ranges.len(), 1);
     while tail > camera {
@@ -154,7 +157,7 @@ fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     (tail, run)
 }
 
-/// Returns offsets into the partial sums and weights for every axis and entry of a box.
+/// Returns the targets (offset into the partial sums, and weight) of every entry of a box, for every axis.
 fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec<Vec<Share>>> {
     let mut stride = 1;
     let mut all = Vec::with_capacity(ranges.len());
@@ -182,11 +185,11 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     Some((v, (ranges[v].0..ranges[v].1).flat_map(row).copied().collect()))
 }
 
-/// One box of values with its targets.
+/// One box of values, and the targets of the values.
 struct Walk {
-    /// Targets of all axes except the trailing ones that form a run.
+    /// Targets of the entries of all axes except the trailing axes that form a run.
     targets: Vec<Vec<Vec<Share>>>,
-    /// Values per run.
+    /// Number of values per run.
     run: usize,
     joint: Option<(usize, Vec<f64>)>,
     mean: Vec<f32>,
@@ -194,7 +197,8 @@ struct Walk {
 }
 
 impl Walk {
-    /// Adds all values below an index prefix: `source` is its flat index, `to` its offset in the sums.
+    /// Adds all values whose indices begin with a prefix. `source` is the flat index of the prefix, `to`
+    /// its offset in the sums.
     fn go(&self, axis: usize, source: usize, to: usize, weight: f64, into: &mut Partial) {
         if axis == self.targets.len() {
             let values = &self.mean[source * self.run..(source + 1) * self.run];

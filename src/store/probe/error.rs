@@ -5,13 +5,13 @@ use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
-    /// The slice lacks a selected axis.
+    /// The slice does not have the selected axis.
     #[error("slice `{slice}` has no axis `{axis}`; available: {available}")]
     NoAxis { slice: String, axis: &'static str, available: String },
     #[error("selection on axis `{axis}`: {reason}")]
     Selection {
         axis: &'static str,
-        /// The fault and the fix.
+        /// The fault, and how to fix it.
         reason: String,
     },
     #[error("pattern of {width} × {height} pixels for slice `{slice}`: {reason}")]
@@ -19,10 +19,10 @@ pub enum ProbeError {
         slice: String,
         width: u32,
         height: u32,
-        /// The fault and the fix.
+        /// The fault, and how to fix it.
         reason: String,
     },
-    /// A Stokes state is given, but the slice was stored for unpolarized light only.
+    /// A Stokes state was given, but the slice was stored for unpolarized light only.
     #[error(
         "slice `{slice}` contains only intensity: use the Stokes state 1,0,0,0, or render with polarization `mueller`"
     )]
@@ -30,7 +30,7 @@ pub enum ProbeError {
     #[error("pulse for slice `{slice}`: {reason}")]
     Pulse {
         slice: String,
-        /// The fault and the fix.
+        /// The fault, and how to fix it.
         reason: String,
     },
     #[error("the result would have {elements} elements: select less, or sum over an axis")]
@@ -44,7 +44,7 @@ pub enum ProbeError {
 }
 
 impl ProbeError {
-    /// Returns whether a system error is the cause, rather than the probe.
+    /// Returns whether the cause is a system error and not the probe.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Access(e) => e.is_of_system(),

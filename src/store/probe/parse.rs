@@ -10,7 +10,7 @@ use tensor::axes::AxisKind;
 #[error("`{text}`: {reason}")]
 pub struct ParseError {
     pub text: String,
-    /// The fault and the fix.
+    /// The fault, and how to fix it.
     pub reason: String,
 }
 
@@ -26,7 +26,7 @@ fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
     )
 }
 
-/// Parses a finite coordinate, or a label of a Stokes element, component or set.
+/// Parses a finite coordinate, or the name of a Stokes element, a component or a path label.
 fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError> {
     let word = word.trim();
     let labels: &[&str] = match axis {
@@ -51,8 +51,8 @@ fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError>
 impl FromStr for Selection {
     type Err = ParseError;
 
-    /// Parses `AXIS=VALUE` (nearest entry), `AXIS=FROM:TO`, `AXIS=FROM:`, `AXIS=:TO`, in the unit of the
-    /// axis.
+    /// Parses `AXIS=VALUE` (nearest entry), `AXIS=FROM:TO`, `AXIS=FROM:` or `AXIS=:TO`, with coordinates in
+    /// the unit of the axis.
     fn from_str(text: &str) -> Result<Self, ParseError> {
         let Some((name, value)) = text.split_once('=') else {
             return fault(text, "expected AXIS=VALUE or AXIS=FROM:TO, such as `t=1000:2000`");
@@ -77,7 +77,7 @@ impl FromStr for Selection {
 impl FromStr for Pulse {
     type Err = ParseError;
 
-    /// Parses `gaussian:FWHM` in picoseconds or `samples:A,B,C` at the bin spacing.
+    /// Parses `gaussian:FWHM` (in picoseconds) or `samples:A,B,C` (at the bin spacing).
     fn from_str(text: &str) -> Result<Self, ParseError> {
         let expected = "expected `gaussian:FWHM_PS` or `samples:A,B,C`";
         match text.split_once(':') {
@@ -100,7 +100,7 @@ impl FromStr for Pulse {
 /// Parses axes separated by commas, such as `t,bounces`.
 ///
 /// # Errors
-/// If a name is not that of an axis.
+/// If a name is not the name of an axis.
 pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
     text.split(',').map(|name| axis(text, name)).collect()
 }
@@ -109,7 +109,7 @@ pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
 /// `plus45`, `minus45`, `right`, `left` (unit power).
 ///
 /// # Errors
-/// If the text is neither.
+/// If the text has neither form.
 pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
     let named = match text.trim() {
         "unpolarized" => Some([1.0, 0.0, 0.0, 0.0]),

@@ -1,4 +1,4 @@
-//! Drive images for the projector, and the projector pixels of an entry of the axes v and u.
+//! Drive images for the projector, and the projector pixels that each entry of the axes v and u contains.
 
 use tensor::axes::boxes;
 
@@ -7,7 +7,7 @@ use tensor::axes::boxes;
 pub struct Pattern {
     pub width: u32,
     pub height: u32,
-    /// Drives, row-major, `width * height` values.
+    /// Drives in 0..1, row-major, `width * height` values.
     pub values: Vec<f32>,
 }
 
@@ -34,12 +34,12 @@ impl Pattern {
     }
 }
 
-/// Returns the pixels (first, last) of each entry of a projector axis, given the centres of the entries, the
-/// number of pixels per bin if it is known (attribute `projector_bin`), and the number of pixels along the
-/// axis.
+/// Returns the first and last pixel of each entry of a projector axis. `coords` are the centres of the
+/// entries, `bin` is the number of pixels per bin if known (attribute `projector_bin`), and `total` is the
+/// number of pixels along the axis.
 ///
-/// Without that number, consecutive integer coordinates are single pixels, and fractional ones are bins that
-/// tile the axis from pixel 0. Integer coordinates with gaps are ambiguous and refused.
+/// If `bin` is unknown, consecutive integer coordinates are single pixels, and fractional coordinates are
+/// bins that tile the axis from pixel 0. Integer coordinates with gaps are ambiguous and are refused.
 pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec<(u32, u32)>, String> {
     let whole = coords.iter().all(|c| c.fract() == 0.0);
     let consecutive = coords.windows(2).all(|w| w[1] - w[0] == 1.0);

@@ -1,4 +1,5 @@
-//! Converts a probe and a slice to one weighted sum: the target and the weight of every entry of every axis.
+//! Converts a probe of a slice to one weighted sum, given by the target and the weight of every entry of
+//! every axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -13,30 +14,30 @@ const MAX_ELEMENTS: u128 = 1 << 30;
 /// Maximum number of bins of a pulse.
 const MAX_KERNEL: f64 = 1e6;
 
-/// Target slot of an entry along the axis of the result, and its weight.
+/// Target slot of an entry along an axis of the result, and weight of the entry.
 pub(super) type Share = (usize, f64);
 
 /// The plan for one axis.
 pub(super) struct AxisPlan {
     pub(super) kind: AxisKind,
-    /// First entry to read.
+    /// Index of the first entry to read.
     pub(super) first: usize,
-    /// One past the last entry to read.
+    /// Index after the last entry to read.
     pub(super) end: usize,
-    /// Targets of the entries `first..end`.
+    /// Targets of each of the entries `first..end`.
     pub(super) targets: Vec<Vec<Share>>,
-    /// Number of slots along this axis in the result; 1 if the axis is removed. A convolved axis has one more
-    /// slot, the last, for light that leaves the stored bins.
+    /// Number of slots along this axis in the result; 1 if the axis is removed. A convolved axis has an
+    /// additional last slot for light that leaves the stored bins.
     pub(super) slots: usize,
 }
 
-/// One weighted sum.
+/// The weighted sum that a probe computes.
 pub(super) struct Plan {
     /// One plan per axis of the slice.
     pub(super) axes: Vec<AxisPlan>,
     /// Weights of all entries (v, u), row-major, if a pattern contracts them.
     pub(super) joint: Option<Vec<f64>>,
-    /// Axes of the result.
+    /// Axes that the result keeps.
     pub(super) kept: Vec<Axis>,
     /// Whether the axis t has the extra slot.
     pub(super) convolved: bool,
@@ -44,13 +45,13 @@ pub(super) struct Plan {
     pub(super) notes: Vec<String>,
 }
 
-/// The effect of the steps before the sum on an axis.
+/// The effect of contraction, convolution and selection on an axis.
 enum Step {
-    /// Keep entries `first..end`; remove the axis if `drop`.
+    /// Keeps the entries `first..end`, and removes the axis if `drop` is true.
     Range { first: usize, end: usize, drop: bool },
-    /// Contract with one weight per entry.
+    /// Contracts the axis with one weight per entry.
     Weights(Vec<f64>),
-    /// Contract with weight 1 per entry (weights are in `joint`).
+    /// Contracts the axis with weight 1 per entry, because the weights are in `joint`.
     Joint,
 }
 
@@ -120,8 +121,8 @@ fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
     AxisPlan { kind, first, end: first + targets.len(), targets, slots: 1 }
 }
 
-/// Spreads every bin over the kernel. Light outside the stored bins goes to the last slot; light outside the
-/// selected bins is ignored.
+/// Returns the plan that distributes every bin over the kernel. Light outside the stored bins is added to
+/// the last slot; light outside the selected bins is ignored.
 fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, keep: bool) -> AxisPlan {
     let slots = if keep { range.len() + 1 } else { 2 };
     let targets = (0..bins)
@@ -148,7 +149,7 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
     AxisPlan { kind: AxisKind::T, first: 0, end: bins, targets, slots }
 }
 
-/// Returns the pulse as (delay in bins, weight), with weights that sum to 1.
+/// Returns the pulse as pairs of delay (in bins) and weight. The sum of the weights is 1.
 fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeError> {
     let fault = |reason: &str| Err(ProbeError::Pulse { slice: layout.name.clone(), reason: reason.into() });
     let Some((_, bin_ps)) = layout.time.filter(|(_, bin)| *bin > 0.0) else {

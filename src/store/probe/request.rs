@@ -1,4 +1,4 @@
-//! Requests to a stored slice.
+//! Requests to a stored slice: selections, pulses and probes.
 
 use super::pattern::Pattern;
 use tensor::axes::AxisKind;
@@ -12,32 +12,34 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Selects the entry nearest to a coordinate; the axis is removed.
+    /// Selects the entry nearest to a coordinate, and removes the axis.
     pub fn nearest(axis: AxisKind, coordinate: f64) -> Self {
         Self { axis, range: CoordRange::Nearest(coordinate) }
     }
 }
 
-/// Coordinates along an axis, in its unit (pixel, ps, nm or index).
+/// Coordinates along an axis, in the unit of the axis (pixel, ps, nm or index).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CoordRange {
-    /// The entry nearest to the coordinate; the axis is removed.
+    /// The entry nearest to the coordinate. The axis is removed.
     Nearest(f64),
-    /// From the entry nearest to the first to the entry nearest to the second, both included; the axis is
-    /// kept. Bin edges are valid too: halfway between two entries, a range begins with the later and ends
-    /// with the earlier one. Infinite values select the start and the end of the axis.
+    /// All entries from the entry nearest to the first coordinate to the entry nearest to the second, both
+    /// included. The axis is kept. Bin edges are also valid: halfway between two entries, a range begins
+    /// with the later entry and ends with the earlier entry. Infinite values select the start and the end
+    /// of the axis.
     Between(f64, f64),
 }
 
-/// A light pulse for convolution along the time axis. It is normalized to sum 1, so that it preserves energy.
+/// A light pulse for convolution along the time axis. The pulse is normalized to the sum 1, which preserves
+/// energy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pulse {
-    /// A Gaussian centred on the emission time, sampled at the bin spacing.
+    /// A Gaussian pulse centred on the emission time, sampled at the bin spacing.
     Gaussian {
         /// Full width at half maximum in picoseconds.
         fwhm_ps: f64,
     },
-    /// Samples at the bin spacing; the first is at the emission time.
+    /// Samples of the pulse at the bin spacing; the first sample is at the emission time.
     Samples(Vec<f64>),
 }
 
@@ -47,13 +49,15 @@ pub enum Pulse {
 pub struct Probe {
     /// Parts of axes to keep; at most one selection per axis.
     pub select: Vec<Selection>,
-    /// Axes to sum over, within their selections. Axes that the slice does not resolve are already summed.
+    /// Axes to sum over, within their selections. Axes that the slice does not resolve are ignored, because
+    /// they are already summed.
     pub sum: Vec<AxisKind>,
-    /// Drive of every projector pixel, P(s'): contracts v and u.
+    /// Drive P(s') of every projector pixel, 0..1, with which v and u are contracted.
     pub pattern: Option<Pattern>,
-    /// Stokes state of the light from every projector pixel, p' (projector frame): contracts `stokes_in`.
+    /// Stokes state p' of the light from every projector pixel (projector frame), with which `stokes_in` is
+    /// contracted.
     pub stokes: Option<[f32; 4]>,
-    /// Pulse shape along t.
+    /// Pulse with which t is convolved.
     pub pulse: Option<Pulse>,
 }
 

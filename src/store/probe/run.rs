@@ -14,10 +14,10 @@ use tensor::field::Field;
 pub struct ProbeResult {
     /// Values, W/(m² sr nm) per unit projector drive, over the remaining axes.
     pub mean: Tensor,
-    /// Standard errors of `mean` (see the module), of the same shape.
+    /// Standard errors of `mean` (see the module documentation), with the same shape and unit.
     pub std_error: Tensor,
-    /// The same probe of light outside the stored time bins, without a time axis. `None` if the slice does
-    /// not resolve time.
+    /// Result of the same probe for light outside the stored time bins, without a time axis. `None` if the
+    /// slice does not resolve time.
     pub overflow: Option<Tensor>,
     /// Light that the pulse moved out of the stored time bins, without a time axis. `None` without a pulse.
     pub shifted_out: Option<Tensor>,
@@ -65,7 +65,7 @@ fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlic
     Ok(slice.fetch_together(&regions)?)
 }
 
-/// Returns the camera rows and columns that are read; `None` for a slice without them.
+/// Returns the ranges of camera rows and columns that are read; `None` for a slice without camera axes.
 fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     let read = |kind| {
         let axis = plan.axes.iter().find(|a| a.kind == kind)?;
@@ -74,7 +74,7 @@ fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x])
 }
 
-/// Returns a note if error estimates of the camera pixels are unreliable.
+/// Returns a note if the error estimates of camera pixels are unreliable.
 fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
     let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {

@@ -1,4 +1,4 @@
-//! Compares probes with brute-force loops.
+//! Compares results of probes with brute-force loops.
 
 use super::*;
 use crate::zarr::StoredSlice;
@@ -14,7 +14,7 @@ use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSele
 
 const SIZE: [u32; 2] = [10, 7];
 
-/// Stores a random tensor over all of y, x, v, u, t, p, p', wavelength, with several chunks along every axis.
+/// Stores a random tensor over y, x, v, u, t, p, p' and wavelength, with several chunks along every axis.
 fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polarization) -> StoredSlice {
     let extents = Extents {
         camera: [5, 3],
@@ -66,7 +66,7 @@ fn close(a: f32, b: f64) {
     assert!((f64::from(a) - b).abs() <= 1e-6 * b.abs().max(1e-3), "{a} {b}");
 }
 
-/// Iterates over all indices of a tensor as (kind, index) lists.
+/// Iterates over all indices of a tensor, as lists of (axis kind, index).
 fn each(t: &Tensor) -> impl Iterator<Item = Vec<(AxisKind, usize)>> {
     let shape: Vec<u64> = t.shape().iter().map(|&n| n as u64).collect();
     let kinds: Vec<AxisKind> = t.axes.iter().map(|a| a.kind).collect();

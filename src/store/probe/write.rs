@@ -25,7 +25,7 @@ pub fn std_error_path(path: &Path) -> PathBuf {
 }
 
 impl ProbeResult {
-    /// Writes to `path` in the format of its extension: `.npy`, `.csv` or `.zarr`.
+    /// Writes the result to `path`, in the format that the extension selects: `.npy`, `.csv` or `.zarr`.
     ///
     /// # Errors
     /// If the extension is unknown, writing fails, or a `.zarr` exists and `replace` is false.
@@ -43,7 +43,7 @@ impl ProbeResult {
         }
     }
 
-    /// Writes the values as f32 `.npy`, row-major, and the standard errors to [`std_error_path`].
+    /// Writes the values as an f32 `.npy` file, row-major, and the standard errors to [`std_error_path`].
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -52,7 +52,7 @@ impl ProbeResult {
         write_npy(&self.std_error, &std_error_path(path))
     }
 
-    /// Writes one row per element: its coordinates (in axis units), value and standard error.
+    /// Writes a CSV file with one row per element: coordinates (in axis units), value and standard error.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -88,9 +88,9 @@ impl ProbeResult {
         SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }
     }
 
-    /// Writes a store with one slice of the same name as the probed one, with the given attributes of its
-    /// group and of the root. Light outside the time bins becomes its overflow (without standard error) if
-    /// time is resolved.
+    /// Writes a store with one slice that has the name of the probed slice, and the given attributes of the
+    /// slice's group and of the root. If time is resolved, light outside the time bins becomes the overflow
+    /// of the slice, without a standard error.
     ///
     /// # Errors
     /// If the store cannot be created (see [`TensorStore::create`]) or written.
@@ -119,7 +119,7 @@ impl ProbeResult {
     }
 }
 
-/// Writes a tensor as f32 `.npy`, row-major.
+/// Writes a tensor as an f32 `.npy` file, row-major.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -1,6 +1,6 @@
-//! The metadata of an array, its `zarr.json` (Zarr v3 core specification, "Array metadata"), limited to the
-//! features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs of
-//! [`super::coding`]. Other features are refused.
+//! The metadata of an array, which is a `zarr.json` file (Zarr v3 core specification, "Array metadata"),
+//! limited to the features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs
+//! of [`super::coding`]. Other features are refused.
 
 use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};
@@ -24,15 +24,15 @@ const KEYS: [&str; 11] = [
 #[derive(Clone, Debug)]
 pub(super) struct Array {
     pub(super) shape: Vec<u64>,
-    /// Shape of a file's block: a chunk, or a shard.
+    /// Shape of the block in a file: a chunk, or a shard.
     pub(super) stored: Vec<u64>,
     pub(super) coding: Coding,
-    /// Shape of a chunk in a shard.
+    /// Shape of a chunk in a shard; `None` without shards.
     pub(super) inner: Option<Vec<u64>>,
     pub(super) attributes: Map<String, Value>,
-    /// Name of each dimension; "" for one without a name.
+    /// Name of each dimension; "" for a dimension without a name.
     pub(super) names: Vec<String>,
-    /// Prefix of all chunk keys, and the separator between their indices.
+    /// Prefix of all chunk keys, and the separator between the chunk indices.
     prefix: String,
     separator: char,
 }
@@ -62,8 +62,8 @@ pub(super) fn describe(
 }
 
 impl Array {
-    /// Parses the metadata of the array at `node`, such as `/steady/mean`. Returns the fault if it is
-    /// invalid.
+    /// Parses the metadata of the array at `node`, such as `/steady/mean`. Returns the fault if the
+    /// metadata is invalid.
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
         let lengths =
             |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };

@@ -1,7 +1,7 @@
-//! Zarr storage with atomic writes of files: a directory, or the objects at an address.
+//! Zarr storage with atomic writes of files, in a directory or as objects at an address.
 //!
-//! In a directory, files are written with [`base::whole_file`]. A killed process may leave temporary files,
-//! which readers ignore and [`AtomicDirectory::remove_leftovers`] deletes.
+//! In a directory, files are written with [`base::whole_file`]. A killed process may leave temporary files.
+//! Readers ignore such files, and [`AtomicDirectory::remove_leftovers`] deletes them.
 
 use super::coordinates;
 use super::description;
@@ -20,37 +20,37 @@ use serde_json::Value;
 
 use bytes::Bytes;
 
-/// Maximum size of a shard at an address that is fetched completely, so that later reads need no further
-/// request.
+/// Maximum size, in bytes, of a shard at an address that is fetched completely. Later reads of the shard
+/// then need no further request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
-/// The tail of a shard, from which the rest can be checked.
+/// The tail of a shard, with which the other bytes of the shard can be checked.
 #[derive(Debug)]
 pub(super) struct Tail {
     pub(super) bytes: Bytes,
     /// Size of the shard in bytes.
     pub(super) size: u64,
-    /// The complete shard, if it is small and was fetched.
+    /// The complete shard, if the shard is small and was fetched.
     pub(super) whole: Option<Bytes>,
 }
 
-/// Zarr storage in a directory with atomic replacement of files, or at an address.
+/// Zarr storage in a directory, where files are replaced atomically, or at an address.
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
     pub(super) root: PathBuf,
-    /// The objects at an address; `None` for a directory.
+    /// The objects, for a store at an address; `None` for a directory.
     pub(super) remote: Option<Remote>,
-    /// Manifest of a finished store; every file that is read must match it.
+    /// Manifest of a finished store. Every file that is read must match the manifest.
     manifest: Option<Manifest>,
 }
 
 impl AtomicDirectory {
-    /// Returns the storage at `root`, without access to it.
+    /// Returns the storage at `root`, without accessing it.
     pub(super) fn new(root: &Path) -> Self {
         Self { root: root.to_owned(), remote: None, manifest: None }
     }
 
-    /// Returns the storage at a place, with the manifest of a finished store.
+    /// Returns the storage at a location, with the manifest of a finished store, if any.
     pub(super) fn at(root: &Path, place: Place, manifest: Option<Manifest>) -> Self {
         let remote = match place {
             Place::Folder(_) => None,
@@ -106,7 +106,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Writes a shard with this checksum in the manifest atomically.
+    /// Writes a shard atomically, with the checksum `crc` in the manifest.
     pub(super) fn write_shard(&self, key: &str, bytes: Bytes, crc: u32) -> io::Result<()> {
         match &self.remote {
             None => whole_file::write(&self.root.join(key), &bytes),
@@ -145,8 +145,8 @@ impl AtomicDirectory {
         }
     }
 
-    /// Fetches files from an address concurrently before they are read: the first ones, up to a memory limit.
-    /// Returns their number.
+    /// Fetches files from an address concurrently before they are read, from the first of `asks` up to a
+    /// memory limit. Returns the number of fetched files.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)]) -> io::Result<usize> {
         match &self.remote {
             None => Ok(asks.len()),
@@ -175,8 +175,9 @@ impl AtomicDirectory {
         Ok(bytes)
     }
 
-    /// Reads the tails of shards with these numbers of frames, concurrently at an address, and checks them
-    /// against the manifest. `None` for a shard that does not exist.
+    /// Reads the tails of shards, given as pairs of path and number of frames, and checks the tails against
+    /// the manifest. Reads at an address are concurrent. The result is `None` for a shard that does not
+    /// exist.
     pub(super) fn read_tails(&self, all: &[(String, usize)]) -> io::Result<Vec<io::Result<Option<Tail>>>> {
         let Some(remote) = &self.remote else {
             let read = |(key, frames): &(String, usize)| {
@@ -224,7 +225,7 @@ impl AtomicDirectory {
         Ok(Some(Tail { bytes: bytes.into(), size, whole: None }))
     }
 
-    /// Opens a file of a directory and returns it with its size; `None` if it does not exist.
+    /// Opens a file of a directory and returns the file and its size; `None` if the file does not exist.
     fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
         match base::input::open(&self.root.join(key)) {
             Ok(file) => {
@@ -242,7 +243,7 @@ impl AtomicDirectory {
         Ok(tail)
     }
 
-    /// Reads bytes of a shard whose tail has been read. The caller checks them with the tail.
+    /// Reads a byte range of a shard whose tail has been read. The caller checks the bytes with the tail.
     pub(super) fn read_part(&self, key: &str, range: Range<u64>) -> io::Result<Option<Bytes>> {
         if let Some(remote) = &self.remote {
             return Ok(remote.get_part(key, Ask::Bytes(range))?);
@@ -261,7 +262,7 @@ impl AtomicDirectory {
         Some(self.manifest.as_ref()?.0.get(key)?.size)
     }
 
-    /// Refuses a file that does not match the manifest; `None` is a missing file.
+    /// Refuses a file that does not match the manifest; `None` stands for a missing file.
     fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
         self.check_entry(path, bytes.map(|bytes| Entry::of(path, bytes)))
     }
@@ -280,13 +281,13 @@ impl AtomicDirectory {
         Err(io::Error::other(reason))
     }
 
-    /// Returns whether the manifest lists a file; `None` without a manifest.
+    /// Returns whether the manifest lists a file; `None` if there is no manifest.
     pub(super) fn lists(&self, path: &str) -> Option<bool> {
         Some(self.manifest.as_ref()?.0.contains_key(path))
     }
 
-    /// Returns the first file, by name, whose manifest entries differ between two stores, except the root's
-    /// metadata.
+    /// Returns the first file, in the order of names, whose manifest entries differ between two stores. The
+    /// root's metadata is ignored.
     pub(super) fn first_difference(&self, other: &Self) -> Option<String> {
         let none = Manifest::default();
         let [a, b] = [self, other].map(|s| &s.manifest.as_ref().unwrap_or(&none).0);

@@ -1,4 +1,4 @@
-//! Creates new stores: checks the slices and writes all metadata before any values.
+//! Creates new stores: checks the slices, and writes all metadata before any values.
 
 use super::atomic::AtomicDirectory;
 use super::check;
@@ -15,7 +15,7 @@ use tensor::axes::SliceLayout;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleGrid {
     pub camera: [u32; 2],
-    /// Edge of a tile of camera pixels, which is the chunk.
+    /// Edge length of a tile in camera pixels; a chunk is one tile.
     pub tile: u32,
 }
 
@@ -26,8 +26,8 @@ impl SampleGrid {
     }
 }
 
-/// File with the origin of a store that is being created. It begins with a dot, so it is not part of the
-/// store.
+/// Name of the file with the origin of a store that is being created. The name begins with a dot, so the
+/// file is not part of the store.
 pub(super) const ORIGIN: &str = ".sunstone-origin";
 
 pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {

@@ -1,7 +1,7 @@
 //! Checks of coordinates and attributes when a store is opened or created.
 //!
-//! Files may have been edited or truncated. After these checks, coordinates are finite and increasing, and
-//! attributes that the program reads have the right type. Other attributes may have any value.
+//! Files may have been edited or truncated. The checks ensure that coordinates are finite and increasing,
+//! and that attributes that the program reads have the right type. Other attributes may have any value.
 
 use serde_json::{Map, Value};
 use tensor::axes::{Axis, AxisKind, SliceLayout};
@@ -9,10 +9,11 @@ use tensor::part::{self, Part};
 
 /// Maximum number of rows and of columns of a camera.
 const MAX_CAMERA: u64 = 1 << 15;
-/// Maximum number of chunks of sample counts: single pixels of a 4096 by 4096 camera.
+/// Maximum number of chunks of sample counts. Example: chunks of one pixel for a camera of 4096 × 4096
+/// pixels.
 const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 
-/// Returns the fault of an axis' coordinates, if any.
+/// Returns the fault in the coordinates of an axis, if any.
 pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let coords = &axis.coords;
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
@@ -38,7 +39,8 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     outside.next().map(|bad| format!("its coordinate {bad} is outside {least} to {most}"))
 }
 
-/// Returns the fault of a layout's time bins, if any: width, and centres of the axis t.
+/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis
+/// t.
 pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
     let (axis, (start, bin)) = match (axis, layout.time) {
@@ -70,7 +72,8 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     None
 }
 
-/// Returns the fault of a slice's camera axes for sample counts of (rows, columns), if any.
+/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample
+/// counts.
 pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
     let beyond = |kind, limit: u64| {
         let axis = &layout.axes[layout.find(kind)?];
@@ -143,7 +146,7 @@ const OF_SLICES: [(&str, Form); 4] = [
     ("pixels_per_element", Form::Positive),
 ];
 
-/// Returns the fault of the root group's attributes, if any.
+/// Returns the fault in the attributes of the root group, if any.
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
     if part.is_some_and(|value| Part::from_json(value).is_none()) {
@@ -152,7 +155,7 @@ pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     attributes_fault(attributes, &OF_ROOT)
 }
 
-/// Returns the fault of a slice's group attributes, if any.
+/// Returns the fault in the attributes of a slice's group, if any.
 pub(super) fn slice_fault(attributes: &Map<String, Value>) -> Option<String> {
     attributes_fault(attributes, &OF_SLICES)
 }

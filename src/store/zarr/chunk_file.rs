@@ -1,4 +1,4 @@
-//! Files of chunks: their paths, whether they exist, and copies from other stores.
+//! Files of chunks: paths, existence, and copies from other stores.
 
 use super::chunked::{ChunkedArray, Number};
 use super::coding::SEAL;
@@ -50,7 +50,8 @@ impl<T: Number> ChunkedArray<T> {
         self.storage.is_stored(&key)
     }
 
-    /// Returns the file size of the chunk that begins at `start` from the manifest; 0 without a file.
+    /// Returns the size of the file of the chunk that begins at `start`, from the manifest; 0 if there is
+    /// no file.
     pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
         let key = self.array.chunk_key(&self.index_of(start));
         self.storage.size(&key).unwrap_or(0)

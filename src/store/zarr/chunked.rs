@@ -1,11 +1,12 @@
-//! One chunked array of the store: reads and writes of any region, chunk by chunk, from several threads.
+//! One chunked array of a store. Several threads may read and write any regions, chunk by chunk.
 //!
 //! Each chunk is a file, or part of a shard ([`super::sharded`]).
 //!
 //! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section
 //! 3.1.1) with the declared size of the chunk. A damaged file is therefore an error and never causes an
 //! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
-//! damage inside it. It is fast because it covers the compressed bytes and not the many zeros.
+//! damage inside the frame. The checksum is fast because it covers the compressed bytes and not the many
+//! zeros.
 
 use std::marker::PhantomData;
 use std::path::PathBuf;
@@ -23,17 +24,17 @@ use super::sparse_frame::{self, Content};
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;
 
-/// Number of locks per array; a chunk always uses the same one.
+/// Number of locks per array. The same chunk always uses the same lock.
 const STRIPES: usize = 64;
-/// Maximum number of elements of a chunk; larger metadata values are refused before an allocation.
+/// Maximum number of elements of a chunk. Larger values in the metadata are refused before an allocation.
 const MAX_CHUNK: usize = 1 << 28;
-/// Allocations of more bytes than this are tested first.
+/// Minimum number of bytes for which an allocation is tested first.
 const LARGE: usize = 1 << 28;
 
 /// A type of array elements.
 pub(super) trait Number: bytemuck::Pod + Default + PartialEq + Send + Sync {
     const NAME: &'static str;
-    /// Zero as JSON.
+    /// Returns zero as a JSON value.
     fn zero() -> Value;
 }
 
@@ -54,9 +55,10 @@ pub(super) struct ChunkedArray<T> {
     pub(super) storage: Arc<AtomicDirectory>,
     pub(super) array: Array,
     pub(super) path: PathBuf,
-    /// Shape of the block that is read and written together; in a shard, it consists of several chunks.
+    /// Shape of the block that is read and written together. In a shard, the block consists of several
+    /// chunks.
     pub(super) chunk: Vec<u64>,
-    /// For a sharded array.
+    /// Shards of the array; `None` if the array is not sharded.
     pub(super) sharded: Option<Sharded>,
     locks: Vec<Mutex<()>>,
     number: PhantomData<T>,
@@ -68,7 +70,7 @@ pub(super) struct Description<'a> {
     pub(super) chunk: Vec<u64>,
     pub(super) names: Vec<&'a str>,
     pub(super) attributes: Map<String, Value>,
-    /// `None` for one file per chunk.
+    /// Sharding of the array; `None` for one file per chunk.
     pub(super) sharding: Option<Sharding>,
 }
 
@@ -107,7 +109,7 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(damaged)
     }
 
-    /// Returns the array at a node with this metadata, or the fault.
+    /// Returns the array at a node that has this metadata, or the fault in the metadata.
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
@@ -150,7 +152,8 @@ impl<T: Number> ChunkedArray<T> {
         self.array.names.clone()
     }
 
-    /// Returns `n` coordinates from the array's metadata, if it contains them.
+    /// Returns `n` coordinates from the array's metadata; `None` if the metadata does not contain
+    /// coordinates.
     pub(super) fn describe(&self, n: u64) -> Option<Vec<f64>> {
         coordinates::read(&self.array.attributes, n as usize)
     }
@@ -165,7 +168,7 @@ impl<T: Number> ChunkedArray<T> {
         })
     }
 
-    /// Allocates values, all zero.
+    /// Allocates an array of zeros.
     fn zeros(&self, elements: usize) -> Result<Vec<T>, AccessError> {
         // A large allocation is tested first, because a failure of `vec!` would abort the process.
         let large = elements.saturating_mul(size_of::<T>()) > LARGE;
@@ -175,12 +178,13 @@ impl<T: Number> ChunkedArray<T> {
         Ok(vec![T::default(); elements])
     }
 
-    /// Returns the shape of the block that is coded together: a chunk, or a chunk of a shard.
+    /// Returns the shape of a unit, which is the block that is coded together: a chunk, or a chunk in a
+    /// shard.
     pub(super) fn unit(&self) -> &[u64] {
         self.sharded.as_ref().map_or(&self.chunk, |s| &s.inner)
     }
 
-    /// Returns the indices of the units that a region touches, in the order of their positions in files.
+    /// Returns the indices of the units that a region intersects, in the order of their positions in files.
     pub(super) fn units(&self, start: &[u64], shape: &[u64]) -> Vec<Vec<u64>> {
         let mut all = vec![];
         if !shape.contains(&0) {
@@ -192,8 +196,8 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Calls `f(index of the unit, overlap start, overlap shape, start of the unit, whether it is covered
-    /// completely)` for the units that a region touches.
+    /// Calls `f(index of the unit, overlap start, overlap shape, start of the unit, whether the region
+    /// covers the unit completely)` for every unit that a region intersects.
     fn for_units(
         &self,
         units: &[Vec<u64>],
@@ -237,8 +241,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(values)
     }
 
-    /// Writes a region, row-major. Other elements of the touched chunks keep their values. For `touched`, see
-    /// [`sparse_frame::encode`].
+    /// Writes a region, row-major. Other elements of the intersected chunks keep their values. For
+    /// `touched`, see [`sparse_frame::encode`].
     pub(super) fn write(
         &self,
         start: &[u64],
@@ -273,7 +277,7 @@ impl<T: Number> ChunkedArray<T> {
         })
     }
 
-    /// Stores the values of a chunk, or removes its file if all are zero.
+    /// Stores the values of a chunk, or removes the chunk's file if all values are zero.
     fn store(&self, index: &[u64], chunk: &[T], touched: Option<&[u64]>) -> Result<(), AccessError> {
         let failed = |cause: String| AccessError::Write { path: self.path.clone(), cause };
         let mut swapped;
@@ -297,7 +301,8 @@ impl<T: Number> ChunkedArray<T> {
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// Reads the values of one unit (padded at the edge of the array); `None` if it is not stored (all zero).
+    /// Reads the values of one unit, padded at the edge of the array. Returns `None` if the unit is not
+    /// stored because all values are zero.
     fn read_unit(&self, index: &[u64]) -> Result<Option<Vec<T>>, AccessError> {
         if let Some(sharded) = &self.sharded {
             let bytes = self.read_piece(sharded, index)?;
@@ -338,8 +343,8 @@ fn difference(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// Returns the indices of the innermost of these nested units that a region touches, in the order of the
-/// outer units.
+/// Returns the indices of the innermost of several nested units that a region intersects, in the order of
+/// the outer units.
 fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>>) {
     let Some((unit, smaller)) = units.split_first() else {
         return;

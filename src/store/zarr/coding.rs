@@ -1,4 +1,4 @@
-//! Coding of a chunk's numbers: a Zstandard frame and its CRC-32C, as a file or in a shard.
+//! Encoding of a chunk's numbers as a Zstandard frame and its CRC-32C, in a file or in a shard.
 
 use super::shard::CODEC;
 use super::sparse_frame::{self, Content};
@@ -6,22 +6,23 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io;
 
-/// Zstandard level: level 1 compresses floating-point noise 8 % better, and higher levels not better, only
-/// slower.
+/// Zstandard compression level. Level 1 compresses floating-point noise 8 % better; levels above 1 do not
+/// compress better and are only slower.
 const LEVEL: i32 = -2;
-/// Size of a CRC-32C in bytes.
+/// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;
-/// Attribute of a sharded array: the shape of an original chunk, which consists of several chunks of the
-/// shard. Complete reads use these blocks.
+/// Name of the attribute of a sharded array with the shape of an unsharded chunk. Such a chunk consists of
+/// several chunks of the shard. Reads of whole arrays use blocks of this shape.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {
-    /// Creating a compression context takes longer than compressing a small chunk.
+    /// Compression context of the thread, which is reused because creating it takes longer than compressing
+    /// a small chunk.
     static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
     static DECOMPRESSOR: RefCell<Option<zstd::bulk::Decompressor<'static>>> = const { RefCell::new(None) };
 }
 
-/// The coding of a chunk file.
+/// The encoding of a chunk file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) frame: Frame,
@@ -29,17 +30,17 @@ pub(super) struct Coding {
     pub(super) swapped: bool,
 }
 
-/// The container of a chunk's bytes.
+/// The format of a chunk's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frame {
-    /// No container.
+    /// Plain bytes, not compressed.
     Plain,
     Zstd,
-    /// A Zstandard frame and its CRC-32C.
+    /// A Zstandard frame followed by its CRC-32C.
     Sealed,
 }
 
-/// Returns one Zstandard frame that declares its content size.
+/// Compresses bytes to one Zstandard frame that declares its content size.
 fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
     COMPRESSOR.with_borrow_mut(|slot| {
         let compressor = match slot {
@@ -50,8 +51,8 @@ fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
     })
 }
 
-/// Encodes a chunk. `bytes` are its numbers in the byte order of the file, and `content` is the result of an
-/// analysis of them.
+/// Encodes a chunk. `bytes` are the chunk's numbers in the byte order of the file, and `content` is the
+/// result of the analysis of these bytes.
 pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result<Vec<u8>> {
     let mut out = match (frame, content) {
         (Frame::Plain, _) => return Ok(bytes.to_vec()),
@@ -99,7 +100,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     }
 }
 
-/// Returns the codecs of a new array in sealed frames, or of a sharded array whose chunks have shape `inner`.
+/// Returns the codecs of a new array: sealed frames, or shards whose chunks have the shape `inner`.
 pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     let numbers = json!({"name": "bytes", "configuration": {"endian": "little"}});
     let zstd = json!({"name": "zstd", "configuration": {"level": LEVEL, "checksum": false}});
@@ -115,7 +116,8 @@ pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     }
 }
 
-/// Returns the name of an extension point, which may be a plain string if it has no configuration.
+/// Returns the name of an extension point. A plain string is valid for an extension point without
+/// configuration.
 pub(super) fn name(json: &Value) -> Option<&str> {
     json["name"].as_str().or(json.as_str())
 }
@@ -124,7 +126,7 @@ fn names(codecs: &Value) -> Vec<&str> {
     codecs.as_array().into_iter().flatten().filter_map(name).collect()
 }
 
-/// Returns whether the first codec, `bytes`, has another byte order than this machine.
+/// Returns whether the first codec, `bytes`, specifies a byte order other than that of this machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {
@@ -133,7 +135,8 @@ fn is_swapped(codecs: &Value) -> Result<bool, String> {
     }
 }
 
-/// Returns the coding in an array's metadata, and for a sharded array the shape of a chunk in a shard.
+/// Parses the codecs in an array's metadata. Returns the encoding and, for a sharded array, the shape of a
+/// chunk in a shard.
 pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
     let found = names(codecs);
     let frame = match found[..] {

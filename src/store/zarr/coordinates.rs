@@ -1,20 +1,20 @@
-//! Coordinates in the metadata of their array, for sharded stores, so that opening a slice needs no request
-//! for them.
+//! Coordinates in the metadata of their arrays, for sharded stores. Opening a slice then needs no request
+//! for the coordinates.
 //!
-//! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). Their arrays
-//! contain the coordinates too, for other programs.
+//! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). The coordinate
+//! arrays also contain the coordinates, for other programs.
 
 use serde_json::{Map, Value, json};
 
-/// Attribute of the array: first coordinate and step.
+/// Name of the array attribute with the first coordinate and the step.
 const REGULAR: &str = "start_and_step";
-/// Attribute of the array: all coordinates.
+/// Name of the array attribute with all coordinates.
 const ALL: &str = "values";
 /// Maximum number of coordinates in a list.
 const MOST: usize = 16;
 
-/// Returns an attribute that represents these coordinates bit for bit, if a short one does. Values are lists
-/// of numbers, which other formats support too.
+/// Returns an attribute that represents the coordinates exactly, if a short attribute does. Values are
+/// lists of numbers, which other formats also support.
 pub(super) fn describe(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),
@@ -40,7 +40,7 @@ pub(super) fn tell(attributes: &Value) -> bool {
     [REGULAR, ALL].iter().any(|key| attributes.get(key).is_some())
 }
 
-/// Returns `n` coordinates from attributes; `None` if they contain none.
+/// Reads `n` coordinates from attributes; returns `None` if the attributes contain no coordinates.
 pub(super) fn read(attributes: &Map<String, Value>, n: usize) -> Option<Vec<f64>> {
     let list = |key| -> Option<Vec<f64>> {
         let list = attributes.get(key)?.as_array()?;

@@ -25,9 +25,9 @@ use tensor::field::Field;
 use tensor::label;
 
 pub const VALUE_UNITS: &str = "W m-2 sr-1 nm-1 per unit projector drive";
-/// Root attribute that lists the slices.
+/// Name of the root attribute that lists the slices.
 const SLICES: &str = "slices";
-/// Maximum length of an axis in a valid store.
+/// Maximum number of coordinates of an axis in a valid store.
 const MAX_AXIS: u64 = 1 << 24;
 
 /// Returns the fault of a slice's name, if any.
@@ -66,7 +66,8 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Returns the names of the slices from the root's metadata; `None` if it is not that of a Sunstone store.
+/// Returns the names of the slices from the root's metadata; `None` if the metadata is not that of a
+/// Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
     names.iter().map(|n| n.as_str().filter(|n| name_fault(n).is_none()).map(str::to_owned)).collect()
@@ -123,7 +124,7 @@ fn is_index(kind: AxisKind) -> bool {
     )
 }
 
-/// Writes the coordinates of an axis. With `tell`, the metadata contains them too.
+/// Writes the coordinates of an axis. With `tell`, the metadata also contains the coordinates.
 fn create_coordinates(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -179,7 +180,7 @@ pub(super) fn create_filled<T: Number>(
     written.map_err(|e| CreateError::write(&array.path, e))
 }
 
-/// Reads and checks the coordinates of an axis of `expected` entries.
+/// Reads and checks the coordinates of an axis that must have `expected` entries.
 fn read_axis(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -201,7 +202,8 @@ fn read_axis(
     }
 }
 
-/// Reads `expected` coordinates from the metadata of their array, or else from its values.
+/// Reads `expected` coordinates from the metadata of the coordinate array if possible, else from the
+/// array's values.
 fn read_coordinates<T: Number>(
     storage: &Arc<AtomicDirectory>,
     node: &str,

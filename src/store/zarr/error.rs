@@ -11,21 +11,21 @@ pub enum CreateError {
         "{path} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`"
     )]
     Exists { path: PathBuf },
-    /// The path exists and is not a store; it is never deleted.
+    /// The path exists and is not a store. Such a path is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
-    /// The path is inside a store, which must not change in part.
+    /// The path is inside a store, which must not change in parts.
     #[error("{path} is inside a store ({store}): choose another `-o`")]
     Within {
         path: PathBuf,
-        /// The enclosing store.
+        /// Path of the enclosing store.
         store: PathBuf,
     },
     /// The layout of a slice is invalid.
     #[error("slice `{name}`: {reason}")]
     Slice {
         name: String,
-        /// The fault and the fix.
+        /// The fault, and how to fix it.
         reason: String,
     },
     /// Another process is writing to the path.
@@ -35,7 +35,7 @@ pub enum CreateError {
         /// Process that holds the lock.
         holder: String,
     },
-    /// The object store refused, or could not be reached.
+    /// The object store refused a request or could not be reached.
     #[error("cannot create {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
     /// The file system or the Zarr library failed.
@@ -57,7 +57,7 @@ impl CreateError {
         Self::Write { path: path.to_owned(), cause: cause.to_string() }
     }
 
-    /// Converts the error of opening a store that was just created.
+    /// Converts the error of opening a newly created store.
     pub(super) fn of_open(path: &Path, error: OpenError) -> Self {
         match error {
             OpenError::Remote { refusal, .. } => Self::Remote { path: path.to_owned(), refusal },
@@ -65,7 +65,7 @@ impl CreateError {
         }
     }
 
-    /// Converts the error of a lock that could not be taken.
+    /// Converts the error of a lock that was not acquired.
     pub fn locked(path: &Path, error: LockError) -> Self {
         match error {
             LockError::Held(holder) => Self::Locked { path: path.to_owned(), holder },
@@ -120,15 +120,15 @@ pub enum OpenError {
     #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
-        /// The missing item.
+        /// What is missing.
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
     NoSlice {
         path: PathBuf,
-        /// The requested slice.
+        /// Name of the requested slice.
         name: String,
-        /// The existing slices.
+        /// Names of the existing slices.
         available: String,
     },
     /// An array or its metadata is damaged.
@@ -147,7 +147,7 @@ pub enum OpenError {
     },
     #[error("{path} is not finished: resume it with `sunstone render --resume`, or render it again")]
     Unfinished { path: PathBuf },
-    /// The object store refused, or could not be reached.
+    /// The object store refused a request or could not be reached.
     #[error("cannot open {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
     /// A file could not be read, or a leftover could not be removed.
@@ -171,7 +171,7 @@ pub enum AccessError {
          the existing values with `--partial` (NaN where nothing is rendered)"
     )]
     Part { path: PathBuf, part: Part },
-    /// The region is not inside the array.
+    /// The region is not completely inside the array.
     #[error("region {start:?} + {shape:?} is not inside {path} of shape {array:?}: shrink the region")]
     Region {
         path: PathBuf,
@@ -185,7 +185,7 @@ pub enum AccessError {
     #[error("{elements} values of {path} do not fit into memory: read a part of it")]
     Memory {
         path: PathBuf,
-        /// Number of elements of the region.
+        /// Number of elements of the requested region.
         elements: usize,
     },
     /// The number of values does not match the region.
@@ -207,7 +207,7 @@ pub enum AccessError {
         chunk: Vec<u64>,
         cause: String,
     },
-    /// A shard is truncated, corrupt, exchanged or unreadable.
+    /// A shard is truncated, corrupt, unreadable, or replaced by another shard.
     #[error(
         "cannot read shard {shard:?} of {path}: {cause}; restore it from a backup, or shard it again (`sunstone shard`)"
     )]
@@ -217,7 +217,7 @@ pub enum AccessError {
         shard: Vec<u64>,
         cause: String,
     },
-    /// The array is sharded, and shards cannot be modified.
+    /// The array is sharded; shards cannot be modified.
     #[error("{path} is sharded, and shards cannot be changed: write another store, then shard it")]
     Sharded { path: PathBuf },
     /// The object store refused to return a chunk, or could not be reached.
@@ -228,7 +228,7 @@ pub enum AccessError {
         chunk: Vec<u64>,
         refusal: Box<Refusal>,
     },
-    /// The object store refused a file.
+    /// The object store refused to write a file.
     #[error("cannot write {path}: {refusal}, then resume with `--resume`")]
     Put { path: PathBuf, refusal: Box<Refusal> },
     #[error("cannot write {path}: {cause}; check that the disk is not full, then resume with `--resume`")]
@@ -236,8 +236,8 @@ pub enum AccessError {
 }
 
 impl AccessError {
-    /// Returns the error for reading a store at `path` that is not a finished render: a part of one, or an
-    /// unfinished one.
+    /// Returns the error for reading a store at `path` that is not a finished render: a part of a render,
+    /// or an unfinished render.
     pub fn unfinished(path: &Path, part: Option<Part>) -> Self {
         let path = path.to_owned();
         match part {

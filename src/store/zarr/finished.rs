@@ -1,5 +1,5 @@
-//! Determines whether a store, or a part of a render, is finished. This is the case if its manifest exists,
-//! which is written last and removed first.
+//! Determines whether a store, or a part of a render, is finished. A store is finished if it has a
+//! manifest, which is written last and removed first.
 
 use super::atomic::AtomicDirectory;
 use super::error::OpenError;
@@ -30,8 +30,8 @@ impl TensorStore {
         }
     }
 
-    /// Opens a finished part for joining. Its values are checked like those of a finished store, and are zero
-    /// in tiles of other parts. `None` if there is no finished part.
+    /// Opens a finished part of a render for joining. Values are checked as in a finished store, and are
+    /// zero in tiles of other parts. Returns `None` if there is no finished part.
     pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {
@@ -42,8 +42,8 @@ impl TensorStore {
         Ok(store.part().is_some().then_some(store))
     }
 
-    /// Returns a text that changes with the content of the store, as far as metadata and manifest show it.
-    /// For an unfinished store, each call returns another text.
+    /// Returns a text that changes whenever the metadata or the manifest of the store changes. For an
+    /// unfinished store, each call returns a different text.
     pub fn fingerprint(&self) -> String {
         let name = manifest::name(&self.attributes());
         let read = match &self.storage.remote {
@@ -56,8 +56,8 @@ impl TensorStore {
         }
     }
 
-    /// Updates the consolidated metadata, removes leftovers and writes the manifest. Call it after all
-    /// writes.
+    /// Updates the consolidated metadata, removes leftovers and writes the manifest. The caller must call
+    /// this after all writes.
     ///
     /// # Errors
     /// If a metadata file cannot be read or written.

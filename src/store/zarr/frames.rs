@@ -21,45 +21,45 @@ use super::error::{AccessError, CreateError, OpenError};
 use super::manifest::{self, Manifest};
 use tensor::region;
 
-/// Name of the group of the frames.
+/// Name of the group that contains the frames.
 const GROUP: &str = "frames";
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameAxis {
-    /// Name: letters, digits, `_`.
+    /// Name of the axis: letters, digits, `_`.
     pub name: String,
-    /// Unit (UDUNITS); `1` for dimensionless numbers.
+    /// Unit of the coordinates (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
-    /// Coordinate of each entry.
+    /// Coordinate of each entry of the axis.
     pub coords: Vec<f64>,
 }
 
-/// A number for each element of a frame, equal for all frames.
+/// A map with a number for each element of a frame, equal for all frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMap {
-    /// Name: letters, digits, `_`.
+    /// Name of the map: letters, digits, `_`.
     pub name: String,
-    /// Unit (UDUNITS); `1` for dimensionless numbers.
+    /// Unit of the numbers (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
-    /// The numbers, row-major.
+    /// The numbers of the map, row-major.
     pub values: Vec<f64>,
 }
 
-/// Width of the numbers of a frame.
+/// Size of the unsigned integers of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameNumber {
-    /// 16 bits: cameras.
+    /// 16 bits, for cameras.
     U16,
-    /// 32 bits: photon counts.
+    /// 32 bits, for photon counts.
     U32,
 }
 
 /// The axes and the number type of a store of frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameLayout {
-    /// The run's axes, then those of a frame.
+    /// The axes of the run, followed by the axes of a frame.
     pub axes: Vec<FrameAxis>,
-    /// Number of the run's axes.
+    /// Number of axes of the run.
     pub run_axes: usize,
     /// Whether a chunk contains all frames along the last of the run's axes.
     pub gathered: bool,
@@ -67,7 +67,7 @@ pub struct FrameLayout {
 }
 
 impl FrameLayout {
-    /// Returns the lengths of all axes.
+    /// Returns the lengths of all axes, in the order of [`Self::axes`].
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.coords.len() as u64).collect()
     }
@@ -117,8 +117,9 @@ pub struct FrameStore {
 }
 
 impl FrameStore {
-    /// Creates a store without frames, or with `replace` replaces an existing one. It is created atomically
-    /// with its maps, and is locked against other writers until it is dropped.
+    /// Creates a store without frames. With `replace`, an existing store is replaced. The store is created
+    /// atomically with its maps. The store is locked against other writers until the returned value is
+    /// dropped.
     ///
     /// # Errors
     /// If the path exists, another process writes it, the size of a map differs from that of a frame, or
@@ -212,7 +213,7 @@ impl FrameStore {
     /// Opens an unfinished store for writing.
     ///
     /// # Errors
-    /// As [`Self::open`], and if another process writes it.
+    /// As [`Self::open`], and if another process writes the store.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if !path.exists() {
             return Err(OpenError::Missing { path: path.into() });
@@ -269,12 +270,12 @@ impl FrameStore {
         Ok(Self { layout, attributes, raw, _lock: lock, storage })
     }
 
-    /// Returns the axes and the number type.
+    /// Returns the axes and the number type of the store.
     pub fn layout(&self) -> &FrameLayout {
         &self.layout
     }
 
-    /// Returns the attributes of the root.
+    /// Returns the attributes of the root group.
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.attributes
     }
@@ -283,7 +284,8 @@ impl FrameStore {
         &self.storage.root
     }
 
-    /// Returns start and shape of a chunk, numbered in the order of the run.
+    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the
+    /// run.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];
@@ -295,7 +297,8 @@ impl FrameStore {
         (start, size)
     }
 
-    /// Writes all frames of chunk number `chunk`. Numbers beyond the store's width are clamped.
+    /// Writes all frames of chunk number `chunk`. Numbers that do not fit into the store's integer type are
+    /// clamped.
     ///
     /// # Errors
     /// If there is no such chunk, the number of values differs, or writing fails.
@@ -313,7 +316,7 @@ impl FrameStore {
     /// Reads all frames of chunk number `chunk`.
     ///
     /// # Errors
-    /// If it is damaged.
+    /// If the chunk is damaged.
     pub fn read_chunk(&self, chunk: usize) -> Result<Vec<u32>, AccessError> {
         let (start, size) = self.place(chunk);
         match &self.raw {
@@ -325,7 +328,7 @@ impl FrameStore {
     /// Writes one number per frame, over the run's axes.
     ///
     /// # Errors
-    /// If the number of values differs from that of the frames, or writing fails.
+    /// If the number of values differs from the number of frames, or writing fails.
     pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
         let names: Vec<&str> = self.run_names().collect();
         let shape = &self.layout.shape()[..self.layout.run_axes];
@@ -333,7 +336,7 @@ impl FrameStore {
             .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
-    /// Reads a map; `None` if there is none.
+    /// Reads a map; returns `None` if the store has no map of this name.
     ///
     /// # Errors
     /// If the map is damaged.
@@ -367,7 +370,8 @@ impl FrameStore {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
-    /// Reads a column written by [`Self::write_column`]; `None` if there is none.
+    /// Reads a column written by [`Self::write_column`]; returns `None` if the store has no column of this
+    /// name.
     ///
     /// # Errors
     /// If the column is damaged.
@@ -418,7 +422,7 @@ fn not_frames(path: &Path) -> OpenError {
     OpenError::NotAStore { path: path.to_owned(), reason: "it has no group `frames`".into() }
 }
 
-/// Writes an array of the group of the frames.
+/// Writes an array into the group of the frames.
 fn column(
     storage: &Arc<AtomicDirectory>,
     name: &str,

@@ -1,9 +1,9 @@
 //! Ground-truth layers on disk: a Zarr v3 group that `xarray.open_zarr(path)` opens directly.
 //!
 //! The group contains one array per layer over `y`, `x` and, for layers with several numbers per pixel,
-//! `vector` (x, y, z) or `wavelength`, with a coordinate array for each. The names of numbered objects and
-//! materials are the attribute `labels` of their arrays. The group is written atomically, and has a manifest
-//! like stores of slices, so that `verify` accepts it.
+//! `vector` (x, y, z) or `wavelength`, with a coordinate array for each axis. The names of numbered objects
+//! and materials are the attribute `labels` of their arrays. The group is written atomically, and has a
+//! manifest like stores of slices, so that `verify` accepts it.
 
 use super::atomic::AtomicDirectory;
 use super::chunked::{Description, Number};
@@ -18,14 +18,14 @@ use std::path::Path;
 use std::sync::Arc;
 use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
 
-/// Attribute of the group that lists the layers.
+/// Name of the group attribute that lists the layers.
 const LAYERS: &str = "layers";
 
-/// Maximum edge of a chunk, pixels.
+/// Maximum edge length of a chunk, in pixels.
 const CHUNK: u64 = 512;
 
-/// Writes layers with attributes of the group. With `replace`, existing layers are deleted first, and nothing
-/// else.
+/// Writes layers and attributes of the group. With `replace`, existing layers at the path are deleted
+/// first; any other content is refused.
 ///
 /// # Errors
 /// [`CreateError`] if the path exists and may not be replaced, or writing fails.
@@ -60,7 +60,7 @@ pub fn write_layers(
     made
 }
 
-/// Returns whether a path was written by [`write_layers`].
+/// Returns whether [`write_layers`] wrote the group at a path.
 fn holds_layers(path: &Path) -> bool {
     read_json(&path.join("zarr.json")).is_ok_and(|json| json["attributes"][LAYERS].is_array())
 }

@@ -1,12 +1,12 @@
-//! The manifest of a finished store: the list of its files. It is written last, and `verify` and all readers
-//! check against it.
+//! The manifest of a finished store: the list of its files. The manifest is written last. `verify` and all
+//! readers compare files with the manifest.
 //!
 //! The manifest is a text file. A head with the number of files is followed by one line per file (checksum,
 //! size, path relative to the store), sorted by path, and by the checksum of all lines. The checksum of a
-//! chunk is the CRC-32C at the end of its file, that of a shard the checksum of its tail
-//! ([`shard::checksum`]), and that of metadata (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C
-//! of its bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file
-//! was lost.
+//! chunk is the CRC-32C at the end of the chunk's file. The checksum of a shard is that of the shard's tail
+//! ([`shard::checksum`]). The checksum of metadata (`zarr.json`), or of a file of another format (`.ptu`),
+//! is the CRC-32C of the file's bytes. A chunk of zeros has neither a file nor a line, so a line without a
+//! file means that the file was lost.
 
 use super::atomic::remove_if_present;
 use super::error::OpenError;
@@ -25,21 +25,21 @@ use std::path::Path;
 use tensor::part::Part;
 
 pub(super) const FILE: &str = "manifest.txt";
-/// File name in a finished part of a render. It differs, so that readers do not mistake the part for the
-/// whole.
+/// File name of the manifest in a finished part of a render. The name differs from that in a whole render,
+/// so that readers do not mistake the part for a whole render.
 pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
-/// Maximum folder depth to search; stores have three levels.
+/// Maximum folder depth that is searched; stores have three levels.
 const DEEPEST: usize = 8;
 
-/// Checksum and size of a file.
+/// Checksum and size of a file, as listed in the manifest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) crc: u32,
     pub(super) size: u64,
 }
 
-/// Entries of files by their paths relative to the store, separated by `/`.
+/// Entries of files, by the path relative to the store with `/` as separator.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
@@ -54,7 +54,7 @@ pub(super) fn is_plain(path: &str) -> bool {
     path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
-/// Returns the checksum for the manifest of a file with these bytes.
+/// Returns the checksum in the manifest for a file with these bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
         Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
@@ -79,7 +79,7 @@ impl Entry {
         Self::of_tail(size, &bytes[tail..])
     }
 
-    /// Returns the entry of a shard of `size` bytes with this tail.
+    /// Returns the entry of a shard of `size` bytes, given the bytes of its tail.
     pub(super) fn of_tail(size: u64, tail: &[u8]) -> Self {
         let crc = shard::checksum(tail);
         Self { crc, size }
@@ -91,7 +91,7 @@ impl Entry {
         Self { crc, size }
     }
 
-    /// Reads the entry of a file on disk; only the end of the file if that is enough.
+    /// Reads the entry of a file on disk. Reads only the end of the file if the checksum is stored there.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
@@ -113,8 +113,8 @@ impl Entry {
     }
 }
 
-/// Returns whether a file in a store's folder belongs into the manifest: not the manifests, the journal,
-/// temporary files and other paths with a component that begins with a dot.
+/// Returns whether the manifest lists a file in a store's folder. The manifest does not list manifests, the
+/// journal, temporary files, and other paths with a component that begins with a dot.
 pub(super) fn is_part(path: &str) -> bool {
     path != FILE && path != OF_PART && !path.split('/').any(|name| name.starts_with('.'))
 }
@@ -143,12 +143,12 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
 }
 
 impl Manifest {
-    /// Writes the manifest of the existing files.
+    /// Writes a manifest that lists the existing files.
     pub(super) fn write(root: &Path) -> io::Result<()> {
         Self::write_as(root, FILE)
     }
 
-    /// Does the same as [`Self::write`] with another file name.
+    /// Writes the manifest as [`Self::write`] does, under another file name.
     pub(super) fn write_as(root: &Path, name: &str) -> io::Result<()> {
         let paths = files(root)?;
         let shards = Shards::in_folder(root, &paths);
@@ -164,8 +164,8 @@ impl Manifest {
         [FILE, OF_PART].iter().try_for_each(|name| remove_if_present(&root.join(name)))
     }
 
-    /// Reads the manifest of this file name at `place`; `None` if it does not exist. `root` is the path for
-    /// messages.
+    /// Reads the manifest with this file name at `place`; returns `None` if the manifest does not exist.
+    /// `root` is the path in messages.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
             Place::Folder(root) => Self::read_as(root, name),
@@ -176,8 +176,8 @@ impl Manifest {
         }
     }
 
-    /// Reads the manifest of a store at `place`, or of a part of a render, and returns it with the part; `None`
-    /// if it does not exist. `root` is the path for messages.
+    /// Reads the manifest of a store or of a part of a render at `place`. Returns the manifest and the
+    /// part, or `None` if there is no manifest. `root` is the path in messages.
     pub(super) fn read_any(place: &Place, root: &Path) -> Result<Option<(Self, Option<Part>)>, OpenError> {
         if let Some(manifest) = Self::read_at(place, root, FILE)? {
             return Ok(Some((manifest, None)));
@@ -207,12 +207,12 @@ impl Manifest {
         Ok((manifest.transpose()?, description))
     }
 
-    /// Reads the manifest; `None` if it does not exist, because the store is not finished.
+    /// Reads the manifest; returns `None` if the store is not finished and therefore has no manifest.
     pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
         Self::read_as(root, FILE)
     }
 
-    /// Does the same as [`Self::read`] with another file name.
+    /// Reads the manifest as [`Self::read`] does, under another file name.
     pub(super) fn read_as(root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         let path = root.join(name);
         let text = match base::input::read_text(&path) {
@@ -224,7 +224,7 @@ impl Manifest {
     }
 }
 
-/// Formats a manifest.
+/// Formats a manifest as text.
 pub(super) fn text(entries: &BTreeMap<String, Entry>) -> String {
     let mut text = format!("{HEAD} {} files\n", entries.len());
     for (path, Entry { crc, size }) in entries {
@@ -244,7 +244,7 @@ fn damaged(path: &Path) -> OpenError {
     OpenError::damaged(path, "its lines differ from those written")
 }
 
-/// Returns the last line, the checksum of all lines before it.
+/// Returns the last line of a manifest, which is the checksum of all lines before it.
 fn seal(lines: &str) -> String {
     format!("{:08x} lines above", crc32c::crc32c(lines.as_bytes()))
 }
@@ -293,7 +293,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any changed, lost or added byte is detected.
+        /// Verifies that any changed, lost or added byte is detected.
         #[test]
         fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), kind in 0..3) {
             let dir = tempfile::tempdir().unwrap();

@@ -4,9 +4,9 @@
 //! finished chunk if the slice keeps single pixels. Files are replaced atomically (`atomic`). The bytes of a
 //! chunk depend only on its values, so a store is identical for any number and order of writing threads.
 //!
-//! An open store has been checked (`check`): axes have as many coordinates as the arrays have entries,
-//! coordinates are finite and increasing, chunks lie within their arrays, and attributes that the program
-//! reads have the right type. Readers rely on it.
+//! Every open store has passed the checks of `check`, and readers rely on them. Axes have as many
+//! coordinates as the arrays have entries. Coordinates are finite and increasing. Chunks are inside their
+//! arrays. Attributes that the program reads have the right type.
 //!
 //! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
 //! a finished store must match the manifest, so lost or exchanged chunks are errors and not zeros. An
@@ -74,7 +74,7 @@ pub use self::verify::{Verified, verify};
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
     state: State,
-    /// Held while writing.
+    /// Lock that is held while the store is written.
     lock: Mutex<Option<Held>>,
     names: Vec<String>,
     attributes: Mutex<Map<String, Value>>,
@@ -89,9 +89,9 @@ enum State {
     Writing,
     /// All values exist.
     Finished,
-    /// Some values may be missing, and none can be read.
+    /// Some values may be missing, and no value can be read.
     Unfinished,
-    /// Some values may be missing, and are read as NaN.
+    /// Some values may be missing, and missing values are read as NaN.
     Partial,
 }
 
@@ -105,9 +105,9 @@ impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
     /// The store is built next to `path` and then renamed, so it is created atomically. With `replace`, an
-    /// existing *store* at `path` is deleted first; anything else is refused. At an address, where objects
-    /// cannot be renamed, an old store is deleted first, and the new store is written in place and unfinished
-    /// until [`Self::finish`].
+    /// existing *store* at `path` is deleted first; anything else is refused. Objects at an address cannot
+    /// be renamed. There, an old store is deleted first, and the new store is written in place and remains
+    /// unfinished until [`Self::finish`].
     ///
     /// # Errors
     /// If `path` exists and may not be replaced, a name, axis or attribute is invalid, or writing fails.
@@ -121,11 +121,12 @@ impl TensorStore {
         Self::create_filled(path, slices, attributes, samples, replace, |_| Ok(()))
     }
 
-    /// Does the same as [`Self::create`], with values: `fill` writes and finishes them before the store is
-    /// renamed, so it appears complete or not at all. If `fill` fails, an old store is kept.
+    /// Creates a store as [`Self::create`] does, with values. `fill` writes the values and finishes the
+    /// store before the store is renamed, so the store appears complete or not at all. If `fill` fails, an
+    /// old store is kept.
     ///
     /// # Errors
-    /// As [`Self::create`], and those of `fill`.
+    /// As [`Self::create`], and the errors of `fill`.
     pub fn create_filled<E: From<CreateError>>(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -137,9 +138,10 @@ impl TensorStore {
         Self::create_from(path, slices, attributes, samples, replace, None, fill)
     }
 
-    /// Does the same as [`Self::create_filled`] with support for resuming. If a killed process left an
-    /// unfinished store of the same `origin` (everything that the values depend on), `fill` gets that store,
-    /// in which every existing chunk file is complete ([`StoredSlice::is_stored`]).
+    /// Creates a store as [`Self::create_filled`] does, with support for resuming. `origin` identifies
+    /// everything on which the values depend. If a killed process left an unfinished store of the same
+    /// `origin`, `fill` receives that store. Every existing chunk file of that store is complete
+    /// ([`StoredSlice::is_stored`]).
     ///
     /// # Errors
     /// As [`Self::create_filled`].
@@ -239,8 +241,8 @@ impl TensorStore {
         Self::over(storage, state, None)
     }
 
-    /// Opens a store like [`TensorStore::open`], but values of an unfinished store that are not rendered yet
-    /// are read as NaN.
+    /// Opens a store as [`TensorStore::open`] does. Values of an unfinished store that have not been
+    /// rendered are read as NaN.
     ///
     /// # Errors
     /// As [`TensorStore::open`].
@@ -302,7 +304,7 @@ impl TensorStore {
         })
     }
 
-    /// Returns whether the path of a store exists.
+    /// Returns whether the path or address of a store exists.
     ///
     /// # Errors
     /// If an object store refuses or cannot be reached.
@@ -314,9 +316,9 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a store exists at a path and a new one may not replace it. At an address, a store that a
-    /// killed process began to create with its values (a merge) does not count, because creating it again
-    /// resumes it.
+    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an
+    /// address, an unfinished store of a killed merge does not count, because the same merge resumes the
+    /// store.
     ///
     /// # Errors
     /// If an object store refuses or cannot be reached.
@@ -330,12 +332,12 @@ impl TensorStore {
             && (!has(build::ORIGIN)? || has(manifest::FILE)? || has(manifest::OF_PART)?))
     }
 
-    /// Opens a store for writing: like [`TensorStore::open`], and removes leftovers of a killed process.
-    /// Other processes cannot open it for writing until [`TensorStore::unlock`] or until it is dropped. Call
-    /// [`TensorStore::finish`] after writing.
+    /// Opens a store for writing, as [`TensorStore::open`] does, and removes leftovers of a killed process.
+    /// Other processes cannot open the store for writing until [`TensorStore::unlock`] or until the store
+    /// is dropped. The caller must call [`TensorStore::finish`] after writing.
     ///
     /// # Errors
-    /// As [`TensorStore::open`], if another process writes it, and if a leftover cannot be removed.
+    /// As [`TensorStore::open`], if another process writes the store, and if a leftover cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if let Some(objects) = remote_store::objects_of(path).map_err(|e| OpenError::remote(path, e))? {
             return match remote_store::open_for_write(path, &objects)? {
@@ -353,17 +355,18 @@ impl TensorStore {
         Ok(store)
     }
 
-    /// Returns the part of a render that the store is; `None` for a whole render.
+    /// Returns the part of a render that the store contains; `None` for a whole render.
     pub fn part(&self) -> Option<Part> {
         Part::of_attributes(&self.attributes())
     }
 
-    /// Returns the first file in which two finished stores differ, except the root's metadata.
+    /// Returns the first file that differs between two finished stores. The root's metadata is ignored.
     pub(crate) fn first_difference(&self, other: &Self) -> Option<String> {
         self.storage.first_difference(&other.storage)
     }
 
-    /// Copies the sample counts of the chunk that begins at `start` from another store, if it has any.
+    /// Copies the sample counts of the chunk that begins at `start` from another store, if that store has
+    /// sample counts.
     pub(crate) fn copy_samples(&self, start: [u64; 2], from: &Self) -> Result<(), AccessError> {
         let theirs = from.samples()?;
         if theirs.is_listed(&start) && !self.samples()?.is_stored(&start) {
@@ -413,7 +416,7 @@ impl TensorStore {
         Ok(slice)
     }
 
-    /// Returns a copy of the root group's attributes, without the store's list of slices.
+    /// Returns a copy of the root group's attributes, without the list of slices.
     pub fn attributes(&self) -> Map<String, Value> {
         self.attributes.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -430,7 +433,7 @@ impl TensorStore {
     }
 }
 
-/// Marks a store as finished, including any damage.
+/// Marks a store as finished, including any damaged files.
 #[cfg(test)]
 pub(crate) fn reseal(path: &Path) {
     Manifest::write(path).expect("a folder");
@@ -442,7 +445,7 @@ pub fn around(path: &Path) -> Option<PathBuf> {
     real.ancestors().skip(1).find(|a| is_store(a)).map(Path::to_owned)
 }
 
-/// Refuses to create a store inside another.
+/// Refuses to create a store inside another store.
 fn refuse_within(path: &Path) -> Result<(), CreateError> {
     around(path).map_or(Ok(()), |store| Err(CreateError::Within { path: path.to_owned(), store }))
 }

@@ -8,16 +8,16 @@ use tensor::part::Part;
 
 /// The values of a slice that can be read.
 pub(super) enum Values {
-    /// All.
+    /// All values.
     All,
-    /// None, because some may be missing; with the part of a render, if the store is one.
+    /// No values, because some may be missing. Contains the part of a render, if the store is a part.
     Unfinished(Option<Part>),
-    /// Those of camera pixels with samples; none if samples are not counted.
+    /// Values of camera pixels that have samples; no values if samples are not counted.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }
 
-/// Replaces the values of camera pixels without samples in a region by NaN; all values if the field does not
-/// resolve pixels. `single`: each element belongs to one pixel.
+/// Replaces values of camera pixels without samples by NaN in a region, or all values if the field does not
+/// resolve pixels. `single` is true if each element belongs to one pixel.
 pub(super) fn hide(
     samples: Option<&ChunkedArray<u32>>,
     layout: &SliceLayout,

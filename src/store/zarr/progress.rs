@@ -1,4 +1,5 @@
-//! The finished tiles of a render: a journal in the store's folder, or one object per tile at its address.
+//! The finished tiles of a render: a journal in the store's folder, or one object per tile at the store's
+//! address.
 
 use super::TensorStore;
 use super::atomic::AtomicDirectory;
@@ -49,7 +50,7 @@ impl Progress {
         }
     }
 
-    /// Returns whether a store that is open for writing has a journal, and therefore unfinished work.
+    /// Returns whether a store that is open for writing has a journal, that is, contains unfinished work.
     pub(crate) fn exists(store: &TensorStore) -> bool {
         match &store.storage.remote {
             None => journal::exists(store.path()),

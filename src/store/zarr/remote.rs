@@ -1,8 +1,8 @@
-//! A store at an address of an object store, with few and concurrent requests.
+//! A store at an address of an object store, accessed with few and concurrent requests.
 //!
-//! The consolidated metadata of the root contains the metadata of all groups and arrays. Opening therefore
-//! takes two concurrent requests, for the manifest and for the root's metadata. Chunks are fetched ahead of
-//! reading.
+//! The consolidated metadata of the root contains the metadata of all groups and arrays. Opening a store
+//! therefore takes two concurrent requests, for the manifest and for the root's metadata. Chunks are
+//! fetched before they are read.
 
 use super::manifest::{self, Entry, Manifest};
 use super::shard::{self, Shards};
@@ -14,27 +14,28 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Limits of one concurrent fetch: files, and their total bytes if the manifest contains them.
+/// Maximum number of files of one concurrent fetch. The next constant limits the total bytes, if the
+/// manifest contains the sizes.
 const AHEAD_FILES: usize = 64;
 const AHEAD_BYTES: u64 = 64 << 20;
-/// Ranges of one file whose gap is at most this are fetched by one request of limited size, because another
-/// request takes longer than the transfer of the gap.
+/// Maximum gap, in bytes, between ranges of one file that one request fetches together. Another request
+/// would take longer than the transfer of the gap.
 const GAP: u64 = 32 << 10;
 const AT_A_TIME: u64 = 8 << 20;
 
 /// A file of a store that is being written.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {
-    /// Written by this process.
+    /// A file that this process has written.
     Put(Entry),
-    /// Found with this size.
+    /// An existing file with this size, in bytes.
     Found(u64),
 }
 
 /// State of a store that is being written.
 #[derive(Debug)]
 struct Writing {
-    /// All existing files; no other process writes.
+    /// All existing files. No other process writes the store.
     known: BTreeMap<String, Known>,
     /// Whether the store's lock is still held.
     hold: Arc<Hold>,
@@ -43,11 +44,11 @@ struct Writing {
 #[derive(Debug)]
 pub(super) struct Remote {
     objects: Objects,
-    /// Metadata by file, from the root's consolidated metadata.
+    /// Metadata by path of the file, from the root's consolidated metadata.
     descriptions: Mutex<HashMap<String, Bytes>>,
-    /// Fetched data that has not been read yet; `None` for files that do not exist.
+    /// Fetched data that has not been read yet; `None` for a file that does not exist.
     ahead: Mutex<HashMap<(String, Ask), Option<Bytes>>>,
-    /// `None` for a store that is only read.
+    /// State of writing; `None` for a store that is only read.
     writing: Mutex<Option<Writing>>,
 }
 
@@ -56,7 +57,7 @@ impl Remote {
         Self { objects, descriptions: Mutex::default(), ahead: Mutex::default(), writing: Mutex::default() }
     }
 
-    /// Stores the metadata in the consolidated metadata of the root.
+    /// Stores the metadata that the root's consolidated metadata contains.
     pub(super) fn describe(&self, root: &Value) {
         let metadata = root["consolidated_metadata"]["metadata"].as_object();
         let file =
@@ -64,7 +65,7 @@ impl Remote {
         self.descriptions().extend(metadata.into_iter().flatten().map(file));
     }
 
-    /// Keeps metadata that has been read.
+    /// Stores metadata that has been read from a file.
     pub(super) fn keep_description(&self, file: String, bytes: Bytes) {
         self.descriptions().insert(file, bytes);
     }
@@ -83,12 +84,12 @@ impl Remote {
         self.description(&file).is_some() || manifest.is_some_and(|m| m.0.contains_key(&file))
     }
 
-    /// Returns a file, which is fetched unless it was fetched ahead.
+    /// Returns a file. A file that was not fetched ahead is fetched.
     pub(super) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
         self.get_part(key, Ask::Whole)
     }
 
-    /// Returns a part of a file, which is fetched unless it was fetched ahead.
+    /// Returns a part of a file. A part that was not fetched ahead is fetched.
     pub(super) fn get_part(&self, key: &str, ask: Ask) -> Result<Option<Bytes>, Refusal> {
         let wanted = (key.to_owned(), ask);
         let fetched = self.ahead().remove(&wanted);
@@ -98,7 +99,7 @@ impl Remote {
         }
     }
 
-    /// See [`super::atomic::AtomicDirectory::fetch_ahead`].
+    /// Fetches files ahead, see [`super::atomic::AtomicDirectory::fetch_ahead`].
     pub(super) fn fetch_ahead(
         &self,
         asks: &[(String, Ask)],
@@ -139,7 +140,7 @@ impl Remote {
         Ok(passed)
     }
 
-    /// Keeps files that will be read next, or the fact that they do not exist.
+    /// Stores files that will be read next, or the fact that such files do not exist.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
         let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
         self.ahead().extend(files.into_iter().map(whole));
@@ -153,7 +154,8 @@ impl Remote {
         self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts writing a store with the files `known`, as long as its lock is held.
+    /// Starts writing a store that contains the files `known`. Writing is possible as long as the store's
+    /// lock is held.
     pub(super) fn begin_writing(&self, known: BTreeMap<String, Known>, hold: Arc<Hold>) {
         *self.writing() = Some(Writing { known, hold });
     }
@@ -174,7 +176,7 @@ impl Remote {
         self.put_as(key, bytes, entry)
     }
 
-    /// Does the same as [`Self::put`] with this manifest entry.
+    /// Writes a file as [`Self::put`] does, with this manifest entry.
     pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
         self.may_write()?;
         self.objects.put(key, bytes.clone())?;
@@ -188,7 +190,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Removes files. Files that do not exist need no request.
+    /// Removes files. Files that do not exist require no request.
     pub(super) fn erase(&self, mut keys: Vec<String>) -> Result<(), Refusal> {
         self.may_write()?;
         keys.retain(|key| self.is_stored(key));
@@ -201,7 +203,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Returns whether the store is being written and a file of it does not exist yet.
+    /// Returns whether the store is being written and the file `key` does not exist yet.
     pub(super) fn lacks(&self, key: &str) -> bool {
         let writing = self.writing();
         writing.as_ref().is_some_and(|w| !w.known.contains_key(key))
@@ -220,8 +222,8 @@ impl Remote {
         all.filter(|key| key.starts_with(folder)).cloned().collect()
     }
 
-    /// Writes the manifest of the existing files under this name. For files of an earlier process, their ends
-    /// are read.
+    /// Writes the manifest of the existing files under this name. For files that an earlier process wrote,
+    /// the ends of the files are read.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
         let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
         let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {
@@ -262,7 +264,7 @@ impl Remote {
     }
 }
 
-/// One request for one file, or for adjacent ranges of it.
+/// One request for one file, or for adjacent ranges of one file.
 struct Request {
     key: String,
     ask: Ask,
@@ -274,7 +276,7 @@ impl Request {
         Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
-    /// Adds a range if it follows in the same file; returns whether it did.
+    /// Adds a range if it follows in the same file; returns whether the range was added.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;

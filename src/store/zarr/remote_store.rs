@@ -1,11 +1,11 @@
 //! Creates, resumes and finishes stores at an address.
 //!
 //! Objects cannot be renamed, so the order of puts defines the state of a store. First a mark is put, then
-//! all metadata, last that of the root. Then the mark is removed, chunks are put as they are finished, and
-//! finally the manifest, without which nothing can be read. If a store is created with its values (a merge),
-//! the mark contains its origin and stays until the end. A store with a mark and without a manifest is
-//! unfinished and may be replaced. The metadata is first written to a local folder with the same code, so
-//! that its bytes are equal.
+//! all metadata, with the metadata of the root last. Then the mark is removed. Chunks are put when they are
+//! finished. The manifest is put last, and without it no values can be read. If a store is created with its
+//! values (a merge), the mark contains the origin of the values and remains until the end. A store with a
+//! mark and without a manifest is unfinished and may be replaced. The same code first writes the metadata
+//! to a local folder, so that the bytes are equal to those of a local store.
 
 use super::atomic::AtomicDirectory;
 use super::build::ORIGIN;
@@ -21,9 +21,10 @@ use bytes::Bytes;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The metadata file that is put last.
+/// Name of the metadata file that is put last.
 pub(super) const ROOT: &str = "zarr.json";
-/// Folder of the objects that record finished tiles. It begins with a dot, so they are not part of the store.
+/// Folder of the objects that record finished tiles. The name begins with a dot, so the objects are not
+/// part of the store.
 pub(super) const PROGRESS: &str = ".sunstone-progress/";
 
 /// The lock of a writer.
@@ -33,12 +34,12 @@ pub(super) enum Held {
     Objects { _lock: ObjectLock },
 }
 
-/// Parameters for the creation of a store.
+/// Parameters of the creation of a store.
 pub(super) struct Making<'a> {
     pub(super) path: &'a Path,
     pub(super) objects: Objects,
     pub(super) replace: bool,
-    /// See [`TensorStore::create_from`].
+    /// Origin of the values, see [`TensorStore::create_from`].
     pub(super) origin: Option<&'a str>,
 }
 
@@ -63,7 +64,7 @@ impl Making<'_> {
         self.objects.get(key).map_err(|e| self.refused(e))
     }
 
-    /// Begins a store whose metadata `describe` writes to a folder. The mark stays until [`Making::end`].
+    /// Begins a store whose metadata `describe` writes to a folder. The mark remains until [`Making::end`].
     pub(super) fn begin(
         &self,
         describe: impl FnOnce(&Path) -> Result<(), CreateError>,
@@ -90,7 +91,7 @@ impl Making<'_> {
         Ok((storage, held))
     }
 
-    /// Removes the mark of a complete store.
+    /// Removes the mark, because the store is complete.
     pub(super) fn end(&self, storage: &AtomicDirectory) -> Result<(), CreateError> {
         let removed = storage.remove(ORIGIN);
         removed.map_err(|e| match Refusal::in_io(&e) {
@@ -99,8 +100,8 @@ impl Making<'_> {
         })
     }
 
-    /// Returns whether the existing objects are the same store, begun by a killed process. Refuses a store
-    /// that may not be replaced.
+    /// Returns whether the existing objects are the same store, which a killed process has begun. Refuses a
+    /// store that may not be replaced.
     fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
         let is_there = |name: &str| known.contains_key(name);
         let is_finished = is_there(manifest::FILE) || is_there(manifest::OF_PART);
@@ -139,13 +140,14 @@ impl Making<'_> {
     }
 }
 
-/// Returns whether the metadata is that of the root of a store.
+/// Returns whether metadata is that of the root of a Sunstone store.
 pub(super) fn is_root(path: &Path, bytes: &[u8]) -> bool {
     let json = description::parse_json(path, bytes);
     json.is_ok_and(|json| describe::slice_names_of(&json).is_some())
 }
 
-/// Removes objects other than the mark, first those that mark a store as finished and as a store.
+/// Removes all objects except the mark. The objects that mark a store as finished, and as a store, are
+/// removed first.
 pub(super) fn delete(objects: &Objects, names: impl Iterator<Item = String>) -> Result<(), Refusal> {
     let heads = [manifest::FILE, manifest::OF_PART, ROOT];
     let (heads, rest) = names.filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
@@ -153,7 +155,7 @@ pub(super) fn delete(objects: &Objects, names: impl Iterator<Item = String>) -> 
     objects.delete(rest)
 }
 
-/// Returns the metadata files that `describe` writes to a folder.
+/// Returns the metadata files that `describe` writes to a temporary folder.
 fn described(
     describe: impl FnOnce(&Path) -> Result<(), CreateError>,
 ) -> Result<BTreeMap<String, Bytes>, CreateError> {
@@ -173,7 +175,7 @@ fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
     ObjectLock::take(objects, lock::lease())
 }
 
-/// Takes the lock of a place for creating or removing a store.
+/// Takes the lock of an address, for creating or removing a store.
 pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, CreateError> {
     let path = path.to_owned();
     take(objects).map_err(|e| match e {
@@ -189,7 +191,7 @@ pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusa
     Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())
 }
 
-/// Opens a store at an address for writing; `None` if there is none.
+/// Opens a store at an address for writing; returns `None` if there is no store.
 pub(super) fn open_for_write(
     path: &Path,
     objects: &Objects,

@@ -1,4 +1,4 @@
-//! Removes stores, and locks places that contain several stores.
+//! Removes stores, and locks folders or addresses that contain several stores.
 
 use super::build::ORIGIN;
 use super::error::CreateError;
@@ -15,7 +15,7 @@ pub enum RemoveError {
     /// The path is not a store.
     #[error("{path} is not a Sunstone store, so it was not removed")]
     NotAStore { path: PathBuf },
-    /// Another process writes there, or the lock cannot be checked.
+    /// Another process writes at the path, or the lock cannot be checked.
     #[error(transparent)]
     Locked(#[from] CreateError),
     #[error("cannot remove {path}: {refusal}")]
@@ -41,7 +41,7 @@ impl PlaceLock {
     /// Takes the lock.
     ///
     /// # Errors
-    /// If another process holds it, or it cannot be taken.
+    /// If another process holds the lock, or the lock cannot be acquired.
     pub fn take(path: &Path) -> Result<Self, CreateError> {
         let refused = |refusal| CreateError::Remote { path: path.to_owned(), refusal };
         let held = match remote_store::objects_of(path).map_err(refused)? {
@@ -55,11 +55,11 @@ impl PlaceLock {
     }
 }
 
-/// Removes a store, finished or not, or a part, from a folder or an object store. Returns false if there is
-/// none. An interrupted removal leaves no finished store.
+/// Removes a finished or unfinished store, or a part of a render, from a folder or an object store. Returns
+/// false if there is no store. An interrupted removal leaves no finished store.
 ///
 /// # Errors
-/// [`RemoveError`]: something else is there, another process writes it, or it cannot be removed.
+/// [`RemoveError`] if the path is not a store, another process writes the store, or it cannot be removed.
 pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     let refused = |refusal| RemoveError::Remote { path: path.to_owned(), refusal };
     if let Some(objects) = remote_store::objects_of(path).map_err(refused)? {

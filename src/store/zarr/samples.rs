@@ -6,8 +6,8 @@ use super::error::AccessError;
 use std::sync::Arc;
 
 impl TensorStore {
-    /// Returns shape (rows, columns) and chunk (rows, columns) of the sample counts; `None` if the store has
-    /// none.
+    /// Returns the shape and the chunk shape of the sample counts, both as (rows, columns); `None` if the
+    /// store has no sample counts.
     pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
         let array = self.samples.as_ref()?;
         let pair = |v: &[u64]| [v[0], v[1]];
@@ -21,7 +21,7 @@ impl TensorStore {
     /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store has none, the region is outside, or writing fails.
+    /// If the store has no sample counts, the region is outside the array, or writing fails.
     pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
         self.samples()?.write(&start, &shape, counts, None)
     }
@@ -29,7 +29,7 @@ impl TensorStore {
     /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store has none, the region is outside, or a chunk is damaged.
+    /// If the store has no sample counts, the region is outside the array, or a chunk is damaged.
     pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
         self.samples()?.read(&start, &shape)
     }

@@ -1,25 +1,25 @@
-//! A shard: many chunks in one file in the format of Zarr's codec `sharding_indexed`, with the index at the
-//! end.
+//! A shard: a file that contains many chunks, in the format of Zarr's codec `sharding_indexed` with the
+//! index at the end.
 //!
 //! The file contains sealed frames (each a Zstandard frame and its CRC-32C), a table of the frames'
 //! checksums, and the index. The index has two 64-bit numbers per frame, offset and size (all ones for a
-//! missing frame), and the CRC-32C of these. The table is Sunstone's addition; the codec allows any bytes
-//! between frames and index. The manifest contains the checksum of table and index, so the tail of a shard
-//! and one frame are enough to detect a frame that was exchanged for another valid one. The index alone is
-//! not enough: incompressible frames give equal indices in all shards.
+//! missing frame), and the CRC-32C of these numbers. The table is an addition of Sunstone; the codec allows
+//! any bytes between frames and index. The manifest contains the checksum of table and index, so the tail
+//! of a shard and one frame are sufficient to detect that the frame was replaced by another valid frame.
+//! The index alone is not sufficient, because incompressible frames give equal indices in all shards.
 
 use serde_json::Value;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
-/// Size of a CRC-32C in bytes.
+/// Size of a CRC-32C checksum in bytes.
 const SEAL: usize = 4;
 /// Size of a frame's entry in the index, in bytes.
 const PLACE: usize = 16;
-/// Both numbers of a missing frame.
+/// Value of offset and size of a missing frame in the index.
 const NOWHERE: u64 = u64::MAX;
-/// Maximum number of frames; larger metadata values are refused before an allocation.
+/// Maximum number of frames. Larger values in the metadata are refused before an allocation.
 pub(super) const MAX_FRAMES: usize = 1 << 16;
 
 /// Position of a frame in its shard, with its checksum.
@@ -35,7 +35,7 @@ impl Piece {
         self.offset..self.offset + self.size
     }
 
-    /// Returns the fault of the frame's bytes, if any.
+    /// Returns the fault in the frame's bytes, if any.
     pub(super) fn fault(self, bytes: &[u8]) -> Option<&'static str> {
         match bytes.split_last_chunk::<SEAL>() {
             Some((frame, seal)) if u32::from_le_bytes(*seal) == self.seal => {
@@ -51,13 +51,13 @@ pub(super) fn tail_len(frames: usize) -> u64 {
     (frames * (SEAL + PLACE) + SEAL) as u64
 }
 
-/// Returns the checksum of a shard for the manifest: that of its tail without the index's own checksum, which
-/// would cancel the content of the index.
+/// Returns the checksum of a shard for the manifest. The checksum is that of the shard's tail without the
+/// checksum of the index, which would cancel the content of the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
 
-/// Assembles the bytes of a shard.
+/// Builder that assembles the bytes of a shard.
 pub(super) struct Builder {
     bytes: Vec<u8>,
     pieces: Vec<Option<Piece>>,
@@ -74,7 +74,7 @@ impl Builder {
         self.bytes.extend_from_slice(frame);
     }
 
-    /// Returns the file and its checksum for the manifest; `None` without frames.
+    /// Returns the bytes of the shard and the checksum for the manifest; `None` if there are no frames.
     pub(super) fn finish(self) -> Option<(Vec<u8>, u32)> {
         let Self { mut bytes, pieces } = self;
         if pieces.iter().all(Option::is_none) {
@@ -96,7 +96,7 @@ impl Builder {
     }
 }
 
-/// Parses the tail of a shard of `size` bytes; returns the frames by number.
+/// Parses the tail of a shard of `size` bytes; returns the positions of the frames by number.
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
     let Some(data) = size.checked_sub(tail_len(frames)).filter(|_| tail.len() as u64 == tail_len(frames))
     else {
@@ -150,12 +150,12 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     (end != data).then(|| format!("its chunks end at byte {end}, expected {data}"))
 }
 
-/// The files of a store that are shards, with their numbers of frames, from the arrays' metadata.
+/// The files of a store that are shards, with the number of frames of each, from the metadata of arrays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shards(HashMap<String, usize>);
 
 impl Shards {
-    /// Reads the shards from metadata by file path.
+    /// Reads the list of shards from metadata, given by file path.
     pub(super) fn of<'a>(descriptions: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
         let found = descriptions.into_iter().filter_map(|(path, json)| {
             let folder = path.strip_suffix("/zarr.json")?;
@@ -172,7 +172,7 @@ impl Shards {
         Self(found.collect())
     }
 
-    /// Reads the shards from the metadata in a folder with these files.
+    /// Reads the list of shards from the metadata in a folder that contains these files.
     pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
         let descriptions = files.into_iter().filter_map(|path| {
             let bytes = path.ends_with("/zarr.json").then(|| base::input::read(&root.join(path)));
@@ -181,7 +181,7 @@ impl Shards {
         Self::of(descriptions)
     }
 
-    /// Returns the number of frames of a file; `None` if it is not a shard.
+    /// Returns the number of frames of a file; `None` if the file is not a shard.
     pub(super) fn frames(&self, path: &str) -> Option<usize> {
         let (folder, name) = path.rsplit_once('/')?;
         self.0.get(folder).filter(|_| name.starts_with("c.")).copied()
@@ -190,7 +190,7 @@ impl Shards {
 
 pub(super) const CODEC: &str = "sharding_indexed";
 
-/// Returns the number of chunks of a shard; `None` if they do not divide it.
+/// Returns the number of chunks of a shard; `None` if chunks do not divide the shard.
 pub(super) fn frames(shard: &[u64], chunk: &[u64]) -> Option<usize> {
     let along = |(s, c): (&u64, &u64)| (*c > 0 && *s > 0 && s % c == 0).then(|| s / c);
     let counts: Vec<u64> = shard.iter().zip(chunk).map(along).collect::<Option<_>>()?;
@@ -234,7 +234,7 @@ mod tests {
         assert!(Builder::new(3).finish().is_none());
     }
 
-    /// Two shards whose frames have equal sizes have the same index, but different checksums.
+    /// Verifies that two shards whose frames have equal sizes have the same index, but different checksums.
     #[test]
     fn checksums_tell_frames() {
         let shard = |content: &[u8]| {
@@ -248,7 +248,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any changed or lost byte is detected.
+        /// Verifies that any changed or lost byte is detected.
         #[test]
         fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
             let (sound, sum, _) = example();

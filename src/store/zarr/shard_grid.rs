@@ -1,11 +1,11 @@
-//! The sharding of an array: shapes of shards and chunks, and the contents of shards that were read.
+//! The sharding of an array: shapes of shards and chunks, and a cache of the contents of shards.
 
 use super::shard::{self, Piece};
 use bytes::Bytes;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of tails in the cache of an array, about 10 kB each.
+/// Maximum number of shard tails in the cache of an array; a tail has about 10 kB.
 const KEPT: usize = 256;
 /// The shapes of shards and chunks of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(super) type Shardings = HashMap<String, Sharding>;
 #[derive(Debug)]
 pub(super) struct Contents {
     pub(super) pieces: Vec<Option<Piece>>,
-    /// The shard, if it is small and was fetched.
+    /// The complete shard, if the shard is small and was fetched.
     pub(super) whole: Option<Bytes>,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Sharded {
     pub(super) shard: Vec<u64>,
     /// Number of chunks per shard.
     pub(super) frames: usize,
-    /// Contents by index of the shard; `None` for a shard of zeros.
+    /// Contents of shards by shard index; `None` for a shard of zeros.
     kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
 }
 
@@ -43,8 +43,8 @@ impl Sharded {
         Some(Self { frames: shard::frames(&shard, &inner)?, inner, shard, kept: Mutex::default() })
     }
 
-    /// Does the same as [`Self::new`] for an array of this shape, if chunks divide `chunk` and `chunk`
-    /// divides shards.
+    /// Creates the value as [`Self::new`] does, for an array of this shape, if chunks divide `chunk` and
+    /// `chunk` divides shards.
     pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
         let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];
         let fits = axes
@@ -55,7 +55,7 @@ impl Sharded {
         if fits { Self::new(inner, shard) } else { None }
     }
 
-    /// Returns the index of the shard of a chunk, and the chunk's number in it.
+    /// Returns the index of the shard that contains a chunk, and the chunk's number in the shard.
     pub(super) fn place(&self, index: &[u64]) -> (Vec<u64>, usize) {
         let mut number = 0;
         let mut shard = Vec::with_capacity(index.len());

@@ -1,10 +1,10 @@
-//! Chooses the shapes of an array's shards and of the chunks in them, from the file sizes of the unsharded
-//! chunks.
+//! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
+//! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that a
-//! pixel's profile is a small part of a file. A shard is a block of chunks. It grows first along the axes
-//! after the camera's, so that one shard contains all values of a pixel, then along the camera's axes, until
-//! shards are large enough.
+//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that the
+//! profile of a pixel is a small part of a file. A shard is a block of chunks. The shard grows first along
+//! the axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows
+//! along the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
@@ -15,11 +15,13 @@ use tensor::region;
 pub(crate) struct Limits {
     /// Maximum mean size of a chunk in a shard, bytes.
     pub(crate) piece: u64,
-    /// Mean size of an array's shards above which they stop growing, bytes.
+    /// Mean size of an array's shards above which the shards stop growing, bytes.
     pub(crate) enough: u64,
-    /// Maximum size of a shard, bytes, unless a single chunk is larger: a shard is assembled in memory.
+    /// Maximum size of a shard, bytes, because a shard is assembled in memory. A single chunk may be
+    /// larger.
     pub(crate) most: u64,
-    /// Maximum number of chunks of a shard: its tail, 20 bytes each, is read before the first value.
+    /// Maximum number of chunks of a shard, because the tail (20 bytes per chunk) is read before the first
+    /// value.
     pub(crate) pieces: usize,
 }
 
@@ -33,9 +35,9 @@ impl Default for Limits {
 pub(super) struct Array<'a> {
     pub(super) shape: &'a [u64],
     pub(super) chunk: &'a [u64],
-    /// Number of camera axes, which are the first ones.
+    /// Number of camera axes, which are the first axes.
     pub(super) camera: usize,
-    /// File size of each chunk, in row-major order, 0 without a file.
+    /// File size of each chunk in bytes, row-major; 0 for a chunk without a file.
     pub(super) sizes: &'a [u64],
 }
 
@@ -65,7 +67,8 @@ fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// Returns the shape of chunks in shards: the chunk divided along the camera's axes until it is small enough.
+/// Returns the shape of chunks in shards: the unsharded chunk, divided along the camera axes until it is
+/// small enough.
 fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut inner = array.chunk.to_vec();
     let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);
@@ -91,7 +94,8 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     inner
 }
 
-/// Returns the chunks of a shard along each axis after one growth step; `None` if the shard has all.
+/// Returns the number of chunks of a shard along each axis after one growth step; `None` if the shard
+/// contains all chunks.
 fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     let more = |axis: &usize| counts[*axis] < grid[*axis];
     let behind = (array.camera..grid.len()).rev().find(more);
@@ -102,7 +106,7 @@ fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     Some(next)
 }
 
-/// Returns the sizes of all shards of `counts` chunks.
+/// Returns the sizes of all shards, in bytes, if a shard has `counts` chunks along each axis.
 fn shards(grid: &[u64], sizes: &[u64], counts: &[u64]) -> Vec<u64> {
     let of: Vec<u64> = grid.iter().zip(counts).map(|(g, c)| g.div_ceil(*c)).collect();
     let mut bytes = vec![0; region::volume(&of).unwrap_or(0)];

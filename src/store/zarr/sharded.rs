@@ -1,4 +1,4 @@
-//! Reads sharded arrays: caches the tails of shards, and reads each chunk separately.
+//! Reads sharded arrays: caches the tails of shards, and reads single chunks.
 
 use super::chunked::{ChunkedArray, Number};
 use super::error::AccessError;
@@ -19,7 +19,7 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Reads the uncached tails of shards of arrays of one store concurrently.
+    /// Reads concurrently the tails of shards, of arrays of one store, that are not in the cache.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -59,7 +59,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
-    /// Reads the bytes of a chunk of a shard; `None` if it is not stored (all zero).
+    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are
+    /// zero.
     pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
         let (shard, number) = sharded.place(index);
         let Some(contents) = self.contents(sharded, &shard)? else {
@@ -86,7 +87,7 @@ impl<T: Number> ChunkedArray<T> {
         }
     }
 
-    /// Groups units, in order, into batches of a limited number of shards.
+    /// Groups units, in order, into batches that belong to a limited number of shards.
     pub(super) fn batches<'a>(&self, units: &'a [Vec<u64>]) -> Vec<&'a [Vec<u64>]> {
         let Some(sharded) = &self.sharded else {
             return vec![units];
@@ -108,7 +109,7 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Returns the requests for units, if fetching ahead is useful.
+    /// Returns the requests for units, or none if fetching ahead has no benefit.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote.is_none() {
             return Ok(vec![]);
@@ -133,14 +134,15 @@ impl<T: Number> ChunkedArray<T> {
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
     }
 
-    /// Fetches the first of the requests ahead and returns their number. `index` is that of the first one.
+    /// Fetches requests ahead, from the first of `asks`, and returns the number of fetched requests.
+    /// `index` is the chunk index of the first request.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
         let fetched = self.storage.fetch_ahead(asks);
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches units ahead for the first of several regions, each of some arrays of one store. Returns the
-    /// number of these regions.
+    /// Fetches units ahead for several regions, from the first, each of some arrays of one store. Returns
+    /// the number of fetched regions.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
         let Some(first) = first.filter(|a| a.storage.remote.is_some()) else {
@@ -186,8 +188,8 @@ impl<T: Number> ChunkedArray<T> {
         along.map(|(n, s)| n.div_ceil(*s)).collect()
     }
 
-    /// Returns start and shape, clipped to the array, of the chunks ([`ChunkedArray::chunk`]) of a shard, in
-    /// the shard's order.
+    /// Returns the start and the shape of every chunk ([`ChunkedArray::chunk`]) of a shard, clipped to the
+    /// array, in the shard's order.
     pub(super) fn chunks_of(&self, sharded: &Sharded, shard: &[u64]) -> Vec<(Vec<u64>, Vec<u64>)> {
         let (origin, size) = region::chunk_box(self.shape(), &sharded.shard, shard);
         let chunks = region::chunks(&size, &self.chunk);

@@ -1,7 +1,7 @@
 //! Creates sharded stores from stores with one file per chunk: the same values in few files.
 //!
-//! A shard is assembled in memory and written atomically, so an existing shard is complete, and an
-//! interrupted copy resumes with the next.
+//! A shard is assembled in memory and written atomically, so every existing shard is complete, and an
+//! interrupted copy resumes with the next shard.
 
 use super::build::{New, SampleGrid};
 use super::chunked::{ChunkedArray, Number};
@@ -22,7 +22,7 @@ use tensor::region::{self, Window};
 const AT_ONCE: usize = 4;
 
 impl TensorStore {
-    /// Returns whether the arrays are sharded.
+    /// Returns whether the arrays of the store are sharded.
     ///
     /// # Errors
     /// If a slice cannot be opened.
@@ -35,7 +35,7 @@ impl TensorStore {
         Ok(self.samples.as_ref().is_some_and(|s| s.sharded.is_some()))
     }
 
-    /// Creates a sharded store at `path` with the content of a finished store. See
+    /// Creates a sharded store at `path` with the content of a finished store. Resuming works as in
     /// [`TensorStore::create_from`].
     pub(crate) fn create_sharded<E>(
         path: &Path,
@@ -82,7 +82,7 @@ impl TensorStore {
 }
 
 impl StoredSlice {
-    /// Returns whether the arrays are sharded.
+    /// Returns whether the arrays of the slice are sharded.
     pub fn is_sharded(&self) -> bool {
         self.field(Field::Mean).is_ok_and(|(_, mean)| mean.sharded.is_some())
     }
@@ -144,7 +144,8 @@ fn write<T: Number>(
     written.map_err(|e| AccessError::of_write(&target.path, &e))
 }
 
-/// Returns the sealed frames of a chunk that begins at `start`, with their numbers in their shard.
+/// Returns the sealed frames of the chunk that begins at `start`, with the number of each frame in the
+/// shard.
 fn frames<T: Number>(
     target: &ChunkedArray<T>,
     sharded: &Sharded,

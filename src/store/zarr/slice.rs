@@ -17,7 +17,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// An open slice. Clones are cheap and share their locks, so any of them may write from any thread.
+/// An open slice. Clones are cheap and share their locks, so several threads may write through any of them.
 #[derive(Clone)]
 pub struct StoredSlice(Arc<Inner>);
 
@@ -89,8 +89,8 @@ impl StoredSlice {
         &self.0.layout
     }
 
-    /// Returns the attributes of the slice's group: the caller's, and `time_start_ps`, `time_bin_ps` if time
-    /// is resolved.
+    /// Returns the attributes of the slice's group: those of the caller, and `time_start_ps` and
+    /// `time_bin_ps` if time is resolved.
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
     }
@@ -131,8 +131,9 @@ impl StoredSlice {
         self.field(field)?.1.write(start, shape, data, None)
     }
 
-    /// Does the same as [`Self::write`] for callers that know where zeros are: `touched` has a bit for every
-    /// [`tensor::sink::STRETCH`] bytes of the data, lowest first, which is unset if all of them are zero.
+    /// Writes a region as [`Self::write`] does, for callers that know where zeros are. `touched` has one
+    /// bit, lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit is 0 if all of its
+    /// bytes are zero.
     ///
     /// # Errors
     /// As [`Self::write`].
@@ -147,7 +148,7 @@ impl StoredSlice {
         self.field(field)?.1.write(start, shape, data, Some(touched))
     }
 
-    /// Returns whether the chunk that begins at `start` has a file. A chunk of zeros has none.
+    /// Returns whether the chunk that begins at `start` has a file. A chunk of zeros has no file.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -155,8 +156,8 @@ impl StoredSlice {
         Ok(self.field(field)?.1.is_stored(start))
     }
 
-    /// Returns whether the chunk that begins at `start` is in the manifest of a finished store, even if it
-    /// was lost; for an unfinished store, whether it has a file.
+    /// Returns whether the manifest of a finished store lists the chunk that begins at `start`, even if the
+    /// file was lost. For an unfinished store, returns whether the chunk has a file.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -165,7 +166,7 @@ impl StoredSlice {
     }
 
     /// Copies the file of the chunk that begins at `start` from the same slice of another store, and checks
-    /// it.
+    /// the file.
     ///
     /// # Errors
     /// If the slice does not have the field, the chunk is damaged or lost, or writing fails.
@@ -174,8 +175,8 @@ impl StoredSlice {
     }
 
     /// Fetches regions of fields of one layout, given as first index and shape, concurrently from a remote
-    /// store before they are read one by one. Returns the number of fetched regions, at least one. Call it
-    /// again for the others after reading these.
+    /// store before they are read one by one. Returns the number of fetched regions, at least one. After
+    /// reading these regions, the caller calls the function again for the others.
     ///
     /// # Errors
     /// If the slice does not have a field, a region is outside of it, or an object store refuses.
@@ -196,7 +197,8 @@ impl StoredSlice {
         Ok(Region { array: &self.field(field)?.1, start: start.to_vec(), shape: shape.to_vec() })
     }
 
-    /// Fetches a region each of several fields like [`Self::fetch_ahead`], all or none of them.
+    /// Fetches one region of each of several fields as [`Self::fetch_ahead`] does. Fetches all regions or
+    /// none.
     ///
     /// # Errors
     /// As [`Self::fetch_ahead`].
@@ -245,7 +247,8 @@ impl StoredSlice {
         Ok(region::chunks(array.shape(), &array.chunk))
     }
 
-    /// Returns the position of an axis kind among the axes of the mean.
+    /// Returns the index of the axis of this kind among the axes of the mean, or `None` if the slice has no
+    /// such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.0.layout.find(kind)
     }

@@ -1,8 +1,8 @@
 //! Writes Zstandard frames of mostly zero bytes directly (RFC 8878, section 3.1.1).
 //!
-//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates the
-//! time. Such a frame has only two kinds of blocks, which any decoder reads: runs of zeros as one repeated
-//! byte, and raw bytes between them.
+//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates
+//! the time. Frames written here have only two kinds of blocks, which any decoder reads: runs of zeros as
+//! one repeated byte, and raw bytes between the runs.
 
 use tensor::sink::STRETCH;
 
@@ -10,24 +10,25 @@ use tensor::sink::STRETCH;
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
     Zero,
-    /// Mostly zero, with the complete frame.
+    /// Mostly zero bytes; contains the complete frame.
     Sparse(Vec<u8>),
-    /// Other bytes, for the general encoder.
+    /// Other bytes, which the general encoder compresses.
     Dense,
 }
 
-/// Granularity of runs of zeros in bytes; shorter runs do not pay off.
+/// Granularity of runs of zeros in bytes; shorter runs would not reduce the size.
 const PIECE: usize = 16;
-/// At most one in this many bytes may be nonzero: with more, a general encoder gives smaller frames.
+/// Minimum number of bytes per nonzero byte. With more nonzero bytes, the general encoder gives smaller
+/// frames.
 const RARITY: usize = 16;
-/// Largest block (Block_Maximum_Size).
+/// Size of the largest block in bytes (Block_Maximum_Size).
 const MAX_BLOCK: usize = 1 << 17;
 
 const RAW: u32 = 0;
 const REPEATED: u32 = 1;
 
-/// Analyses bytes, and encodes their frame if they are mostly zero. `touched` has a bit for every [`STRETCH`]
-/// bytes, lowest first; stretches without their bit are known to be zero.
+/// Analyses bytes, and encodes them as a frame if they are mostly zero. `touched` has one bit, lowest
+/// first, for every [`STRETCH`] bytes; a bit of 0 means that these bytes are zero.
 pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
         return Content::Dense;
@@ -91,7 +92,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     Content::Sparse(frame)
 }
 
-/// Returns a bit for each of up to 64 parts of `part` bytes, lowest first, which is set if the part is not
+/// Returns a bit mask, lowest bit first, for up to 64 parts of `part` bytes. A bit is 1 if its part is not
 /// all zero.
 #[inline]
 fn filled(bytes: &[u8], part: usize) -> u64 {
@@ -107,8 +108,8 @@ fn is_zero(bytes: &[u8]) -> bool {
     }
 }
 
-/// Returns the content size that a Zstandard frame declares, if the bytes are exactly one complete frame that
-/// declares it.
+/// Returns the content size that a Zstandard frame declares, if the bytes are exactly one complete frame
+/// and the frame declares the size.
 pub(super) fn content_size(bytes: &[u8]) -> Option<u64> {
     let descriptor = *bytes.strip_prefix(&[0x28, 0xB5, 0x2F, 0xFD])?.first()?;
     let single_segment = descriptor & 0x20 != 0;
@@ -149,7 +150,8 @@ mod tests {
     }
 
     proptest! {
-        /// The library's decoder returns the original bytes, for nonzero bytes at any position.
+        /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any
+        /// position.
         #[test]
         fn the_decoder_gives_back_the_bytes(
             length in 4096_usize..600_000,

@@ -54,7 +54,7 @@ fn ramp(n: usize) -> Vec<f32> {
     (0..n).map(|i| (i as f32 * 0.37).sin() + 2.0).collect()
 }
 
-/// Returns the contents of all files below a folder by their paths relative to it.
+/// Returns the contents of all files below a folder, by path relative to the folder.
 pub(crate) fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
     let mut all = std::collections::BTreeMap::new();
     let mut todo = vec![path.to_owned()];
@@ -285,9 +285,9 @@ fn damaged_descriptions_are_errors() {
     assert!(matches!(TensorStore::open(&file("steady/mean/c")), Err(OpenError::Missing { .. })));
 }
 
-/// Dimensions of the root's arrays apply to every group below it, and slices cover parts of the camera, so
-/// `xarray.open_datatree` refuses stores whose sample counts are along `y` and `x`. Such stores of earlier
-/// versions still open.
+/// Verifies that sample counts are not along `y` and `x`. In `xarray.open_datatree`, dimensions of the
+/// root's arrays apply to every group, so xarray would refuse slices of a part of the camera. Stores of
+/// earlier versions, with counts along `y` and `x`, still open.
 #[test]
 fn sample_counts_are_along_dimensions_of_no_slice() {
     let dir = tempfile::tempdir().unwrap();
@@ -341,7 +341,8 @@ fn consolidated_metadata_lists_every_array() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Any damage of a chunk file gives an error or values, never a panic or a huge allocation.
+    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge
+    /// allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {
         let dir = tempfile::tempdir().unwrap();
@@ -370,7 +371,8 @@ proptest! {
     }
 }
 
-/// Values that are not rendered are not zeros: reading is an error, or gives NaN with `open_partial`.
+/// Verifies that values that are not rendered are not read as zeros: reading is an error, or gives NaN with
+/// `open_partial`.
 #[test]
 fn unfinished_stores_do_not_read_as_zeros() {
     let dir = tempfile::tempdir().unwrap();
@@ -399,7 +401,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// A lost, exchanged or foreign chunk is an error and is detected by `verify`.
+/// Verifies that a lost, exchanged or foreign chunk is an error, and that `verify` detects it.
 #[test]
 fn finished_stores_are_what_was_written() {
     let dir = tempfile::tempdir().unwrap();
@@ -440,7 +442,8 @@ fn finished_stores_are_what_was_written() {
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }
 
-/// A region with a chunk's shape that is not aligned with the grid covers several chunks.
+/// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several
+/// chunks.
 #[test]
 fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
     let dir = tempfile::tempdir().unwrap();

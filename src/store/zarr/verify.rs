@@ -1,5 +1,5 @@
-//! Verifies that all files in the manifest of a finished store exist, complete and unchanged, and that there
-//! are no others.
+//! Verifies that all files in the manifest of a finished store exist, are complete and unchanged, and that
+//! there are no other files.
 
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
@@ -11,7 +11,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use tensor::part::Part;
 
-/// Limits of the objects in memory: their number and bytes.
+/// Maximum number of objects in memory at a time. The next constant limits their bytes.
 const BATCH: usize = 64;
 const BATCH_BYTES: u64 = 64 << 20;
 
@@ -20,22 +20,22 @@ const BATCH_BYTES: u64 = 64 << 20;
 pub struct Verified {
     /// Number of files in the manifest.
     pub files: usize,
-    /// Total size of these files.
+    /// Total size of these files, in bytes.
     pub bytes: u64,
-    /// The part of a render that the store is; `None` for a whole render.
+    /// The part of a render that the store contains; `None` for a whole render.
     pub part: Option<Part>,
     /// Faults, one line each, sorted by path.
     pub faults: Vec<String>,
-    /// The reason why additional files were not searched, if the place cannot be listed, such as a plain web
-    /// server.
+    /// The reason why the search for additional files was not possible, for example because a plain web
+    /// server cannot list files.
     pub unlisted: Option<Refusal>,
 }
 
-/// Reads every file of a store, or of a part of a render, and compares it with the manifest.
+/// Reads every file of a store, or of a part of a render, and compares the file with the manifest.
 ///
 /// # Errors
-/// [`OpenError`] if there is no store, it is not finished, or its manifest is damaged. Damage of other files
-/// is part of the result.
+/// [`OpenError`] if there is no store, the store is not finished, or the manifest is damaged. Damage of
+/// other files is part of the result.
 pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
     let is_folder = matches!(place, Place::Folder(_));
@@ -66,7 +66,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     Ok(Verified { part, ..verified(&entries, faults, &found) })
 }
 
-/// Does the same as [`verify`] at an address with this manifest, where a failed request is an error.
+/// Verifies as [`verify`] does at an address with this manifest. A failed request is an error.
 fn verify_objects(
     path: &Path,
     objects: &Objects,

@@ -54,8 +54,9 @@ fn goal(error: f64, share: f64) -> Goal {
     Goal { slice: "s".into(), error, share, first: 64, most: 1 << 20 }
 }
 
-/// If variances differ between tiles, the goal is reached with fewer samples than uniform sampling needs. The
-/// saving is small for the median, which excludes the noisy half, and large for a share of 0.9.
+/// Verifies that the goal is reached with fewer samples than uniform sampling needs if variances differ
+/// between tiles. The saving is small for the median, which excludes the noisy half, and large for a share
+/// of 0.9.
 #[test]
 fn the_goal_is_reached_with_fewer_samples() {
     for (share, least, most) in [(0.5, 0.60, 0.9), (0.9, 0.3, 0.6)] {
@@ -69,7 +70,7 @@ fn the_goal_is_reached_with_fewer_samples() {
     }
 }
 
-/// If tiles are equal, no samples can be saved, and no more are used than by uniform sampling.
+/// Verifies that equal tiles use no more samples than uniform sampling, because no samples can be saved.
 #[test]
 fn alike_tiles_cost_what_they_cost() {
     let mut image = Image::new(0.0, 0.5);
@@ -79,7 +80,8 @@ fn alike_tiles_cost_what_they_cost() {
     assert!((0.95..1.06).contains(&cost), "{cost}");
 }
 
-/// The only lit pixel of a tile needs a hundred times the samples, but gets as many as its neighbours.
+/// Verifies that the only lit pixel of a tile gets as many samples as its neighbours, although it needs 100
+/// times as many.
 #[test]
 fn no_pixel_decides_alone() {
     let counts = |variance: f64| {

@@ -4,7 +4,7 @@ use tensor::axes::SliceLayout;
 
 /// A range of neighbouring axes of a layout and their division into chunks.
 pub(super) struct Grid {
-    /// Length of each axis and of its chunks.
+    /// Length of each axis and chunk length along the axis.
     axes: Vec<[u64; 2]>,
     pub chunks: u64,
 }
@@ -15,7 +15,8 @@ impl Grid {
         Self { chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(), axes }
     }
 
-    /// Returns the chunk of a cell (row-major over the axes), the position in it, and its volume.
+    /// Returns the chunk that contains a cell (row-major over the axes), the position of the cell in the
+    /// chunk, and the chunk's volume.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();
@@ -35,7 +36,7 @@ impl Grid {
         (chunk, at as usize, volume as usize)
     }
 
-    /// Appends the first indices and the lengths of a chunk.
+    /// Appends the first index and the length of a chunk along each axis to `start` and `shape`.
     pub fn extend(&self, mut chunk: u64, start: &mut Vec<u64>, shape: &mut Vec<u64>) {
         let at = start.len();
         for [len, size] in self.axes.iter().rev() {

@@ -1,9 +1,9 @@
 //! Accumulates path contributions into means and standard errors of every slice, in one pass.
 //!
-//! The independent random variable is a camera sample or a group of samples that are stratified together. All
-//! contributions of a group to an element are added before they are squared, so the variance is that of
-//! independent variables. A pixel is finished before the next one begins, which keeps memory small: the cells
-//! of one pixel (sparse, f64) and the finished values of one tile (sparse, f32).
+//! The independent random variable is a camera sample or a group of samples that are stratified together.
+//! All contributions of a group to an element are added before they are squared, so the variance is that of
+//! independent variables. Each pixel is finished before the next begins. Memory therefore contains only the
+//! cells of one pixel (sparse, f64) and the finished values of one tile (sparse, f32).
 
 mod grid;
 pub mod plan;
@@ -22,7 +22,7 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Up to this many possible cells, the cells of a pixel are indexed by a plain table instead of a hash map.
+/// Maximum number of possible cells for which a plain table, not a hash map, indexes the cells of a pixel.
 const DIRECT_CELLS: u64 = 1 << 16;
 
 /// Maps a cell key to the cells of one pixel.
@@ -31,12 +31,12 @@ enum CellIndex {
     Hashed(KeyMap),
 }
 
-/// One cell of the current pixel that has contributions.
+/// One cell of the current pixel that has received contributions.
 struct Cell {
     key: u64,
     /// Group of samples whose contributions are pending.
     group: u32,
-    /// Index of its first element in the sums; `extent` is the number of matrix rows and columns.
+    /// Index of the cell's first element in the sums; `extent` is the number of matrix rows and columns.
     first: u32,
     extent: Extent,
 }
@@ -66,7 +66,7 @@ impl Sums {
 struct PixelSums {
     index: CellIndex,
     cells: Vec<Cell>,
-    /// Elements of all cells; only those that can be non-zero.
+    /// Sums of the elements of all cells; contains only the elements that can be non-zero.
     sums: Vec<Sums>,
     total: TotalSums,
 }
@@ -207,10 +207,10 @@ pub struct TileSums<'a> {
 }
 
 impl TileSums<'_> {
-    /// Writes all values to a sink, the record last.
+    /// Writes all values to a sink, and the tile record last.
     ///
     /// # Errors
-    /// The sink fails to store a piece.
+    /// If the sink fails to store a piece.
     pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
         for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
             values.put(number, plan, sink, &mut self.scratch)?;
@@ -230,17 +230,18 @@ pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
     pub tile: TileSums<'a>,
-    /// The current camera pixel, row-major.
+    /// Row-major index of the current camera pixel.
     pixel: u32,
     keeping: Vec<usize>,
-    /// True if some slice samples its own projector pixels.
+    /// True if some slice samples projector pixels of its own.
     aimed: bool,
     /// Probability of each s' in the epipolar band of the current camera pixel, per slice; 0 without a band.
     in_band: Vec<f32>,
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable.
+    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. One
+    /// accumulator serves any number of tiles.
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
             plans,
@@ -300,8 +301,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Adds all contributions of one camera sample of the current pixel. Their Mueller elements are in
-    /// `elements`. Samples of one `group` must be added consecutively.
+    /// Adds all contributions of one camera sample of the current pixel. `elements` contains the Mueller
+    /// elements of the contributions. Samples of one `group` must be added consecutively.
     #[inline]
     pub fn add_sample(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         if self.aimed {

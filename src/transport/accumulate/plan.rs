@@ -1,4 +1,4 @@
-//! Maps each path contribution to an element of a slice; precomputed once per render.
+//! Maps each path contribution to an element of a slice, by tables that are computed once per render.
 
 use super::selected::Selected;
 use optics::polarization::extent::Extent;
@@ -9,7 +9,7 @@ use tensor::slice::{CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, 
 /// The light of one path that arrives at the camera per unit projector drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
-    /// Index of its first Mueller element in [`Contributions::elements`].
+    /// Index of the contribution's first Mueller element in [`Contributions::elements`].
     pub first: u32,
     /// Number of matrix rows and columns.
     pub extent: Extent,
@@ -22,10 +22,12 @@ pub struct Contribution {
     pub bounces: u32,
     /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
     pub label: u8,
-    /// The slice for whose s' the path was sampled, the only one that it counts for; or `EVERY`.
+    /// Index of the slice for whose s' the path was sampled, if the path counts only for this slice; or
+    /// `EVERY`.
     pub slice: u32,
-    /// Ratio of two densities of this path: sampling it for a given s' (chosen with probability 1), divided
-    /// by sampling it for all slices. 0 if the path cannot be sampled for an s'.
+    /// Ratio of two densities of this path: the density of sampling the path for a given s' (chosen with
+    /// probability 1), divided by the density of sampling the path for all slices. The ratio is 0 if the
+    /// path cannot be sampled for an s'.
     pub rival: f32,
 }
 
@@ -34,7 +36,7 @@ pub struct Contributions<'a> {
     /// The contributions, in the order in which the path produced them.
     pub list: &'a mut Vec<Contribution>,
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
-    /// non-zero are stored, e.g. only M00 for depolarized light. Shared with other samples.
+    /// non-zero are stored, e.g. only M00 for depolarized light. The buffer is shared with other samples.
     pub elements: &'a mut Vec<Spectral>,
     /// True if some slice needs path labels. Each kind of lobe then becomes a separate contribution.
     pub labelled: bool,
@@ -64,7 +66,7 @@ impl<'a> Contributions<'a> {
 }
 
 impl Contribution {
-    /// Returns its elements, row by row, from the list of all elements.
+    /// Returns the contribution's elements, row by row, from the list of all elements.
     #[inline]
     pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
         &elements[self.first as usize..self.first as usize + self.extent.count()]
@@ -80,10 +82,11 @@ pub(super) const EVERY: u32 = u32::MAX;
 /// Marks a row or column that a slice does not keep.
 pub(super) const DROPPED: u32 = u32::MAX;
 
-/// Maps contributions to the elements of one slice; precomputed once per render and shared by all threads.
+/// Maps contributions to the elements of one slice. The tables are computed once per render and shared by
+/// all threads.
 pub struct SlicePlan {
     slice: Slice,
-    /// Its projector pixels, if they are few.
+    /// Projector pixels that the slice samples separately; `None` if the slice keeps too many.
     selected: Option<Selected>,
     pub layout: SliceLayout,
     /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
@@ -99,14 +102,15 @@ pub struct SlicePlan {
     bounces: u64,
     components: u64,
     labels: u64,
-    /// Number of cells of one camera element inside the time window; `overflow` cells follow.
+    /// Number of cells of one camera element inside the time window. The cells of the overflow array follow
+    /// them.
     pub(super) inner: u64,
     pub(super) overflow: u64,
     pub(super) elements: usize,
     pub(super) wavelengths: usize,
 }
 
-/// The pixels that a slice keeps along one axis: first, count, and number of pixels per index; or a list.
+/// The pixels that a slice keeps along one axis: a range (first pixel, count, pixels per index) or a list.
 #[derive(Clone, Copy)]
 enum Kept<'a> {
     Run(u32, u32, u32),
@@ -204,7 +208,7 @@ impl SlicePlan {
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// Returns the projector pixels that the slice keeps, if they are few enough to sample from.
+    /// Returns the projector pixels that the slice keeps, or `None` if they are too many to sample from.
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }

@@ -1,33 +1,34 @@
-//! Projector pixels for which paths are sampled, for slices that keep few of them per camera pixel.
+//! Projector pixels for which separate paths are sampled, for slices that keep few projector pixels per
+//! camera pixel.
 
 use optics::sampling::stream::Stream;
 use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
 /// A slice gets separate paths if it keeps at most this fraction of the projector's pixels for a camera
-/// pixel. Separate paths up to double the render time, and do not pay for a sixteenth of the pixels.
+/// pixel. Separate paths up to double the render time. For 1/16 of the pixels, this cost exceeds the gain.
 const MOST: f64 = 1.0 / 64.0;
 
-/// The same limit for bands around epipolar lines. In twice the time, indirect light has 3.5 times less
-/// variance for 1/256 of the pixels and 1.7 times less for 1/85 (`docs/paths.md`).
+/// Maximum fraction as in [`MOST`], for bands around epipolar lines. In twice the time, indirect light has
+/// 3.5 times less variance for 1/256 of the pixels and 1.7 times less for 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
 pub enum Selected {
-    /// Only the pixel with the camera pixel's number.
+    /// Only the projector pixel with the same row-major index as the camera pixel.
     Own,
-    /// The same pixels for all camera pixels.
+    /// The same projector pixels for all camera pixels.
     Listed {
-        /// Pixel numbers, ascending.
+        /// Row-major pixel indices, ascending.
         pixels: Vec<u32>,
-        /// Cumulative probabilities, each including its pixel.
+        /// Cumulative sampling probability up to and including each pixel.
         cumulative: Vec<f32>,
     },
     /// A band around the epipolar line, listed for each camera pixel and sampled uniformly.
     Band {
         /// Half width of the band in projector pixels.
         half_width_px: f32,
-        /// Bands with more pixels get no separate paths.
+        /// Maximum number of pixels of a band that gets separate paths.
         most: usize,
     },
 }
@@ -39,7 +40,7 @@ pub fn chance_in(band: &[u32]) -> f32 {
 }
 
 impl Selected {
-    /// Returns the pixels of a slice, if they are few.
+    /// Returns the projector pixels of a slice, or `None` if there are too many to sample separately.
     pub(super) fn of(slice: &Slice, extents: &Extents) -> Option<Self> {
         let [w, h] = extents.projector?;
         let all = 0..w * h;
@@ -90,7 +91,7 @@ impl Selected {
         Some(Self::Listed { pixels, cumulative })
     }
 
-    /// Draws a pixel for a camera pixel. For a slice with a band, `band` must not be empty.
+    /// Samples a projector pixel for a camera pixel. For a slice with a band, `band` must not be empty.
     #[inline]
     pub fn draw(&self, camera_pixel: u32, band: &[u32], stream: &mut Stream) -> u32 {
         match self {
@@ -106,7 +107,8 @@ impl Selected {
         }
     }
 
-    /// Returns the probability of drawing a kept pixel; `in_band` is that of a band's pixels ([`chance_in`]).
+    /// Returns the probability of sampling a kept pixel. `in_band` is the probability of each pixel of a
+    /// band ([`chance_in`]).
     #[inline]
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
         match self {
@@ -150,7 +152,8 @@ mod tests {
         Selected::of(&slice, &extents)
     }
 
-    /// In 100,000 draws of a mask with weights 1, 3 and 4, frequencies match probabilities (5 sigma).
+    /// Verifies that the frequencies in 100,000 samples of a mask with weights 1, 3 and 4 match the
+    /// probabilities (5 sigma).
     #[test]
     fn pixels_are_drawn_with_their_chances() {
         let mut weights = vec![0.0; 256];

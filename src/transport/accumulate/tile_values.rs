@@ -1,7 +1,7 @@
 //! The finished values of one slice over one tile, sparse in memory, and their conversion to chunks.
 //!
-//! Most of a tensor is zero: bins without light, and elements that no path polarizes. Only values that are
-//! present are stored, and chunks without any are never visited.
+//! Most of a tensor is zero: bins without light, and elements that no path polarizes. Only non-zero values
+//! are stored, and chunks without values are never visited.
 
 use super::grid::Grid;
 use super::plan::SlicePlan;
@@ -39,13 +39,13 @@ pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 /// Number of values in a stretch of a chunk.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// Buffers for one chunk of means and one of errors, all zero between uses. Reused, because allocating is
-/// slow.
+/// Buffers for one chunk of means and one chunk of errors. All values are zero between uses. The buffers
+/// are reused, because allocation is slow.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
     errors: Vec<f32>,
-    /// One bit per stretch that was written to.
+    /// Bit mask with one bit per stretch, set if the stretch was written to.
     touched: Vec<u64>,
 }
 
@@ -84,9 +84,9 @@ impl Scratch {
 type Finished = [Spectral; 2];
 
 struct Entry {
-    /// local camera index · cells + cell.
+    /// Key of the entry: local camera index · number of cells + cell.
     key: u64,
-    /// Index of its first element in the values; elements are row-major.
+    /// Index of the entry's first element in the values; elements are row-major.
     first: u32,
     extent: Extent,
 }
@@ -95,14 +95,14 @@ struct Entry {
 struct Placed {
     /// Index of the chunk within the tile, over the axes between camera and Stokes.
     chunk: u64,
-    /// Position in that chunk, in units of the volume of the remaining axes.
+    /// Position in the chunk, in units of the volume of the remaining axes.
     at: usize,
     entry: u32,
 }
 
 /// The finished values of one slice over one tile, sparse.
 pub(super) struct TileValues {
-    /// First index along `y`, `x`, and number of indices.
+    /// First index along `y`, `x`, and number of indices along each.
     start: [u64; 2],
     shape: [u64; 2],
     entries: Vec<Entry>,
@@ -126,8 +126,8 @@ impl TileValues {
         }
     }
 
-    /// Clears the table, keeps its memory and sets its camera elements: `start` to `start + shape` along `y`,
-    /// `x`.
+    /// Clears the table, keeps its memory and sets the range of camera elements to `start..start + shape`
+    /// along `y`, `x`.
     pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
         (self.start, self.shape) = (start, shape);
         self.entries.clear();
@@ -160,7 +160,7 @@ impl TileValues {
         self.values.extend(finished);
     }
 
-    /// Adds the variance of a total to that of camera element `local`.
+    /// Adds the variance of a total to the variance of camera element `local`.
     #[inline]
     pub(super) fn add_total(&mut self, local: u64, variance: f64) {
         self.totals[local as usize] += variance;
@@ -186,7 +186,7 @@ impl TileValues {
     /// Writes the tile to a sink as slice number `number`.
     ///
     /// # Errors
-    /// The sink fails to store a piece.
+    /// If the sink fails to store a piece.
     pub(super) fn put<S: Sink>(
         &self,
         number: usize,
@@ -317,7 +317,7 @@ impl TileValues {
         written
     }
 
-    /// Fills the scratch buffers with one chunk. Returns its first indices and its shape.
+    /// Fills the scratch buffers with one chunk, and returns the first indices and the shape of the chunk.
     fn filled(&self, part: &Part, cells: &ChunkCells, scratch: &mut Scratch) -> (Vec<u64>, Vec<u64>) {
         let plan = part.plan;
         let ChunkCells { grid, group, matrix } = cells;
@@ -359,9 +359,9 @@ impl TileValues {
     }
 }
 
-/// The entries of a chunk, by the extent of their matrices.
+/// The entries of a chunk, grouped by the extent of their matrices.
 struct Sorted {
-    /// Largest number of rows and columns.
+    /// Largest number of rows and columns among the entries.
     extent: Extent,
     /// Entries with more than one row.
     tall: Vec<Placed>,

@@ -1,7 +1,8 @@
 //! The variance of a pixel's total: M00, summed over everything that a slice keeps of the pixel (including
 //! light outside the time window) and averaged over wavelengths.
 //!
-//! All elements of a pixel use the same samples, so the error of their sum does not follow from theirs.
+//! All elements of a pixel use the same samples, so the error of the sum does not follow from the errors of
+//! the elements.
 
 use optics::spectrum::Spectral;
 
@@ -58,7 +59,8 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Groups of two samples at two wavelengths, one dark: the variance of the mean of 0, 1, 2, 5 is 4.667/4.
+    /// Verifies the variance for groups of two samples at two wavelengths, one of them dark: the variance
+    /// of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_that_of_groups() {
         let mut sums = TotalSums::default();

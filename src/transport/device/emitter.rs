@@ -15,7 +15,7 @@ pub struct PointEmitter {
     /// Maximum radiant intensity per wavelength (for a frustum: on its axis), W/(sr nm).
     pub intensity: Spectral,
     pub profile: Profile,
-    /// An image that it projects.
+    /// Image that the emitter projects, if any.
     pub slide: Option<Slide>,
     /// The horizontal direction of emitted Stokes vectors is this axis projected perpendicular to the ray.
     pub axis: Vec3A,
@@ -24,7 +24,7 @@ pub struct PointEmitter {
 /// An image that multiplies the light of a point emitter by direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Slide {
-    /// The image's position.
+    /// Position, axes and field of the projected image.
     pub frustum: Frustum,
     /// Index of the image, whose texels multiply the intensity.
     pub texture: u32,
@@ -32,7 +32,7 @@ pub struct Slide {
 
 impl PointEmitter {
     /// Returns the intensity times `factor`, times the slide's transmission along the unit direction `dir`.
-    /// `factor` is the profile's value along `dir`, divided by any divisor of the caller.
+    /// `factor` is the profile's value along `dir`, possibly divided by a quantity of the caller.
     #[inline]
     pub fn share(&self, textures: &Textures, dir: Vec3A, factor: f32) -> Spectral {
         let even = self.intensity * Spectral::splat(factor);
@@ -65,17 +65,18 @@ impl PointEmitter {
     }
 }
 
-/// Uniform radiance from all directions. It has no travel time: in time slices its light counts as overflow.
+/// Uniform radiance from all directions. This light has no travel time, so in time slices it counts as
+/// overflow.
 #[derive(Clone, Copy, Debug)]
 pub struct Environment {
     /// Radiance per wavelength, W/(m² sr nm).
     pub radiance: Spectral,
-    /// As in [`PointEmitter::axis`].
+    /// Reference axis of the horizontal direction, as in [`PointEmitter::axis`].
     pub axis: Vec3A,
 }
 
 impl Environment {
-    /// Returns the frame of light that travels along `d`.
+    /// Returns the horizontal basis vector of light that travels along `d`.
     #[inline]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axis, d)

@@ -2,8 +2,8 @@
 //!
 //! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to the epipolar line
 //! on the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion bends that line on the
-//! projector's pixel grid. The distance of a pixel centre from it is computed to first order (Sampson), in
-//! distorted pixels.
+//! projector's pixel grid. The distance of a pixel centre from the bent line is computed to first order
+//! (Sampson), in distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -17,17 +17,18 @@ pub struct Epipolar {
     /// Focal lengths, and the normalized coordinates of the centre of the first pixel.
     focal: DVec2,
     first: DVec2,
-    /// For a lens with distortion, per projector pixel, row-major: normalized x, y and the gradient of each
-    /// by pixel column and row. Otherwise empty.
+    /// Table per projector pixel, row-major: normalized x and y, and the gradients of x and y by pixel
+    /// column and row. Empty for a lens without distortion.
     pixels: Vec<[f32; 6]>,
     /// Bounds of `pixels` in squares of `SIDE` pixels, row by row.
     squares: Vec<Square>,
 }
 
-/// Margin in pixels beyond the half width that is searched: larger than the rounding of a distance.
+/// Margin of the search beyond the half width, in pixels. The margin exceeds the rounding error of a
+/// distance.
 const ROOM: f32 = 1.0;
 
-/// Pixels along each side of a square.
+/// Number of pixels along each side of a square.
 const SIDE: u32 = 16;
 
 /// Bounds of the pixels of a lens with distortion: the centre and half extent of their normalized x, y, and
@@ -55,7 +56,7 @@ impl Square {
         Self { middle: each(|lo, hi| 0.5 * (lo + hi)), reach: each(|lo, hi| 0.5 * (hi - lo)), steepest }
     }
 
-    /// Returns false if none of its pixels is within `px` pixels of a line.
+    /// Returns false if no pixel of the square is within `px` pixels of a line.
     fn may_reach(&self, [a, b, c]: [f32; 3], px: f32) -> bool {
         let ([x, y], [dx, dy], [xu, xv, yu, yv]) = (self.middle, self.reach, self.steepest);
         let (a_abs, b_abs) = (a.abs(), b.abs());
@@ -77,7 +78,8 @@ fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
 pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
-    /// Computes the geometry from two calibrations; `None` if the centres coincide (lines are undefined).
+    /// Computes the epipolar geometry from two calibrations; `None` if the centres coincide, so that the
+    /// lines are undefined.
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
         if baseline.length() < 1e-9 {
@@ -152,7 +154,8 @@ impl Epipolar {
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Lists, unordered, the projector pixels within `half_width_px` of a line by `distance_px`.
+    /// Lists all projector pixels whose distance from a line (`distance_px`) is at most `half_width_px`,
+    /// unordered.
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
         // Negated `>` instead of `<=`, to treat NaN as slices do.
@@ -233,8 +236,9 @@ mod tests {
         assert!(worst < 0.75, "{worst}");
     }
 
-    /// 20 pairs of devices per lens, 40 camera pixels each, two half widths: the list agrees with the
-    /// distances of all pixels. The poses give lines that are flat, steep, oblique, and outside the image.
+    /// Verifies that the list agrees with the distances of all pixels: 20 pairs of devices per lens, 40
+    /// camera pixels each, two half widths. The poses give lines that are flat, steep, oblique, and outside
+    /// the image.
     #[test]
     fn lists_hold_what_is_within() {
         let mut stream = Stream::new(7, 0, 0);

@@ -1,4 +1,4 @@
-//! Devices: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
+//! Devices: calibrated pinholes and lenses, the projector, epipolar geometry, and other emitters.
 
 pub mod emitter;
 pub mod epipolar;

@@ -11,11 +11,11 @@ use glam::{DVec2, Mat3A, Vec3A};
 use optics::polarization::frame::project;
 use std::f64::consts::TAU;
 
-/// Index of no pixel.
+/// Pixel index of points outside the image.
 pub const OUTSIDE: u32 = u32::MAX;
 
-/// A thin lens in place of the pinhole: light between a pixel and its point on the focus plane passes the
-/// whole aperture uniformly.
+/// A thin lens in place of the pinhole. Light between a pixel and the corresponding point of the focus
+/// plane passes uniformly through the whole aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Radius of the aperture, metres; 0 for a pinhole.
@@ -40,19 +40,19 @@ pub struct Pinhole {
     /// Principal point in continuous pixel coordinates.
     pub principal: DVec2,
     pub distortion: Distortion,
-    /// Centre of projection, world, metres.
+    /// Centre of projection in world space, metres.
     pub origin: Vec3A,
-    /// Columns: right, down, forward in world coordinates.
+    /// Device axes in world space; the columns are right, down, forward.
     pub axes: Mat3A,
-    /// The lens in place of the pinhole.
+    /// Thin lens that replaces the pinhole.
     pub lens: Lens,
-    /// True for an orthographic device: all rays are parallel to the axis, from the image plane. `focal` is
-    /// then in pixels per metre, and normalized coordinates are metres on that plane.
+    /// True for an orthographic device, whose rays start on the image plane parallel to the axis. `focal`
+    /// is then in pixels per metre, and normalized coordinates are metres on that plane.
     pub parallel: bool,
     /// Offset from the normalized coordinates of directions to those of the image; set by
     /// [`Self::through_lens`] and [`Self::at`], else 0.
     shift: DVec2,
-    /// Squared normalized radius beyond which no point is imaged (where the distortion would fold back).
+    /// Squared normalized radius beyond which no point is imaged, because the distortion would fold back.
     max_radius2: f64,
 }
 
@@ -145,8 +145,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns the device of the ray through an image position. For a parallel device, it is a pinhole at
-    /// this position that looks along the axis.
+    /// Returns the device of the ray through an image position. For a parallel device, the result is a
+    /// pinhole at this position whose forward axis is the device's axis.
     #[inline]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
@@ -160,7 +160,7 @@ impl Pinhole {
         }
     }
 
-    /// Returns true if the lens distorts; exactly then the constructor sets a finite bound.
+    /// Returns true if the lens distorts. The constructor sets a finite `max_radius2` only for such lenses.
     #[inline(always)]
     fn distorts(&self) -> bool {
         self.max_radius2 < f64::INFINITY
@@ -188,7 +188,7 @@ impl Pinhole {
         points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| [lo.min(n), hi.max(n)])
     }
 
-    /// Returns the unit world direction through a continuous pixel position.
+    /// Returns the unit direction, in world space, through a continuous pixel position.
     #[inline]
     pub fn direction(&self, pixel: DVec2) -> Vec3A {
         let ideal = (pixel - self.principal) / self.focal;
@@ -201,7 +201,7 @@ impl Pinhole {
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
-    /// [`Self::direction`] for several pixel positions (arrays of x and y).
+    /// Returns [`Self::direction`] for several pixel positions (arrays of x and y).
     #[inline(always)]
     #[expect(
         clippy::needless_range_loop,
@@ -268,8 +268,8 @@ impl Pinhole {
         (pixels, local)
     }
 
-    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point;
-    /// `None` if it is behind the device or outside the image.
+    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world
+    /// point; `None` if the point is behind the device or outside the image.
     #[inline(always)]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);
@@ -323,7 +323,8 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular.
+    /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular to
+    /// `d`.
     #[inline]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axes.x_axis, d)

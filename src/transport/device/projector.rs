@@ -1,8 +1,8 @@
 //! The pinhole projector: the pixel s' that illuminates a point, and its irradiance there.
 //!
 //! Drive 1 on every pixel gives the scene's irradiance E on the virtual plane at distance 1 m, for any lens
-//! distortion (a lens with a constant pupil preserves radiance; distortion moves pixel borders and thus
-//! changes the solid angle and the flux of a pixel). A direction at angle θ to the axis has intensity E /
+//! distortion. A lens with a constant pupil preserves radiance; distortion moves pixel borders and thus
+//! changes the solid angle and the flux of a pixel. A direction at angle θ to the axis has intensity E /
 //! cos³θ. Mitsuba's `projector` emits π times as much for the same number.
 
 use super::pinhole::Pinhole;
@@ -15,7 +15,7 @@ pub struct Projector {
     pub pinhole: Pinhole,
     /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
     pub irradiance: Spectral,
-    /// True if the projector shares the camera's pinhole (same pose and pixels).
+    /// True if the projector and the camera have the same pinhole (same pose and pixels).
     pub coaxial: bool,
 }
 
@@ -27,19 +27,19 @@ pub struct Arrivals<const N: usize> {
     pub pixel: [u32; N],
     /// Unit directions from the points to the projector.
     pub wi: Many<N>,
-    /// Distances, metres.
+    /// Distances from the points to the projector, metres.
     pub distance: [f32; N],
     /// Irradiance at normal incidence per unit irradiance E: 1 / (z² cosθ).
     pub factor: [f32; N],
-    /// The points in the projector's coordinates: right, down, forward.
+    /// The points in the projector's coordinates (right, down, forward), metres.
     pub local: Many<N>,
 }
 
 impl Projector {
     /// Returns the light that arrives at each of the points `p`.
     ///
-    /// Points seen by a coaxial camera are in the camera's own pixel, s' = s. A caller that knows this must
-    /// set it, since rounding may move a point near a pixel border into the next pixel, or outside the image.
+    /// A coaxial camera sees each point in the pixel s' = s. A caller for a coaxial camera must set `pixel`
+    /// to s, since rounding may move a point near a pixel border into the next pixel, or outside the image.
     #[inline(always)]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);
@@ -65,7 +65,8 @@ mod tests {
     use crate::device::pinhole::OUTSIDE;
     use glam::{DVec2, Mat3A, Vec3A};
 
-    /// The irradiance integrated over a pixel on the plane at 1 m is the flux into its solid angle.
+    /// Verifies that the irradiance on the plane at 1 m, integrated over a pixel, is the flux into the
+    /// pixel's solid angle.
     #[test]
     fn the_plane_at_one_metre_gets_the_stated_irradiance() {
         let pinhole = Pinhole::new(

@@ -1,9 +1,9 @@
-//! Binary trees over boxes, from which the trees of width eight are made.
+//! Binary trees over boxes, which are collapsed to trees of width eight.
 //!
-//! Few boxes are clustered bottom-up (PLOC, Meister & Bittner 2018), many are split top-down
+//! Few boxes are clustered bottom-up (PLOC, Meister & Bittner 2018); many boxes are split top-down
 //! ([`super::binned`]). Both trees are then optimized by reinsertion (Meister & Bittner 2018, "Parallel
-//! reinsertion for bounding volume hierarchy optimization"). Clustering and reinsertion are from the crate
-//! obvhs.
+//! reinsertion for bounding volume hierarchy optimization"). The crate obvhs provides clustering and
+//! reinsertion.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -14,9 +14,9 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// From this number of boxes on, trees are built top-down. For the mesh of `validation/rays.py`, such a tree
-/// takes less than half of the processor time of a clustered one, and traces more rays per second, also with
-/// a tenth of the triangles. Smaller scenes keep clustered trees.
+/// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py`, top-down
+/// construction takes less than half of the processor time of clustering, and the tree traces more rays per
+/// second. Both also hold with a tenth of the triangles. Smaller scenes keep clustered trees.
 const MANY: usize = 1 << 16;
 /// Number of neighbours in either direction among which PLOC chooses a partner.
 const SEARCH: usize = 14;
@@ -27,16 +27,17 @@ pub(super) enum Part<'a> {
     Branch,
 }
 
-/// A binary tree, with primitives in the order of its leaves, and the run that each node covers.
+/// A binary tree: the primitives in the order of the leaves, and the run of primitives that each node
+/// covers.
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
-    /// First primitive in `order`, and one past the last.
+    /// First primitive in `order`, and one past the last, per node.
     runs: Vec<[u32; 2]>,
 }
 
 impl Binary {
-    /// Builds the tree over `count` boxes; leaves of more than one primitive satisfy `fits`.
+    /// Builds the tree over `count` boxes. Leaves of more than one primitive satisfy `fits`.
     pub(super) fn of(
         count: usize,
         bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -45,8 +46,8 @@ impl Binary {
         if count < MANY { Self::clustered(count, bounds) } else { Self::split(count, bounds, fits) }
     }
 
-    /// Clusters boxes bottom-up; leaves contain one primitive each. It calls obvhs's steps, because obvhs's
-    /// complete builder needs the boxes as a separate table.
+    /// Clusters boxes bottom-up into leaves of one primitive each. The function calls the single steps of
+    /// obvhs, because the complete builder of obvhs needs the boxes as a separate table.
     pub(super) fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Self {
         let params = BvhBuildParams::medium_build();
         let mut tree = Bvh2::zeroed(count);
@@ -112,7 +113,7 @@ impl Binary {
         Self { nodes, order, runs }
     }
 
-    /// Returns a tree of the same primitives in the same order, by repeated halving.
+    /// Returns a tree over the same primitives in the same order, built by repeated halving.
     pub(super) fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
         let mut nodes = vec![Bvh2Node::default()];
         let mut todo = vec![(0_u32, self.order.len() as u32, 0)];

@@ -2,9 +2,9 @@
 //! bounding volume hierarchies").
 //!
 //! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic
-//! at a few positions on each axis. It counts leaves, not boxes, because a leaf costs a ray the same whether
-//! it is full or not. This is much faster than bottom-up clustering. The tree is then optimized by leaves,
-//! which are few.
+//! at a few positions on each axis. The cost counts leaves, not boxes, because a full leaf and a partly
+//! filled leaf cost a ray the same. Top-down splitting is much faster than bottom-up clustering. The
+//! subsequent optimization is also fast, because there are few leaves.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
 //! sets, so that the tree is the same for any number of threads.
@@ -22,23 +22,23 @@ pub(super) const LEAF_SIZE: usize = 8;
 const BINS: usize = 16;
 /// Maximum size of a set that is one task.
 const GRAIN: usize = 1 << 13;
-/// Entries per parallel chunk.
+/// Number of entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
-/// From this depth on, sets are halved in order, which guarantees termination.
+/// Depth from which sets are halved in order, which guarantees termination.
 const DEEP: usize = 48;
 /// Mask that is XORed into an index stored next to a corner: small integers would be slow denormal numbers.
 const NUMBER: u32 = 0x4000_0000;
 /// Minimum extent of the centres of a set for binning, metres.
 const LEAST: f32 = 1e-30;
 
-/// A binary tree. The children of a branch are adjacent, the first at an odd index, after the branch. A leaf
-/// covers the run of `order` that begins at its `first_index`.
+/// A binary tree. The children of a branch are adjacent, the first at an odd index, after the branch. A
+/// leaf covers the run of `order` that begins at the leaf's `first_index`.
 pub(super) struct Grown {
     pub(super) nodes: Vec<Bvh2Node>,
     pub(super) order: Vec<u32>,
 }
 
-/// A box. The fourth lane is unused.
+/// A bounding box; the fourth lane is unused.
 #[derive(Clone, Copy)]
 struct Extent {
     lo: f32x4,
@@ -74,7 +74,7 @@ impl Extent {
     }
 }
 
-/// A primitive: its box, and its index in the fourth lane of `lo`.
+/// A primitive: bounding box, with the primitive's index in the fourth lane of `lo`.
 #[derive(Clone, Copy)]
 struct Entry {
     lo: f32x4,
@@ -91,7 +91,7 @@ impl Entry {
         self.lo.to_array()[3].to_bits() ^ NUMBER
     }
 
-    /// Returns twice the centre.
+    /// Returns twice the centre of the box.
     #[inline(always)]
     fn middle(&self) -> f32x4 {
         self.lo + self.hi
@@ -104,7 +104,7 @@ fn boxes(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Returns the bounds of twice the centres.
+/// Returns the bounds of twice the centres of the entries.
 fn middles(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     for entry in entries {
@@ -240,7 +240,7 @@ impl Bins {
     }
 }
 
-/// A part of the tree: the nodes of one task, or a branch with children from other tasks.
+/// A part of the tree: the nodes of one task, or a branch whose children are other tasks.
 enum Part {
     Whole(Vec<Bvh2Node>),
     Branch(Aabb, Box<[Self; 2]>),
@@ -259,7 +259,8 @@ pub(super) fn grow(
     Grown { nodes: by_levels(&part), order: entries.par_iter().map(Entry::number).collect() }
 }
 
-/// Builds the tree over entries with bounds `extent`; `first` is the index of the first entry among all.
+/// Builds the tree over entries with bounds `extent`; `first` is the index of the first of them among all
+/// entries.
 fn part(
     entries: &mut [Entry],
     first: usize,
@@ -297,7 +298,7 @@ fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
     if depth < DEEP { bins.cut(grid) } else { None }
 }
 
-/// Returns the middle of entries in their order, and the boxes of both halves.
+/// Returns half of the number of entries, and the boxes of the first and the second half.
 fn halves(entries: &[Entry]) -> (usize, [Extent; 2]) {
     let middle = entries.len() / 2;
     let (below, above) = entries.split_at(middle);
@@ -322,7 +323,7 @@ fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
 struct Task<'a, F> {
     nodes: Vec<Bvh2Node>,
     bins: Bins,
-    /// Scratch space, as long as the task's entries.
+    /// Scratch space with the length of the task's entries.
     aside: Vec<Entry>,
     fits: &'a F,
 }
@@ -352,7 +353,8 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
         self.fill(child + 1, above, first + middle, &far, depth + 1);
     }
 
-    /// Like [`divide`], without a branch per entry, which the processor would mispredict half of the time.
+    /// Works as [`divide`], but without a branch per entry, which the processor would mispredict half of
+    /// the time.
     fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
         let (mut near, mut far) = (0, 0);
         for at in 0..entries.len() {
@@ -368,7 +370,8 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
     }
 }
 
-/// Returns the nodes of all parts in level order: the largest come first, where the optimization starts.
+/// Returns the nodes of all parts in level order. The largest nodes come first, where the optimization
+/// starts.
 fn by_levels(part: &Part) -> Vec<Bvh2Node> {
     let mut nodes = vec![Bvh2Node::default()];
     // The source of each existing node: a part, and an index in it.

@@ -16,16 +16,16 @@ use rayon::prelude::*;
 
 /// Collects surfaces, then builds the tree.
 ///
-/// Until the trees are built, a mesh takes 12 bytes per triangle and 12 to 32 per vertex, as in its file. The
-/// tables of triangles and packs are five times as large.
+/// Until the trees are built, a mesh takes 12 bytes per triangle and 12 to 32 bytes per vertex, as in its
+/// file. The final tables of triangles and packs are five times as large.
 #[derive(Default)]
 pub struct GeometryBuilder {
-    /// Contents of the world outside groups.
+    /// Primitives of the world that are not in a group.
     world: Set,
     groups: Vec<Set>,
-    /// True if surfaces are added to the last group, not to the world.
+    /// True if surfaces are added to the last group instead of the world.
     in_group: bool,
-    /// Groups and their transforms to the world.
+    /// Instances: index of the group and transform to the world.
     instances: Vec<(u32, DAffine3)>,
     meshes: Vec<Part>,
     /// Total number of triangles.
@@ -39,35 +39,35 @@ pub struct GeometryBuilder {
     boxes: Vec<Aabb>,
     /// Object index of surfaces to be added.
     object: u32,
-    /// True if [`Geometry::facet`] identifies the triangles of meshes to be added.
+    /// Whether [`Geometry::facet`] identifies the triangles of meshes that are added from now on.
     facets: bool,
 }
 
 /// A set of primitives with a separate tree.
 #[derive(Default)]
 struct Set {
-    /// Index of a triangle among those of all meshes, with [`PARALLELOGRAM`] set if it and the next one form
-    /// a parallelogram, or `QUADRIC | index` into `boxes`.
+    /// Index of a triangle among those of all meshes, with [`PARALLELOGRAM`] set if this triangle and the
+    /// next form a parallelogram, or `QUADRIC | index` into `boxes`.
     primitives: Vec<u32>,
 }
 
-/// A mesh, and its offsets in the builder's tables.
+/// A mesh, and the offsets of the mesh in the builder's tables.
 struct Part {
     positions: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
-    /// Index of its first triangle.
+    /// Index of the mesh's first triangle.
     triangle: u32,
-    /// [`NONE`] if it has no normals.
+    /// Offset of the mesh's normals; [`NONE`] if the mesh has no normals.
     normal: u32,
     uv: u32,
     material: u32,
-    /// Index of its object.
+    /// Index of the object that contains the mesh.
     object: u32,
-    /// True if [`Geometry::facet`] identifies its triangles.
+    /// True if [`Geometry::facet`] identifies the triangles of the mesh.
     facets: bool,
-    /// Index of its group; [`NONE`] in the world.
+    /// Index of the mesh's group; [`NONE`] if the mesh is not in a group.
     group: u32,
-    /// The centre of the group, which becomes the origin.
+    /// The centre of the group, which becomes the origin of the group's coordinates.
     origin: Vec3A,
 }
 
@@ -79,7 +79,7 @@ const NONE: u32 = u32::MAX;
 /// The triangle leaves of all trees.
 #[derive(Default)]
 struct Leaves {
-    /// Their triangles, with [`PARALLELOGRAM`].
+    /// Triangles of the leaves, some with [`PARALLELOGRAM`].
     order: Vec<u32>,
     /// Start of each leaf in `order`.
     firsts: Vec<u32>,
@@ -115,8 +115,8 @@ impl GeometryBuilder {
         }
     }
 
-    /// Begins a group: surfaces added until [`Self::end_group`] belong to it, in its own coordinates. It is
-    /// visible where [`Self::instance`] places it. Returns the group's index.
+    /// Begins a group and returns its index. Surfaces added until [`Self::end_group`] belong to the group,
+    /// in the group's coordinates. [`Self::instance`] places copies of the group in the world.
     pub fn begin_group(&mut self) -> u32 {
         self.groups.push(Set::default());
         self.in_group = true;
@@ -138,8 +138,8 @@ impl GeometryBuilder {
         self.facets = known;
     }
 
-    /// Adds a copy of a group to the world; `to_world` must be invertible (the scene builder checks). A copy
-    /// takes 128 bytes and an entry in the tree.
+    /// Adds a copy of a group to the world. `to_world` must be invertible, which the scene builder checks.
+    /// A copy takes 128 bytes and an entry in the tree.
     pub fn instance(&mut self, group: u32, to_world: DAffine3) {
         self.instances.push((group, to_world));
     }
@@ -149,7 +149,7 @@ impl GeometryBuilder {
         self.own_mesh(mesh.clone(), material);
     }
 
-    /// Like [`Self::mesh`], but takes ownership, so that large meshes are not copied.
+    /// Adds a mesh as [`Self::mesh`], but takes ownership, so that large meshes are not copied.
     pub fn own_mesh(&mut self, mesh: Mesh, material: u32) {
         let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
         let first = self.triangle_count as u32;
@@ -303,7 +303,8 @@ impl GeometryBuilder {
         facets
     }
 
-    /// Returns the mesh of a triangle, and its corners, the fourth one of a parallelogram last.
+    /// Returns the mesh of a triangle, the indices of the corners, and their positions, with the fourth
+    /// corner of a parallelogram last.
     #[inline]
     fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
         let (id, whole) = index(primitive);
@@ -349,8 +350,8 @@ impl GeometryBuilder {
         triangle
     }
 
-    /// Translates groups that do not contain their origin so that their centres become the origin. Returns
-    /// the translations.
+    /// Translates each group that does not contain the origin of its coordinates, so that the group's
+    /// centre becomes the origin. Returns the translations.
     fn centre(&mut self, groups: &[Set]) -> Vec<Vec3A> {
         let mut origins = vec![];
         for set in groups {

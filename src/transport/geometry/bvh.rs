@@ -1,7 +1,8 @@
 //! All surfaces of a scene in flat tables under one tree.
 //!
-//! Triangles are in packs of eight, which a ray tests at a time; two triangles that form a parallelogram are
-//! one primitive. On x86-64, the loops over boxes and packs are compiled twice, with and without AVX2.
+//! Triangles are in packs of eight, and a ray is tested against a whole pack at once. Two triangles that
+//! form a parallelogram are one primitive. On x86-64, the loops over boxes and packs are compiled twice,
+//! with and without AVX2.
 
 use super::facets::Facets;
 use super::instance::{Group, Instance};
@@ -16,7 +17,8 @@ use glam::{Mat3A, Vec3A};
 pub(super) const QUADRIC: u32 = 1 << 31;
 
 /// Distance by which triangles extend beyond their edges, in units of the scene's extent. Neighbours then
-/// overlap by more than the rounding of a hit. Without it, one in ten rays at a shared edge passes through.
+/// overlap by more than the rounding error of a hit. Without the overlap, one in ten rays at a shared edge
+/// passes through.
 pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
 /// Returns true if the processor supports AVX2.
@@ -27,8 +29,8 @@ pub(super) fn avx2() -> bool {
     return false;
 }
 
-/// Defines a method of [`Geometry`] that is compiled twice on x86-64, with and without AVX2. The function after
-/// `=` does the work. No operations are fused, so the results are bit-identical.
+/// Defines a method of [`Geometry`] that is compiled twice on x86-64, with and without AVX2. The function
+/// after `=` is the implementation. No operations are fused, so both versions give bit-identical results.
 macro_rules! for_each_processor {
     ($(#[$meta:meta])* $vis:vis fn $name:ident(&self, $($arg:ident: $type:ty),*) -> $out:ty = $work:path) => {
         $(#[$meta])*
@@ -70,7 +72,7 @@ pub enum Outline {
 pub struct Geometry {
     pub(super) tree: Tree,
     pub(super) packs: Vec<Pack>,
-    /// In the order of the packs.
+    /// All triangles, in the order of the packs.
     pub(super) triangles: Vec<Triangle>,
     /// Index of the first triangle of each pack.
     pub(super) firsts: Vec<u32>,
@@ -79,37 +81,38 @@ pub struct Geometry {
     pub(super) quadrics: Vec<Quadric>,
     /// Object indices of the triangles and of the quadrics.
     pub(super) objects: [Vec<u32>; 2],
-    /// Indices of triangles in their meshes, for meshes that need them.
+    /// Indices of triangles in their meshes, for the meshes that need these indices.
     pub(super) facets: Facets,
     /// Instances of groups in the world, and the groups. Leaves of the tree with indices beyond those of the
     /// quadrics are instances.
     pub(super) instances: Vec<Instance>,
     pub(super) groups: Vec<Group>,
-    /// Number of packs and of quadrics that belong to groups; they come before those of the world.
+    /// Number of packs and of quadrics that belong to groups. In the tables, the packs and quadrics of
+    /// groups precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
-    /// True if texture coordinates are used; they are 0 otherwise.
+    /// True if texture coordinates are used; if false, texture coordinates are 0.
     pub(crate) textured: bool,
     /// True if surfaces need derivatives along both texture coordinates ([`Surface::bitangent`]).
     pub(crate) derivatives: bool,
     /// True if the AVX2 code is used.
     pub(crate) avx2: bool,
-    /// Longest edge of the world bounds.
+    /// Longest edge of the world bounds, metres.
     pub(crate) extent: f32,
-    /// Minimum and maximum corner of the world bounds.
+    /// Minimum and maximum corner of the world bounds, metres.
     pub(crate) bounds: [Vec3A; 2],
     /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. A point on a large
     /// surface can have a larger rounding error than its own coordinates imply.
     pub(super) least: f32,
 }
 
-/// Returns the indices in [`Hit::leaf`] of a leaf's primitives, including unused lanes of a pack.
+/// Returns the indices (as in [`Hit::leaf`]) of a leaf's primitives, including unused lanes of a pack.
 pub(super) fn primitives(leaf: u32) -> std::ops::Range<u32> {
     let index = leaf >> 1;
     if leaf & 1 == 1 { QUADRIC | index..(QUADRIC | index) + 1 } else { 8 * index..8 * index + 8 }
 }
 
-/// Finds the nearest hit; `WORLD` if there may be instances among the leaves.
+/// Visitor that finds the nearest hit. `WORLD` is true if the leaves may contain instances.
 pub(super) struct Nearest<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
@@ -171,7 +174,7 @@ impl<const WORLD: bool> Nearest<'_, WORLD> {
     }
 }
 
-/// Finds any hit; `WORLD` if there may be instances among the leaves.
+/// Visitor that finds any hit. `WORLD` is true if the leaves may contain instances.
 pub(super) struct Any<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
@@ -203,7 +206,7 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
 }
 
 impl Geometry {
-    /// Prefetches the triangles of a leaf; quadrics are few.
+    /// Prefetches the triangles of a leaf. Quadrics are not prefetched, because there are few.
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         if leaf & 1 == 0 {
@@ -212,13 +215,13 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns the nearest hit closer than `tmax`.
+        /// Returns the nearest hit closer than `tmax` metres, if any.
         #[inline(always)]
         pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> = Geometry::intersect_all
     }
 
     for_each_processor! {
-        /// Returns true if a surface is strictly between the origin and `tmax`.
+        /// Returns true if a surface is strictly between the ray's origin and `tmax` metres along the ray.
         #[inline]
         pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool = Geometry::occluded_all
     }
@@ -239,7 +242,8 @@ impl Geometry {
         self.occluded_any::<false>(ray, tmax)
     }
 
-    /// The search, inlined to be compiled with the caller's target features; `WORLD`: with instances.
+    /// Searches for the nearest hit. The function is inlined, so that it is compiled with the caller's
+    /// target features. `WORLD` is true if there are instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         let mut nearest = Nearest::<WORLD> { geometry: self, ray, wide: Wide::new(ray), hit: None };
@@ -272,7 +276,7 @@ impl Geometry {
 
     /// Returns the index of the object that was hit, as set by
     /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
-    /// indices of the group; [`Hit::owner`] distinguishes them.
+    /// indices of the group; [`Hit::owner`] distinguishes the copies.
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {
@@ -281,8 +285,8 @@ impl Geometry {
         triangles[(self.firsts[(hit.leaf >> 3) as usize] + (hit.leaf & 7)) as usize]
     }
 
-    /// Returns the index in its mesh of the triangle that was hit. Returns `None` for quadrics, instances,
-    /// and meshes that were added without
+    /// Returns the index, in its mesh, of the triangle that was hit. Returns `None` for quadrics,
+    /// instances, and meshes that were added without
     /// [`GeometryBuilder::facets`](super::builder::GeometryBuilder::facets).
     pub fn facet(&self, hit: &Hit) -> Option<u32> {
         if hit.leaf & QUADRIC != 0 || hit.owner != Owner::WORLD {
@@ -297,7 +301,7 @@ impl Geometry {
         self.facets.materials.contains(&material)
     }
 
-    /// Like [`Self::surface`], but writes to memory directly, which avoids a copy.
+    /// Writes the result of [`Self::surface`] to `out`, which avoids a copy.
     #[inline(always)]
     pub fn surface_into(&self, ray: &Ray, hit: &Hit, out: &mut Surface) {
         *out = self.own_surface(ray, hit);
@@ -306,7 +310,7 @@ impl Geometry {
         }
     }
 
-    /// [`Self::surface`] for primitives of the world; the result for an instance is meaningless.
+    /// Returns [`Self::surface`] for primitives of the world; the result for an instance is meaningless.
     #[inline(always)]
     fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
@@ -361,7 +365,8 @@ impl Geometry {
         }
     }
 
-    /// Returns the derivative ∂n/∂p of the unit shading normal along the surface, 1/m.
+    /// Returns the derivative ∂n/∂p of the unit shading normal n with respect to the position p on the
+    /// surface, 1/m.
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
         if let Some(number) = hit.owner.number() {
             return self.bend_in_instance(number, hit, surface);
@@ -378,7 +383,7 @@ impl Geometry {
         triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
-    /// Intersects a ray with one primitive that is known from a view to be the nearest.
+    /// Intersects a ray with one primitive, which a view has determined to be the nearest.
     #[inline(always)]
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
         if leaf & QUADRIC != 0 {
@@ -405,8 +410,8 @@ impl Geometry {
         flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
     }
 
-    /// Returns the outline of a primitive by its index in [`Hit::leaf`] (in the group's coordinates, if it
-    /// belongs to a group); `None` for an unused lane.
+    /// Returns the outline of a primitive by its index in [`Hit::leaf`], or `None` for an unused lane. The
+    /// outline of a primitive in a group is in the group's coordinates.
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
@@ -426,13 +431,14 @@ impl Geometry {
         })
     }
 
-    /// Returns the same geometry with the generic code, which is bit-identical but slower.
+    /// Returns the same geometry without the AVX2 code. The generic code is bit-identical but slower.
     pub fn plain(mut self) -> Self {
         self.avx2 = false;
         self
     }
 
-    /// Returns the numbers of triangles and of quadrics; those of groups count once.
+    /// Returns the numbers of triangles and of quadrics; a group counts once, however many instances it
+    /// has.
     #[inline]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())

@@ -1,15 +1,15 @@
-//! All hits along a ray, not only the nearest, to find surfaces that are too close together.
+//! All hits along a ray, not only the nearest, used to find surfaces that are too close together.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::pack::Wide;
 use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
-/// Distance from a triangle's edges at which its inside begins, in barycentric coordinates; neighbours
-/// overlap at shared edges.
+/// Distance from a triangle's edges at which its inside begins, in barycentric coordinates. Neighbouring
+/// triangles overlap at shared edges.
 const RIM: f32 = 1e-4;
 
-/// Collects all hits.
+/// Visitor that collects all hits.
 struct All<'a> {
     geometry: &'a Geometry,
     ray: &'a Ray,
@@ -65,8 +65,8 @@ impl Visit for All<'_> {
 impl Geometry {
     /// Returns all hits closer than `tmax`, unordered.
     ///
-    /// Only the nearer hit of a quadric is returned, and hits near the edges of triangles are omitted.
-    /// Returns none if the ray or `tmax` is not finite.
+    /// Of a quadric, only the nearer hit is returned. Hits near the edges of triangles are omitted. The
+    /// list is empty if the ray or `tmax` is not finite.
     pub fn crossings(&self, ray: &Ray, tmax: f32) -> Vec<Hit> {
         // Tree traversal compares distances, which fails for NaN.
         if !(ray.origin.is_finite() && ray.dir.is_finite() && tmax.is_finite()) {

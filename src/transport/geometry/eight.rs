@@ -1,8 +1,9 @@
 //! Eight f32 lanes, for intersecting a ray with eight boxes or triangles at a time.
 //!
-//! Plain loops over arrays, which the compiler vectorizes: two vectors of four lanes on any processor, one of
-//! eight where the caller is compiled for AVX2 (see [`super::bvh::Geometry`]). Every operation rounds
-//! according to IEEE 754 and none are fused, so the results are bit-identical.
+//! The operations are plain loops over arrays, which the compiler vectorizes: to two vectors of four lanes
+//! on any processor, or to one vector of eight lanes if the caller is compiled for AVX2 (see
+//! [`super::bvh::Geometry`]). Every operation rounds according to IEEE 754 and none are fused, so the
+//! results are bit-identical.
 
 #![expect(
     clippy::needless_range_loop,
@@ -16,7 +17,7 @@ use wide::f32x4;
 #[repr(C, align(32))]
 pub struct Eight(pub [f32; 8]);
 
-/// Eight booleans: all bits of a lane set, or none.
+/// Eight booleans; a true lane has all bits set, a false lane none.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Mask(pub [u32; 8]);
@@ -45,13 +46,13 @@ impl Eight {
         Self([v; 8])
     }
 
-    /// Returns the minimum; `other` where `self` is NaN.
+    /// Returns the minimum per lane; `other` where `self` is NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
         each(self, other, |a, b| if a < b { a } else { b })
     }
 
-    /// Returns the maximum; `other` where `self` is NaN.
+    /// Returns the maximum per lane; `other` where `self` is NaN.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         each(self, other, |a, b| if a > b { a } else { b })
@@ -84,7 +85,7 @@ impl Eight {
 }
 
 impl Mask {
-    /// Returns `yes` where true, `no` elsewhere.
+    /// Returns `yes` in lanes where the mask is true, `no` elsewhere.
     #[inline(always)]
     pub fn select(self, yes: Eight, no: Eight) -> Eight {
         let mut out = [0.0; 8];
@@ -94,7 +95,7 @@ impl Mask {
         Eight(out)
     }
 
-    /// Returns bit i set if lane i is true.
+    /// Converts the mask to an integer whose bit i is set if lane i is true.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         let [low, high]: [f32x4; 2] = bytemuck::cast(self.0);

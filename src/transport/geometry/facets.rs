@@ -3,9 +3,10 @@
 /// Indices of triangles in their meshes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Facets {
-    /// Indices among all triangles, ascending.
+    /// Indices of the listed triangles among all triangles, ascending.
     places: Vec<u32>,
-    /// Index in the mesh, with [`WHOLE`] set if it and the next triangle form a parallelogram.
+    /// Index of each listed triangle in its mesh, with [`WHOLE`] set if this triangle and the next form a
+    /// parallelogram.
     numbers: Vec<u32>,
     /// Materials of the meshes.
     pub(super) materials: Vec<u32>,
@@ -15,7 +16,7 @@ pub(super) struct Facets {
 const WHOLE: u32 = 1 << 31;
 
 impl Facets {
-    /// Appends a triangle; `place` must be larger than those before.
+    /// Appends a triangle; `place` must be larger than all earlier places.
     pub(super) fn add(&mut self, place: u32, number: u32, whole: bool) {
         self.places.push(place);
         self.numbers.push(number | if whole { WHOLE } else { 0 });
@@ -28,7 +29,7 @@ impl Facets {
         Some((number & !WHOLE) + u32::from(far && number & WHOLE != 0))
     }
 
-    /// Returns the memory used, bytes.
+    /// Returns the memory that the tables use, bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&self.places[..]) + size_of_val(&self.numbers[..]) + size_of_val(&self.materials[..])
     }

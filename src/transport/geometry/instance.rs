@@ -1,9 +1,10 @@
 //! Groups of surfaces and their instances: transforms, bounds, and rays in the group's coordinates.
 //!
-//! To limit rounding errors, a ray's origin is first taken relative to the instance, so that its error is
-//! relative to the distance to the instance and not to the coordinates. The origin is then moved along the
-//! ray to the bounding sphere of the group. The ray thus always starts within about the group's size of its
-//! triangles, and the skin that closes the gaps between them is relative to that size.
+//! To limit rounding errors, a ray's origin is first translated to the coordinates relative to the
+//! instance. The rounding error is then relative to the distance to the instance, not to the world
+//! coordinates. The origin is then moved along the ray to the bounding sphere of the group. The distance
+//! from the ray's start to the triangles is thus at most about the group's size. The skin that closes the
+//! gaps between triangles is relative to that size.
 
 use super::ray::Ray;
 use super::rounding;
@@ -13,16 +14,16 @@ use obvhs::aabb::Aabb;
 
 /// A set of surfaces that may have many instances.
 pub(super) struct Group {
-    /// Over packs and quadrics of the [`Geometry`].
+    /// Tree over packs and quadrics of the [`Geometry`].
     pub(super) tree: Tree,
-    /// Radius of the bounding sphere about the group's origin.
+    /// Radius of the bounding sphere about the group's origin, in the group's metres.
     pub(super) reach: f32,
     /// Distance by which triangles extend beyond their edges, in the group's metres.
     pub(super) skin: f32,
 }
 
 impl Group {
-    /// Returns the memory used apart from packs, triangles and quadrics.
+    /// Returns the memory of the group apart from packs, triangles and quadrics, bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of::<Self>() + self.tree.bytes()
     }
@@ -50,7 +51,7 @@ pub(super) struct Local {
 }
 
 impl Local {
-    /// Returns the distance in the world.
+    /// Converts a distance in the group to a distance in the world, metres.
     #[inline]
     pub(super) fn world(&self, t: f32) -> f32 {
         (self.start + t) / self.scale
@@ -58,7 +59,7 @@ impl Local {
 }
 
 impl Instance {
-    /// Places a group; the map must be invertible (the scene builder checks).
+    /// Places a group. The map must be invertible, which the scene builder checks.
     pub(super) fn new(group: u32, to_world: &DAffine3) -> Self {
         Self {
             to_world: to_world.matrix3.as_mat3().into(),
@@ -74,12 +75,12 @@ impl Instance {
         self.to_world * p + self.origin
     }
 
-    /// Returns an upper bound of the scale factor of lengths from group to world.
+    /// Returns an upper bound of the factor by which the map from group to world stretches lengths.
     pub(super) fn stretch(&self) -> f32 {
         stretch(self.to_world)
     }
 
-    /// Returns the bounds in the world.
+    /// Returns the bounding box of the instance in the world.
     pub(super) fn bounds(&self, group: &Group) -> Aabb {
         let m = self.to_world;
         let mut all = Aabb::empty();

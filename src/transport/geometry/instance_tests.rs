@@ -35,7 +35,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// Meshes and quadrics of a group, with their materials.
+/// Test meshes and quadrics of a group, with their materials.
 #[derive(Default)]
 struct Things {
     meshes: Vec<(Mesh, u32)>,
@@ -60,7 +60,7 @@ fn single(a: &DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// One shape of each kind, not about the origin.
+/// Returns one shape of each kind, none of them centred on the origin.
 fn things(at: Vec3) -> Things {
     let mut smooth = ball(24);
     smooth.transform(&Affine3A::from_scale_rotation_translation(
@@ -98,7 +98,7 @@ fn things(at: Vec3) -> Things {
     }
 }
 
-/// Maps of all kinds: rotations, reflections, non-uniform scales, shears, large and small.
+/// Returns maps of all kinds: rotations, reflections, non-uniform scales and shears, large and small.
 fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
     let mut any = || f64::from(stream.uniform());
     (0..n)
@@ -122,7 +122,7 @@ fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
         .collect()
 }
 
-/// The same world with instances and with copies.
+/// Returns the same world twice: with instances and with copies.
 fn pair(groups: &[Things], places: &[DAffine3]) -> [Geometry; 2] {
     let mut instanced = GeometryBuilder::default();
     let mut copied = GeometryBuilder::default();
@@ -161,7 +161,7 @@ fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
     Some((hit, g.surface(ray, &hit)))
 }
 
-/// Random rays hit instances like copies.
+/// Verifies that random rays hit instances in the same way as copies.
 #[test]
 fn instances_are_copies() {
     let mut stream = Stream::new(21, 0, 0);
@@ -223,7 +223,7 @@ fn instances_are_copies() {
     assert!(kinds.iter().all(|n| *n > 30), "{kinds:?}");
 }
 
-/// The generic code is bit-identical.
+/// Verifies that the generic code gives bit-identical results.
 #[test]
 fn plain_code_gives_the_same_bits() {
     let mut stream = Stream::new(22, 0, 0);
@@ -242,8 +242,8 @@ fn plain_code_gives_the_same_bits() {
     }
 }
 
-/// A ray that leaves a surface does not hit it again, and one that enters a closed surface hits its inside:
-/// no leaks at any size or distance.
+/// Verifies that a ray that leaves a surface does not hit it again, and that a ray that enters a closed
+/// surface hits the inside of the surface, at any size or distance.
 #[test]
 fn nothing_leaks() {
     let mut stream = Stream::new(23, 0, 0);
@@ -299,7 +299,7 @@ fn hits_are_small() {
     assert_eq!(Owner::WORLD.number(), None);
 }
 
-/// A thousand instances take the memory of one, plus a small amount for each.
+/// Verifies that a thousand instances take the memory of one, plus a small amount for each.
 #[test]
 fn a_thousand_copies_in_the_memory_of_one() {
     let mesh = ball(100);
@@ -335,7 +335,8 @@ fn a_thousand_copies_in_the_memory_of_one() {
     assert_eq!(found.len(), 1000);
 }
 
-/// A view of a world with instances agrees with rays, next to, between and inside the instances.
+/// Verifies that a view of a world with instances agrees with rays that pass next to, between and inside
+/// the instances.
 #[test]
 fn views_know_of_instances() {
     let mut stream = Stream::new(24, 0, 0);

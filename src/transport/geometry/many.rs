@@ -1,12 +1,13 @@
 //! Arrays of vectors with separate x, y and z components.
 //!
-//! If a batch of paths does the same arithmetic, the compiler vectorizes plain loops over such arrays. With
-//! one vector per path, most of the time is spent waiting for divisions and square roots. The operations and
-//! their order are those of `glam`, so the results are bit-identical to those for single vectors.
+//! The compiler vectorizes plain loops over such arrays, for batches of paths with the same arithmetic.
+//! With one vector per path, the processor would spend most of the time waiting for divisions and square
+//! roots. The operations and their order are those of `glam`, so the results are bit-identical to those for
+//! single vectors.
 
 use glam::{Mat3A, Vec3A};
 
-/// x, y and z of `N` vectors.
+/// The x, y and z components of `N` vectors.
 pub type Many<const N: usize> = [[f32; N]; 3];
 
 pub const fn zero<const N: usize>() -> Many<N> {
@@ -24,7 +25,7 @@ pub fn set<const N: usize>(v: &mut Many<N>, i: usize, value: Vec3A) {
     (v[0][i], v[1][i], v[2][i]) = (x, y, z);
 }
 
-/// Returns `m · v`.
+/// Returns `m · v` for every vector v.
 #[inline(always)]
 pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     let [a, b, c] = m.to_cols_array_2d();
@@ -38,7 +39,7 @@ pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     out
 }
 
-/// Returns `v - w`.
+/// Returns `v - w` for every vector v.
 #[inline(always)]
 pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
     let w = w.to_array();

@@ -123,14 +123,14 @@ impl Mesh {
         }
     }
 
-    /// Returns true if a triangle has no area, by the criterion of [`Self::drop_degenerate`].
+    /// Returns true if a triangle has zero area, by the criterion of [`Self::drop_degenerate`].
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         is_flat(&self.positions, &self.indices[triangle])
     }
 
-    /// Removes triangles without area (repeated or collinear corners, to the precision of the stored
-    /// positions) and returns their number. Triangles with an index out of range are kept for
-    /// [`Mesh::validate`] to report.
+    /// Removes triangles of zero area (repeated or collinear corners, to the precision of the stored
+    /// positions) and returns the number of removed triangles. Triangles with an index out of range are
+    /// kept, so that [`Mesh::validate`] reports them.
     pub fn drop_degenerate(&mut self) -> usize {
         let before = self.indices.len();
         let positions = &self.positions;
@@ -142,7 +142,8 @@ impl Mesh {
         before - self.indices.len()
     }
 
-    /// Removes unused vertices and keeps the order of the others. Does nothing if an index is out of range.
+    /// Removes unused vertices and keeps the order of the others. Has no effect if an index is out of
+    /// range.
     pub fn compact(&mut self) {
         let n = self.positions.len();
         let mut used = vec![false; n];
@@ -170,14 +171,16 @@ impl Mesh {
         }
     }
 
-    /// Returns the square [-1, 1]^2 m in the plane z = 0, normal +z, uv from 0 to 1.
+    /// Returns the square [-1, 1]^2 m in the plane z = 0, with normal +z and texture coordinates from 0 to
+    /// 1.
     pub fn rectangle() -> Self {
         let mut mesh = Self::default();
         mesh.push_square(Vec3::ZERO, Vec3::X, Vec3::Y);
         mesh
     }
 
-    /// Returns the cube [-1, 1]^3 m, facing outward with flat normals; each face has uv from 0 to 1.
+    /// Returns the cube [-1, 1]^3 m with outward flat normals; the texture coordinates of each face go from
+    /// 0 to 1.
     pub fn cube() -> Self {
         let mut mesh = Self::default();
         for (u, v) in [
@@ -193,7 +196,7 @@ impl Mesh {
         mesh
     }
 
-    /// Adds the square `centre` ± `u` ± `v`, facing u x v.
+    /// Adds the square `centre` ± `u` ± `v`, with normal u × v.
     fn push_square(&mut self, centre: Vec3, u: Vec3, v: Vec3) {
         let first = self.positions.len() as u32;
         for (s, t) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
@@ -206,8 +209,8 @@ impl Mesh {
     }
 }
 
-/// Returns true if the triangle's area is zero to the precision of f32 positions. Triangles with non-finite
-/// corners count as having area, so that validation reports them.
+/// Returns true if the triangle's area is zero to the precision of f32 positions. The function returns
+/// false for non-finite corners, so that validation reports them.
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
@@ -220,7 +223,7 @@ fn first<T: Sync>(table: &[T], is: impl Fn(&T) -> bool + Sync + Send) -> Option<
     table.par_iter().with_min_len(SHARE).position_first(is)
 }
 
-/// Returns true for a triangle without area; false if an index is out of range.
+/// Returns true if the triangle's area is zero; false if an index is out of range.
 fn is_flat(positions: &[Vec3], corners: &[u32; 3]) -> bool {
     match corners.map(|i| positions.get(i as usize).map(|p| p.as_dvec3())) {
         [Some(a), Some(b), Some(c)] => without_area(a, b, c),

@@ -1,6 +1,6 @@
 //! Shapes in space: triangle meshes, exact quadrics, and the bounding volume hierarchy over all of them.
 //!
-//! Lengths are metres. Of materials, this module knows only their indices.
+//! Lengths are in metres. Materials are referred to by index only.
 
 mod binary;
 mod binned;

@@ -1,5 +1,5 @@
-//! Ray intersection with eight triangles or parallelograms at a time: Möller & Trumbore (1997, "Fast, minimum
-//! storage ray/triangle intersection", J. Graphics Tools 2), one per lane.
+//! Ray intersection with eight triangles or parallelograms at a time: Möller & Trumbore (1997, "Fast,
+//! minimum storage ray/triangle intersection", J. Graphics Tools 2), one primitive per lane.
 //!
 //! With e1, e2 the edges from the corner v0, p = d × e2, s = o - v0 and q = s × e1, (t, u, v) = (q·e2, p·s,
 //! q·d) / (p·e1). A point is inside if u, v ≥ 0 and u + v ≤ 1, or max(u, v) ≤ 1 for a parallelogram.
@@ -14,13 +14,14 @@ pub(super) struct Primitive {
     pub(super) v0: Vec3A,
     pub(super) e1: Vec3A,
     pub(super) e2: Vec3A,
-    /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not only half of it.
+    /// True for a parallelogram, which covers all points v0 + u e1 + v e2 with 0 ≤ u, v ≤ 1; a triangle
+    /// covers half of them.
     pub(super) parallelogram: bool,
 }
 
 impl Primitive {
-    /// Returns the tolerance of the barycentric coordinates that widens the triangle by `width` metres. It is
-    /// relative to the triangle's height.
+    /// Returns the tolerance of the barycentric coordinates that widens the triangle by `width` metres. The
+    /// tolerance is relative to the triangle's height.
     fn skin(&self, width: f32) -> f32 {
         let (e1, e2) = (self.e1, self.e2);
         let longest = e1.length().max(e2.length()).max((e2 - e1).length());
@@ -37,11 +38,11 @@ pub(super) struct Pack {
     e1: [Eight; 3],
     e2: [Eight; 3],
     skin: Eight,
-    /// Set in the lanes of parallelograms.
+    /// Mask of the lanes that contain parallelograms.
     pub(super) parallelogram: Mask,
 }
 
-/// A ray in all lanes.
+/// A ray, copied to all lanes.
 pub(super) struct Wide {
     o: [Eight; 3],
     d: [Eight; 3],
@@ -85,8 +86,8 @@ impl Pack {
         pack
     }
 
-    /// Möller & Trumbore (1997). Returns the bits of the lanes that are hit before `end`, the distances, and
-    /// the barycentric coordinates of the second and third vertex.
+    /// Intersects a ray with all lanes (Möller & Trumbore 1997). Returns the bits of the lanes that are hit
+    /// before `end`, the distances, and the barycentric coordinates of the second and third vertex.
     #[inline(always)]
     pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
         let p = cross(&ray.d, &self.e2);
@@ -104,7 +105,7 @@ impl Pack {
         (hit.bits(), t, u, v)
     }
 
-    /// Returns the corner and edges of one lane.
+    /// Returns the corner v0 and the edges e1, e2 of one lane, metres.
     #[inline]
     pub(super) fn lane(&self, lane: usize) -> [Vec3A; 3] {
         [&self.v0, &self.e1, &self.e2].map(|v| {

@@ -1,8 +1,8 @@
 //! Sphere, disk and cylinder, intersected exactly in object space.
 //!
-//! Object space: unit sphere about the origin; unit disk in z = 0 facing +z; open tube of radius 1 from z = 0
-//! to 1 facing outward. An affine map transforms them to the world, including to ellipsoids and elliptic
-//! tubes.
+//! In object space, the shapes are the unit sphere about the origin, the unit disk in z = 0 facing +z, and
+//! the open tube of radius 1 from z = 0 to 1 facing outward. An affine map transforms them to the world,
+//! including to ellipsoids and elliptic tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -22,23 +22,24 @@ pub enum QuadricKind {
     Cylinder,
 }
 
-/// A quadric placed in the world.
+/// A quadric with its transform to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
     pub kind: QuadricKind,
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world`, times `facing`: transforms normals.
+    /// Inverse transpose of `to_world` times `facing`, which transforms normals.
     normals: Mat3A,
     /// 1, or -1 if the normals point inward.
     facing: f32,
-    /// Centre and radius if the surface is a sphere in the world; else the radius is 0.
+    /// Centre and radius of a surface that is a sphere in the world, metres; the radius is 0 for other
+    /// surfaces.
     centre: Vec3A,
     radius: f32,
     /// Axis of rotation for the texture coordinate u.
     turn: Vec3A,
-    /// See [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant, see [`Surface::rounding`](super::ray::Surface::rounding).
     pub(crate) rounding: f32,
 }
 
@@ -61,7 +62,7 @@ fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
 }
 
 impl Quadric {
-    /// Places a quadric; `to_world` must be invertible (the scene builder checks).
+    /// Places a quadric. `to_world` must be invertible, which the scene builder checks.
     pub fn new(kind: QuadricKind, to_world: Affine3A, material: u32) -> Self {
         let to_object = to_world.inverse();
         let radius = if kind == QuadricKind::Sphere { similarity(to_world.matrix3) } else { 0.0 };
@@ -80,7 +81,7 @@ impl Quadric {
         }
     }
 
-    /// Returns the same surface with front and back swapped.
+    /// Returns the same surface with front and back exchanged.
     pub fn flipped(mut self) -> Self {
         self.facing = -self.facing;
         self.normals *= -1.0;
@@ -95,12 +96,13 @@ impl Quadric {
         if self.facing < 0.0 { moved.flipped() } else { moved }
     }
 
-    /// Returns centre and radius if this is a sphere in the world.
+    /// Returns the centre and the radius (metres) of a surface that is a sphere in the world; `None` for
+    /// others.
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Returns the nearest distance in (0, tmax) to a sphere, or infinity; see [`roots`].
+    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity; see [`roots`].
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -129,7 +131,8 @@ impl Quadric {
         }
     }
 
-    /// Returns the nearest distance in (0, tmax), infinity for none; `dir` is a unit vector.
+    /// Returns the distance to the nearest hit in (0, tmax), or infinity if there is none. `dir` is a unit
+    /// vector.
     #[inline(always)]
     pub fn intersect(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         if self.radius > 0.0 {
@@ -138,7 +141,7 @@ impl Quadric {
         self.meet(origin, dir, tmax)
     }
 
-    /// [`Self::intersect`] for all surfaces except spheres in the world.
+    /// Returns [`Self::intersect`] for all surfaces except spheres in the world.
     #[inline]
     fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
@@ -181,7 +184,7 @@ impl Quadric {
     /// Returns position (projected onto the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
     ///
     /// u is the azimuth about the axis of a sphere or a cylinder; v of a sphere starts at its +z pole. A
-    /// disk's u is the radius, but its tangent is the object's x axis everywhere, so that a polarizer disk
+    /// disk's u is the radius, but the tangent is the object's x axis everywhere, so that a polarizer disk
     /// has a uniform axis.
     #[inline(always)]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
@@ -194,7 +197,7 @@ impl Quadric {
         self.own_surface(hit)
     }
 
-    /// [`Self::surface`] for all surfaces except spheres in the world.
+    /// Returns [`Self::surface`] for all surfaces except spheres in the world.
     #[inline]
     fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
@@ -217,7 +220,7 @@ impl Quadric {
         )
     }
 
-    /// Returns the derivative of the unit outward normal with respect to the position on the surface.
+    /// Returns the derivative of the unit outward normal with respect to the position on the surface, 1/m.
     #[inline]
     pub fn bend(&self, p: Vec3A) -> Mat3A {
         let o = self.to_object.transform_point3a(p);
@@ -274,7 +277,8 @@ impl Quadric {
         }
     }
 
-    /// Samples a point, uniformly in object space, and returns it with its unit normal.
+    /// Samples a point uniformly in object space, and returns the point with the unit normal there, in
+    /// world space.
     pub fn point(&self, u: [f32; 2]) -> (Vec3A, Vec3A) {
         let o = match self.kind {
             QuadricKind::Sphere => warp::sphere(u),
@@ -299,7 +303,7 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
-    /// Returns true if the point is inside the surface (or tube), scaled by `grown` about its centre.
+    /// Returns true if the point is inside the sphere or tube after scaling by `grown` about the centre.
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
         match self.kind {
@@ -336,7 +340,7 @@ impl Quadric {
     }
 }
 
-/// Returns the derivative of a normalized vector, from the vector and its derivative.
+/// Returns the derivative of a normalized vector, given the vector before normalization and its derivative.
 #[inline]
 pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     let length = v.length().max(f32::MIN_POSITIVE);
@@ -358,7 +362,8 @@ pub(super) fn similarity(m: Mat3A) -> f32 {
     if uneven.iter().all(|u| u.abs() <= 1e-6 * r) { r } else { 0.0 }
 }
 
-/// Returns the length of every matrix row over all three, or the first two, columns.
+/// Returns the length of every matrix row over all three columns, or over the first two if `three` is
+/// false.
 fn rows_length(m: Mat3A, three: bool) -> Vec3A {
     let sq = |v: Vec3A| v * v;
     let s = sq(m.x_axis) + sq(m.y_axis) + if three { sq(m.z_axis) } else { Vec3A::ZERO };
@@ -371,7 +376,7 @@ mod tests {
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
 
-    /// A sphere has the same hits, normals and tangents as in object space, reflected or not.
+    /// Verifies that a sphere has the same hits, normals and tangents as in object space, reflected or not.
     #[test]
     fn balls_are_spheres() {
         let mut stream = Stream::new(4, 0, 0);

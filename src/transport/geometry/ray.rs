@@ -3,7 +3,7 @@
 use glam::{Mat3A, Vec3A};
 use std::num::NonZeroU32;
 
-/// A ray; distances are metres.
+/// A ray with its origin and direction; distances along the ray are in metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin in world space, metres.
@@ -27,7 +27,8 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is as small as `Hit`.
+/// The owner of a primitive: the world or an instance. The value is never 0, so that `Option<Hit>` is as
+/// small as `Hit`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Owner(NonZeroU32);
 
@@ -63,13 +64,13 @@ pub struct Surface {
     pub bitangent: Vec3A,
     pub uv: [f32; 2],
     pub material: u32,
-    /// Maximum rounding error of points and hits off the surface, in units of 2⁻²⁴ of their coordinates.
+    /// Maximum rounding error of points and hits on the surface, in units of 2⁻²⁴ of their coordinates.
     pub rounding: f32,
 }
 
 impl Surface {
-    /// Returns the orthonormal frame x (along ∂p/∂u), y and z = `ns` to which element angles and normal maps
-    /// refer. It maps local directions to the world.
+    /// Returns the orthonormal frame with axes x (along ∂p/∂u), y and z = `ns`, which maps local directions
+    /// to the world. Element angles and normal maps are relative to this frame.
     #[inline]
     pub fn tangent_frame(&self) -> Mat3A {
         let x = optics::polarization::frame::project(self.tangent, self.ns);

@@ -1,4 +1,5 @@
-//! Tests that rays start and end just off surfaces: they do not hit that surface or pass through others.
+//! Tests that rays start and end just off surfaces, and neither hit the surface that they leave nor pass
+//! through others.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -11,7 +12,7 @@ use optics::polarization::frame::basis;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Distances from the origin of scenes of 1 m, metres.
+/// Distances from the origin at which scenes of size 1 m are placed, metres.
 const OFFSETS: [f32; 4] = [0.1, 1.0, 100.0, 1e4];
 
 fn turned(stream: &mut Stream) -> Quat {
@@ -20,7 +21,7 @@ fn turned(stream: &mut Stream) -> Quat {
     Quat::from_axis_angle(axis.into(), stream.uniform() * 6.0)
 }
 
-/// A unit ball of triangles at the origin, with `n` rows of 2 n.
+/// Returns a unit sphere of triangles about the origin, with `n` rows of 2 n triangles.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=n {
@@ -50,7 +51,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// Samples a direction on the side of `n`; every fourth is grazing.
+/// Samples a direction on the side of `n`; every fourth direction is grazing.
 fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     let v = warp::sphere(stream.uniform2());
     let side = v - n * (2.0 * v.dot(n).min(0.0));
@@ -62,7 +63,7 @@ fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     }
 }
 
-/// Samples a ray near a target and returns it with its hit.
+/// Samples a ray near a target and returns the ray with its hit and surface point.
 fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(Ray, Hit, Surface)> {
     let target = centre + warp::sphere(stream.uniform2()) * (size * stream.uniform());
     let origin = centre + warp::sphere(stream.uniform2()) * (size * (0.1 + 5.0 * stream.uniform()));
@@ -71,9 +72,9 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
     Some((ray, hit, g.surface(&ray, &hit)))
 }
 
-/// For flat primitives and quadrics of all sizes and positions: a ray never hits the surface that it leaves,
-/// and that surface does not block a line to one of its points. A ray may hit the other side of a curved
-/// surface, or its inside, but nothing nearer.
+/// Verifies for flat primitives and quadrics of all sizes and positions that a ray never hits the surface
+/// that it leaves, and that a surface does not block lines to its own points. A ray may hit the other side
+/// of a curved surface, or its inside, but nothing nearer.
 #[test]
 fn nothing_meets_itself() {
     let mut stream = Stream::new(41, 0, 0);
@@ -150,7 +151,8 @@ fn nothing_meets_itself() {
     assert_eq!((again, blocked), ([0; 6], [0; 6]));
 }
 
-/// Random walks inside closed meshes and quadrics, at all positions and sizes: every ray hits from inside.
+/// Verifies that no ray of random walks inside closed meshes and quadrics escapes, at all positions and
+/// sizes.
 #[test]
 fn closed_rooms_lose_no_light() {
     let mut stream = Stream::new(42, 0, 0);
@@ -226,7 +228,7 @@ fn closed_rooms_lose_no_light() {
     }
 }
 
-/// A ray along the inside of a round shape hits it again, at any small angle.
+/// Verifies that a ray along the inside of a round shape hits the shape again, at any small angle.
 #[test]
 fn round_rooms_are_closed_to_grazing_rays() {
     let mut stream = Stream::new(44, 0, 0);
@@ -265,7 +267,8 @@ fn round_rooms_are_closed_to_grazing_rays() {
     }
 }
 
-/// Two parallel sheets with a gap of 1 µm at a distance of 1 m: rays from each sheet hit the other.
+/// Verifies that rays from each of two parallel sheets, 1 µm apart at a distance of 1 m, hit the other
+/// sheet.
 #[test]
 fn a_micrometre_is_seen_at_a_metre() {
     let mut stream = Stream::new(43, 0, 0);

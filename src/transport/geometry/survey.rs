@@ -1,5 +1,5 @@
-//! Computes conservative bounds for every small pyramid of directions from a point: the depths of the nearest
-//! primitive, of all others, and of the primitive that hides everything behind it.
+//! Computes conservative bounds for every small pyramid of directions from a point: the depths of the
+//! nearest primitive, of all other primitives, and of the primitive that occludes everything behind it.
 
 use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;
@@ -8,43 +8,46 @@ use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Pyramids are enlarged by this fraction of their width, against rounding.
+/// Enlargement of pyramids as a fraction of their width, against rounding errors.
 const MARGIN: f32 = 0.02;
 /// Relative margin of depths.
 pub(super) const DEPTH_MARGIN: f32 = 1e-4;
-/// Index of no primitive.
+/// Index that stands for no primitive.
 pub(super) const NOTHING: u32 = u32::MAX;
 /// Minimum distance of primitives for a view, relative to the scene's extent.
 const NEAR: f32 = 1e-3;
-/// An outline with a smaller ratio of area to length, on the plane at distance 1, is a sliver: rounding
-/// determines its orientation.
+/// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
+/// outline is a sliver whose orientation rounding errors determine.
 const SLIVER: f32 = 1e-5;
-/// A plane at less than this sine to the line to a corner is seen edge-on: its depths are unreliable.
+/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
+/// edge-on and the depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
-/// Relative enlargement of spheres, against rounding of their hits.
+/// Relative enlargement of spheres, against rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
-/// Rounding of angles between directions, radians: f32 arc tangents are accurate to a hundredth of this.
+/// Bound on the rounding error of angles between directions, radians, a hundred times that of f32 arc
+/// tangents.
 const ANGLE_MARGIN: f32 = 1e-4;
 /// Enlargement of the boxes of an instance, in units of its group's size.
 const BOX_MARGIN: f32 = 1e-5;
-/// From this number of triangles on, small boxes of the tree are entered instead of their triangles.
+/// Minimum number of triangles for which small boxes of the tree are entered instead of the triangles.
 const MANY: usize = 1 << 16;
-/// A box at most this many pyramids wide is small.
+/// Maximum width of a small box, in pyramids.
 const SMALL: f32 = 0.5;
-/// A direction within this fraction of a sphere's angular radius certainly hits it.
+/// Fraction of a sphere's angular radius within which every direction certainly hits the sphere.
 const WELL_INSIDE: f32 = 0.99;
-/// Beyond this angle the tangent is treated as infinite: just below π/2, where the f32 tangent changes sign.
+/// Angle beyond which the tangent is treated as infinite, radians: just below π/2, where the f32 tangent
+/// changes sign.
 const RIGHT_ANGLE: f32 = 1.57;
 
 /// The bounds of one pyramid; depths are along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    /// The primitive that may be nearest, and the minimum depth at which it may be.
+    /// The primitive that may be the nearest, and the minimum depth of this primitive.
     pub leaf: u32,
     pub nearest: f32,
     /// Minimum depth of all other primitives.
     pub others: f32,
-    /// Depth behind which everything is hidden.
+    /// Depth behind which everything is occluded.
     pub cover: f32,
 }
 
@@ -57,13 +60,13 @@ impl Bounds {
 /// The division of directions into pyramids.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
-    /// First corner, and pyramids per unit, on the plane at distance 1.
+    /// First corner of the grid, and number of pyramids per unit, on the plane at distance 1.
     pub first: Vec2,
     pub density: Vec2,
     pub size: [u32; 2],
 }
 
-/// The bounds of all pyramids while primitives are entered.
+/// The bounds of all pyramids, to which primitives are added one by one.
 pub(super) struct Survey {
     grid: Grid,
     pub bounds: Vec<Bounds>,
@@ -89,8 +92,8 @@ impl Window {
 }
 
 impl Survey {
-    /// Enters all primitives of a geometry, seen from `origin` with world directions rotated by `to_local`.
-    /// Returns `None` if a primitive is so close that the view would be useless.
+    /// Adds all primitives of a geometry, seen from `origin` with world directions rotated by `to_local`.
+    /// Returns `None` if a primitive is too close for a useful view.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
         let mut survey = Self { grid, bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize] };
         let near = NEAR * geometry.extent;
@@ -109,7 +112,7 @@ impl Survey {
         Some(survey)
     }
 
-    /// Enters a primitive of the world.
+    /// Adds a primitive of the world to the bounds.
     fn outline(
         &mut self,
         geometry: &Geometry,
@@ -125,7 +128,8 @@ impl Survey {
         }
     }
 
-    /// Enters the world by its tree. A box smaller than a pyramid is entered as a box and hides nothing.
+    /// Adds the world through its tree. A box smaller than a pyramid is added as a box and occludes
+    /// nothing.
     fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
         let pad = Vec3A::splat(BOX_MARGIN * geometry.extent);
         let mut todo = vec![0];
@@ -152,8 +156,8 @@ impl Survey {
         Some(())
     }
 
-    /// Enters the boxes of an instance's tree, from the top down to the first that are not too close. `place`
-    /// maps points of the group to right, down, forward of the pinhole.
+    /// Adds boxes of an instance's tree, from the top down to the first that are not too close. `place`
+    /// maps points of the group to the pinhole's coordinates (right, down, forward).
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -186,8 +190,8 @@ impl Survey {
         Some(())
     }
 
-    /// Enters an unknown shape inside the convex hull of corners. Returns false and enters nothing if the
-    /// hull is too close, or wider than `most` pyramids.
+    /// Adds an unknown shape inside the convex hull of corners. Returns false and adds nothing if the hull
+    /// is too close, or wider than `most` pyramids.
     fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
         if corners.iter().all(|c| c.z < 0.0) || self.is_beside(&corners) {
             return true;
@@ -210,7 +214,8 @@ impl Survey {
         true
     }
 
-    /// Enters a primitive into a pyramid: its minimum depth, and the depth behind which it hides everything.
+    /// Adds a primitive to a pyramid, with its minimum depth and the depth behind which it occludes
+    /// everything.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
         let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {
@@ -223,7 +228,8 @@ impl Survey {
         p.cover = p.cover.min(cover);
     }
 
-    /// Returns the columns and rows of the pyramids that a window touches, widened by `more`.
+    /// Returns the columns and rows of the pyramids that a window overlaps, after widening the window by
+    /// `more`.
     fn touched(&self, window: Window, more: f32) -> [std::ops::Range<u32>; 2] {
         let pad = Vec2::splat(2.0 * MARGIN) + self.grid.density * more;
         let lo = (window.lo - self.grid.first) * self.grid.density - pad;
@@ -241,7 +247,7 @@ impl Survey {
         Window { lo: self.grid.first + (a - wider) / n, hi: self.grid.first + (a + Vec2::ONE + wider) / n }
     }
 
-    /// Enters a flat primitive. A primitive of an instance has no index and does not hide anything.
+    /// Adds a flat primitive. A primitive of an instance has no index and occludes nothing.
     fn flat(&mut self, leaf: Option<u32>, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
         let behind = corners.iter().all(|c| c.z <= near);
         // The part between the pinhole and the near plane must be outside the image.
@@ -309,7 +315,7 @@ impl Survey {
         Some(())
     }
 
-    /// Enters a sphere at `c` (right, down, forward), or an unknown shape inside it.
+    /// Adds a sphere at `c` (right, down, forward, metres), or an unknown shape inside the sphere.
     fn round(&mut self, leaf: u32, c: Vec3A, radius: f32, solid: bool) -> Option<()> {
         let distance = c.length();
         let radius = radius * (1.0 + ROUND_MARGIN);
@@ -346,7 +352,7 @@ impl Survey {
         Some(())
     }
 
-    /// Returns true if all points are outside one side of the image, or there are none.
+    /// Returns true if all points are outside the same side of the image, or there are no points.
     fn is_beside(&self, points: &[Vec3A]) -> bool {
         let all = |f: &dyn Fn(&Vec3A) -> f32| points.iter().all(|c| f(c) > 0.0);
         let whole = self.whole();
@@ -363,7 +369,8 @@ impl Survey {
     }
 }
 
-/// Returns the interval of x that a disk at (x, z) covers on the line z = 1, seen from the origin outside it.
+/// Returns the interval of x that a disk at (x, z) covers on the line z = 1, seen from the origin. The
+/// origin is outside the disk.
 fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
     let (middle, distance) = (x.atan2(z), x.hypot(z));
     if distance <= radius {

@@ -1,4 +1,4 @@
-//! Tests of the builder and the tree together: rays hit the expected surfaces.
+//! Tests of the builder together with the tree: rays hit the expected surfaces.
 
 use super::builder::GeometryBuilder;
 use super::mesh::Mesh;
@@ -21,13 +21,13 @@ pub(super) fn crowd(stream: &mut Stream, n: u32, (centre, radius): (Vec3A, f32),
     mesh
 }
 
-/// Returns a ray from a random point at distance `far` from the origin to one at distance `near`.
+/// Returns a ray from a random point at distance `far` from the origin toward a point at distance `near`.
 pub(super) fn inward(stream: &mut Stream, far: f32, near: f32) -> Ray {
     let origin = warp::sphere(stream.uniform2()) * far;
     Ray { origin, dir: (warp::sphere(stream.uniform2()) * near - origin).normalize() }
 }
 
-/// Returns the distance to a triangle's plane along a ray, and the smallest barycentric coordinate.
+/// Returns the distance along a ray to a triangle's plane, and the smallest barycentric coordinate there.
 fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     let [a, b, c] = corners.map(glam::Vec3::as_dvec3);
     let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -127,7 +127,7 @@ fn bvh_equals_brute_force() {
     assert!(hits > 5000);
 }
 
-/// Rays aimed at the shared edge of two triangles, near and far, steep and grazing: none passes between them.
+/// Verifies that no ray passes between two triangles at their shared edge: near and far, steep and grazing.
 #[test]
 fn shared_edges_are_closed() {
     let mut stream = Stream::new(6, 0, 0);
@@ -171,8 +171,9 @@ fn an_empty_scene_is_hit_by_nothing() {
     assert!(!g.occluded(&ray, f32::INFINITY));
 }
 
-/// The AVX2 code, the generic code and the code for other processors (feature `portable`) give bit-identical
-/// hits. They use only sums, products, quotients and square roots, which round equally everywhere.
+/// Verifies that the AVX2 code, the generic code and the code for other processors (feature `portable`)
+/// give bit-identical hits. All three use only sums, products, quotients and square roots, which every
+/// processor rounds equally.
 #[test]
 fn every_processor_meets_the_same() {
     let mut stream = Stream::new(21, 0, 0);

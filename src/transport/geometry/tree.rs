@@ -1,8 +1,8 @@
-//! A bounding volume hierarchy with eight boxes per node, which a ray tests at a time.
+//! A bounding volume hierarchy with eight boxes per node, against which a ray is tested at once.
 //!
 //! A binary tree ([`super::binary`]) is collapsed to width eight by opening the child with the largest
-//! surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision: scenes of a
-//! rig are so small that decoding compressed boxes would cost more than reading full ones.
+//! surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision: typical
+//! scenes are so small that decoding compressed boxes would cost more than reading full boxes.
 
 use super::binary::{Binary, Part};
 use super::eight::Eight;
@@ -11,13 +11,13 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 
-/// Flag of a child that is a leaf; the other bits are the leaf's index.
+/// Flag of a child that is a leaf; the other bits are the index of the leaf.
 const LEAF: u32 = 1 << 31;
-/// An unused child. Its box is inverted, so that no ray hits it.
+/// Index of an unused child. The box of an unused child is inverted, so that no ray hits the box.
 const NONE: u32 = u32::MAX;
 /// Maximum number of boxes on the traversal stack.
 const STACK: usize = 192;
-/// Factor that enlarges the exit distance of boxes by more than rounding (Ize 2013).
+/// Factor that enlarges the exit distances of boxes by more than their rounding errors (Ize 2013).
 const ROBUST: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// Eight boxes and their children.
@@ -51,17 +51,18 @@ impl Node {
     }
 }
 
-/// The operations of a traversal at a leaf. A trait instead of a closure, because a closure cannot be
+/// The operations of a traversal at a leaf. This is a trait and not a closure, because a closure cannot be
 /// force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
-    /// Processes leaf `leaf`; hits beyond `end` are irrelevant. Returns the new end, 0 or less to stop.
+    /// Processes leaf `leaf`; hits beyond `end` are ignored. Returns the new `end`; 0 or less stops the
+    /// traversal.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
     /// Announces that leaf `leaf` will probably be visited, so that it can be prefetched.
     fn expect(&self, leaf: u32);
 }
 
 /// Prefetches a value into the cache. In large meshes, most of the time is spent waiting for boxes and
-/// triangles; those of children on the stack can be loaded meanwhile.
+/// triangles. The boxes and triangles of children on the stack can be loaded in the meantime.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -82,11 +83,11 @@ pub fn fetch<T>(at: &T) {
 pub enum Child {
     /// Leaf index.
     Leaf(u32),
-    /// Index of the node with further boxes.
+    /// Index of the node that contains further boxes.
     Branch(u32),
 }
 
-/// The tree over leaves that the caller numbers.
+/// A tree over leaves that the caller numbers.
 #[derive(Default)]
 pub struct Tree {
     nodes: Vec<Node>,
@@ -108,8 +109,8 @@ impl<'a> Member<'a> {
 impl Tree {
     /// Builds the tree over `count` boxes.
     ///
-    /// Up to eight nearby primitives (by index in `bounds`) share a leaf if `fits` allows. `leaf` stores them
-    /// and returns the leaf's index (below 2³¹ - 1).
+    /// Up to eight nearby primitives (by index in `bounds`) share a leaf if `fits` allows. `leaf` stores
+    /// these primitives and returns the index of the leaf (below 2³¹ - 1).
     pub fn build(
         count: usize,
         bounds: impl Fn(usize) -> Aabb + Sync,
@@ -175,7 +176,8 @@ impl Tree {
         Some(tree)
     }
 
-    /// Iterates over the boxes and contents of a node's children; node 0 is the root. An empty tree has none.
+    /// Iterates over the boxes and contents of a node's children; node 0 is the root. An empty tree has no
+    /// children.
     pub fn children(&self, node: u32) -> impl Iterator<Item = (Aabb, Child)> + '_ {
         let node = self.nodes.get(node as usize);
         node.into_iter().flat_map(|n| {

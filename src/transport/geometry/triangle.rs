@@ -1,7 +1,7 @@
-//! Shading data of a triangle: corner, edges, normal and tangent in rows of one SIMD load each.
+//! Shading data of a triangle: corner, edges, normal and tangent, each as one row for a single SIMD load.
 //!
-//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with differences (u, v) of texture
-//! coordinates.
+//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for each edge e, where (u, v) is the difference of
+//! texture coordinates along the edge.
 
 use super::quadric::normalized_slope;
 use super::rounding;
@@ -12,19 +12,20 @@ use glam::{Mat3A, Vec3A, Vec4};
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
-    /// First corner; material.
+    /// First corner, metres; the fourth component is the material.
     pub(super) v0: [f32; 4],
-    /// Edges to the other corners; indices of the first two corners into `normals`, `u32::MAX` in the first
-    /// for a flat triangle.
+    /// Edges to the other corners, metres. The fourth components are the indices of the first two corners
+    /// into `normals`; the first index is `u32::MAX` for a flat triangle.
     pub(super) e1: [f32; 4],
     pub(super) e2: [f32; 4],
-    /// Unit normal; index of the third corner into `normals`.
+    /// Unit normal; the fourth component is the index of the third corner into `normals`.
     pub(super) normal: [f32; 4],
-    /// ∂p/∂u up to a factor; index of the first corner into `uvs`, `u32::MAX` if there are none.
+    /// ∂p/∂u up to a factor; the fourth component is the index of the first corner into `uvs`, or
+    /// `u32::MAX` without texture coordinates.
     pub(super) tangent: [f32; 4],
-    /// Indices of the other corners into `uvs`.
+    /// Indices of the second and third corner into `uvs`.
     uvs: [u32; 2],
-    /// See [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant, see [`Surface::rounding`](super::ray::Surface::rounding).
     pub(super) rounding: f32,
 }
 
@@ -37,7 +38,7 @@ fn index(row: &[f32; 4]) -> u32 {
     row[3].to_bits() ^ INDEX
 }
 
-/// Returns the vector of a row.
+/// Returns the vector in a row, without the fourth component.
 #[inline(always)]
 pub(super) fn vector(row: [f32; 4]) -> Vec3A {
     Vec3A::from_vec4(Vec4::from_array(row))
@@ -72,7 +73,7 @@ impl Triangle {
         }
     }
 
-    /// Translates the triangle, metres.
+    /// Translates the triangle by `by`, metres.
     pub(super) fn shift(&mut self, by: Vec3A) {
         for (v, by) in self.v0.iter_mut().zip(by.to_array()) {
             *v += by;
@@ -85,7 +86,7 @@ impl Triangle {
     }
 
     /// Returns ∂p/∂u and ∂p/∂v of the texture coordinates, or of the barycentric coordinates if there are
-    /// none. They are 0 for degenerate texture coordinates.
+    /// no texture coordinates. The derivatives are 0 for degenerate texture coordinates.
     pub(super) fn derivatives(&self, uvs: &[[f32; 2]]) -> [Vec3A; 2] {
         let [e1, e2] = [self.e1, self.e2].map(vector);
         let Some(corners) = self.uvs() else {
@@ -100,14 +101,14 @@ impl Triangle {
         [(e1 * v2 - e2 * v1) / det, (e2 * u1 - e1 * u2) / det]
     }
 
-    /// Returns the indices into `normals`; `None` for a flat triangle.
+    /// Returns the indices of the corners into `normals`; `None` for a flat triangle.
     #[inline(always)]
     pub(super) fn normals(&self) -> Option<[u32; 3]> {
         let [a, b, c] = [index(&self.e1), index(&self.e2), index(&self.normal)];
         (a != u32::MAX).then_some([a, b, c])
     }
 
-    /// Returns the indices into `uvs`; `None` if there are none.
+    /// Returns the indices of the corners into `uvs`; `None` if there are no texture coordinates.
     #[inline(always)]
     pub(super) fn uvs(&self) -> Option<[u32; 3]> {
         let a = index(&self.tangent);

@@ -2,9 +2,9 @@
 //! occluders.
 //!
 //! The pinholes of projector and camera are fixed while millions of rays start or end there. Most pyramids
-//! contain a single primitive, or one in front of all others. There, visibility and first hits are known
-//! without tracing a ray. Pyramids that contain an edge are undecided and need a ray. Every bound is
-//! conservative, so that the results equal those of rays.
+//! contain a single primitive, or one primitive in front of all others. In these pyramids, visibility and
+//! first hits are known without tracing a ray. Pyramids that contain an edge are undecided and need a ray.
+//! Every bound is conservative, so that the results equal those of traced rays.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::many::{Many, turned};
@@ -49,14 +49,14 @@ impl Pyramid {
     }
 }
 
-/// Index of no pyramid.
+/// Index that stands for no pyramid.
 const OUTSIDE: u32 = u32::MAX;
 
-/// The pyramids of a pinhole.
+/// The pyramids of a pinhole with their bounds.
 pub struct View {
     grid: Grid,
     origin: Vec3A,
-    /// World to right, down, forward.
+    /// Rotation from the world to the pinhole's axes (right, down, forward).
     to_local: Mat3A,
     pyramids: Vec<Pyramid>,
 }
@@ -79,9 +79,9 @@ impl View {
         Some(Self { grid, origin, to_local, pyramids: survey.bounds.iter().map(Pyramid::new).collect() })
     }
 
-    /// Returns the indices of the pyramids that contain points, given as right, down and forward coordinates
-    /// (x, y, z arrays). Points outside get an index of no pyramid. Plain loops over numbers, which the
-    /// compiler vectorizes.
+    /// Returns the indices of the pyramids that contain points, given as right, down and forward
+    /// coordinates (x, y, z arrays). Points outside the grid get an index of no pyramid. The compiler
+    /// vectorizes the plain loops.
     #[inline(always)]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
         let [columns, rows] = self.grid.size;
@@ -98,13 +98,13 @@ impl View {
         cells
     }
 
-    /// [`Self::cells`] for world directions.
+    /// Returns [`Self::cells`] for world directions.
     #[inline(always)]
     pub(crate) fn cells_toward<const N: usize>(&self, dir: &Many<N>) -> [u32; N] {
         self.cells(&turned(&self.to_local, dir))
     }
 
-    /// Prefetches a pyramid.
+    /// Prefetches the bounds of a pyramid.
     #[inline(always)]
     pub fn expect(&self, cell: u32) {
         if let Some(pyramid) = self.pyramids.get(cell as usize) {
@@ -112,8 +112,9 @@ impl View {
         }
     }
 
-    /// Returns true if a hit is visible from the pinhole, false if it is hidden, `None` if a ray is needed.
-    /// The hit is in pyramid `cell` at a depth (distance forward of the pinhole).
+    /// Returns true if a hit is visible from the pinhole, false if it is occluded, and `None` if only a ray
+    /// can decide. `depth` is the distance of the hit forward of the pinhole, metres, and `cell` the
+    /// pyramid that contains it.
     #[inline(always)]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
         let pyramid = self.pyramids.get(cell as usize)?;
@@ -146,7 +147,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// A room with balls, a tube, a disk and many triangles.
+    /// Returns a closed room with spheres, a tube, a disk and many triangles.
     fn room(stream: &mut Stream) -> Geometry {
         let mut builder = GeometryBuilder::default();
         let quarter = std::f32::consts::FRAC_PI_2;
@@ -178,8 +179,8 @@ mod tests {
         builder.build()
     }
 
-    /// A wavy mesh between two balls in front of a wall. It is large enough to be entered by the tree's
-    /// boxes.
+    /// Returns a wavy mesh between two spheres in front of a wall. The mesh is large enough to be added
+    /// through the boxes of the tree.
     fn waves() -> Geometry {
         let n = 190_u32;
         let point = |i: u32| {
@@ -212,7 +213,7 @@ mod tests {
         builder.build()
     }
 
-    /// The view agrees with rays wherever it decides, and decides most points.
+    /// Verifies that the view agrees with rays wherever it decides, and that it decides most points.
     #[test]
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
@@ -222,7 +223,8 @@ mod tests {
         assert!(firsts > 27_000, "{firsts}");
     }
 
-    /// The view also decides most points next to or in front of a large mesh.
+    /// Verifies that the view decides most points next to or in front of a large mesh, and agrees with rays
+    /// there.
     #[test]
     fn views_of_large_meshes_agree_with_rays() {
         let mut stream = Stream::new(13, 0, 0);
@@ -279,7 +281,7 @@ mod tests {
         [asked, spoken, free, firsts]
     }
 
-    /// A pinhole inside a ball, or just in front of a wall, has no view.
+    /// Verifies that a pinhole inside a sphere, or just in front of a wall, has no view.
     #[test]
     fn what_is_too_close_is_left_to_rays() {
         let mut stream = Stream::new(12, 0, 0);

@@ -60,7 +60,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// [`Geometry::intersect`] with instances. Separate, so that scenes without instances are not slower.
+        /// Returns [`Geometry::intersect`] with instances. The function is separate, so that scenes without
+        /// instances are not slower.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>
@@ -68,7 +69,7 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// [`Geometry::occluded`] with instances.
+        /// Returns [`Geometry::occluded`] with instances.
         #[cold]
         #[inline(never)]
         pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool
@@ -83,7 +84,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns true if an instance intersects the ray strictly between the origin and `tmax`.
+        /// Returns true if an instance intersects the ray strictly between the ray's origin and `tmax`
+        /// metres.
         #[inline(never)]
         pub(super) fn any_in(&self, number: u32, ray: &Ray, tmax: f32) -> bool = Geometry::any_in_any
     }
@@ -117,7 +119,7 @@ impl Geometry {
         any.found
     }
 
-    /// [`Geometry::surface`] for a hit in an instance.
+    /// Returns [`Geometry::surface`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
@@ -181,14 +183,15 @@ impl Geometry {
         }
     }
 
-    /// Returns the unit shading normals at the corners of an instance of a triangle; `None` for a flat one.
+    /// Returns the unit shading normals at the corners of an instance of a triangle; `None` for a flat
+    /// triangle.
     #[inline]
     fn corner_normals(&self, instance: &Instance, tri: &Triangle) -> Option<[Vec3A; 3]> {
         let corners = tri.normals()?;
         Some(corners.map(|i| instance.normal(Vec3A::from_array(self.normals[i as usize]))))
     }
 
-    /// [`Geometry::bend`] for a hit in an instance.
+    /// Returns [`Geometry::bend`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {

@@ -24,22 +24,22 @@ struct Facet {
     edges: [Vec3A; 2],
     /// Unit normal of the front.
     normal: Vec3A,
-    /// As [`Surface::rounding`].
+    /// Rounding constant of the triangle, as in [`Surface::rounding`].
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Cumulative fraction of the area, including this triangle.
+    /// Cumulative fraction of the mesh's area up to and including this triangle.
     until: f32,
 }
 
 impl Facet {
-    /// Returns the area, m²; never 0.
+    /// Returns the area of the triangle, m²; never 0.
     #[inline]
     fn area(&self) -> f32 {
         let [a, b] = self.edges;
         (0.5 * a.cross(b).length()).max(f32::MIN_POSITIVE)
     }
 
-    /// Returns the mean radiance over the triangle, in the brightest lane.
+    /// Returns the mean radiance over the triangle in the brightest wavelength lane, W/(m² sr nm).
     fn mean_radiance(&self, radiance: &Spectrum, textures: &Textures) -> f32 {
         const N: u32 = 4;
         let [a, b, c] = self.uvs;
@@ -63,14 +63,14 @@ enum Form {
 /// An emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Radiance, W/(m² sr nm), which may be an image over the texture coordinates.
+    /// Radiance, W/(m² sr nm), uniform or an image over the texture coordinates.
     pub radiance: Spectrum,
     pub two_sided: bool,
     pub polarized: Polarized,
     /// True if each triangle is a separate light in the light tree.
     split: bool,
     form: Form,
-    /// m².
+    /// Area of the surface, m².
     area: f32,
 }
 
@@ -111,7 +111,7 @@ impl AreaLight {
         Self { radiance, two_sided, polarized, split: false, form: Form::Quadric(Box::new(quadric)), area }
     }
 
-    /// Returns the area, m².
+    /// Returns the area of the surface, m².
     pub fn area(&self) -> f32 {
         self.area
     }
@@ -122,7 +122,7 @@ impl AreaLight {
         self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
     }
 
-    /// Returns the number of its lights in the light tree.
+    /// Returns the number of lights into which the light tree divides this light.
     pub fn parts(&self) -> usize {
         match &self.form {
             Form::Mesh(facets) if self.split => facets.len(),
@@ -130,7 +130,8 @@ impl AreaLight {
         }
     }
 
-    /// Appends the bounds of its parts. Intensities are estimates, in the brightest lane.
+    /// Appends the bounds of the parts of this light. Intensities are estimates in the brightest wavelength
+    /// lane, W/(sr nm).
     pub(super) fn bounds(&self, textures: &Textures, out: &mut Vec<Bounds>) {
         let mean = self.mean_radiance(textures);
         let facets = match &self.form {
@@ -165,7 +166,8 @@ impl AreaLight {
         }
     }
 
-    /// Returns the mean radiance over the unit square of texture coordinates, in the brightest lane.
+    /// Returns the mean radiance over the unit square of texture coordinates, in the brightest wavelength
+    /// lane.
     fn mean_radiance(&self, textures: &Textures) -> f32 {
         const N: u32 = 16;
         if self.radiance.texture.is_none() {
@@ -176,7 +178,7 @@ impl AreaLight {
         radiances.sum::<f32>() / (N * N) as f32
     }
 
-    /// Returns the radiance that leaves the surface along the unit direction `to`.
+    /// Returns the radiance that leaves the surface along the unit direction `to`, W/(m² sr nm).
     #[inline]
     pub fn toward(&self, textures: &Textures, normal: Vec3A, uv: [f32; 2], to: Vec3A) -> Spectral {
         if self.two_sided || normal.dot(to) > 0.0 { self.radiance.at(textures, uv) } else { Spectral::ZERO }
@@ -192,8 +194,8 @@ impl AreaLight {
         (sin2 < 0.999).then(|| (to.normalize(), (1.0 - sin2).sqrt()))
     }
 
-    /// Samples a point of a part toward `p` with three uniforms. `chance` is the probability of choosing the
-    /// part. Returns `None` if the point emits no light toward `p`.
+    /// Samples a point of a part toward `p` with three uniform numbers. `chance` is the probability with
+    /// which the part was chosen. Returns `None` if the point emits no light toward `p`.
     #[inline]
     pub(super) fn draw(
         &self,
@@ -260,8 +262,8 @@ impl AreaLight {
         })
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] of a part, from `p`, samples its point
-    /// `at` in the unit direction `dir`.
+    /// Returns the density per steradian with which [`Self::draw`] samples, from `p`, the point `at` of a
+    /// part in the unit direction `dir`.
     #[inline]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {

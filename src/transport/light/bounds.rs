@@ -1,7 +1,7 @@
 //! Spatial and directional bounds of a group of lights, for the light tree.
 //!
-//! Bounds of position, emission directions and intensity as in Conty Estévez & Kulla, "Importance sampling of
-//! many lights with adaptive tree splitting" (2018), sect. 4.
+//! The bounds of position, emission directions and intensity are those of Conty Estévez & Kulla,
+//! "Importance sampling of many lights with adaptive tree splitting" (2018), sect. 4.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -9,13 +9,13 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// Bounds of one or several lights.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Minimum corner, world, metres.
+    /// Minimum corner of the bounding box in world space, metres.
     pub low: Vec3A,
-    /// Maximum corner, world, metres.
+    /// Maximum corner of the bounding box in world space, metres.
     pub high: Vec3A,
     /// Unit axis of a cone that contains all surface normals.
     pub axis: Vec3A,
-    /// Half angle of that cone, radians; π for all directions.
+    /// Half angle of the cone that contains all normals, radians; π for all directions.
     pub spread: f32,
     /// Maximum angle between a normal and a direction of emission, radians.
     pub reach: f32,
@@ -66,18 +66,18 @@ impl Bounds {
         (wide.axis * cos + across * sin, spread)
     }
 
-    /// Returns the centre of the box, metres.
+    /// Returns the centre of the bounding box, metres.
     pub fn centre(&self) -> Vec3A {
         (self.low + self.high) * 0.5
     }
 
-    /// Returns the radius of the sphere about the box, metres.
+    /// Returns the radius of the sphere about the bounding box, metres.
     pub fn radius(&self) -> f32 {
         0.5 * (self.high - self.low).length()
     }
 
-    /// Returns the cost of a group of these lights: intensity times area times solid angle of emission (the
-    /// surface area orientation heuristic; the area is that of the bounding sphere).
+    /// Returns the cost of a group of these lights by the surface area orientation heuristic: intensity
+    /// times area of the bounding sphere times solid angle of emission.
     pub(super) fn cost(&self) -> f32 {
         let spread = self.spread;
         let end = (spread + self.reach).min(PI);

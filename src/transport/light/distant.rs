@@ -6,10 +6,10 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// The irradiance profile across the direction of light.
+/// The irradiance profile across the axis of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Across {
-    /// Uniform, W/(m² nm).
+    /// Uniform irradiance, W/(m² nm).
     Even(Spectral),
     /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
     Disk { power: Spectral, radius: f32 },
@@ -22,18 +22,20 @@ pub enum Across {
 pub struct Distant {
     /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without travel
-    /// time.
+    /// A point of the plane where travel time starts, in world space, metres. `None` for light from
+    /// infinity, which has no travel time.
     pub origin: Option<Vec3A>,
-    /// Divergence of a beam: radius at 1 m over radius at the origin, minus 1; 0 if collimated.
+    /// Divergence of a beam: the ratio of the radius at 1 m to the radius at the origin, minus 1; 0 if
+    /// collimated.
     pub spread: f32,
-    /// Irradiance; for a diverging beam, at its origin.
+    /// Irradiance profile; for a diverging beam, the profile at the origin.
     pub across: Across,
     pub polarized: Polarized,
 }
 
 impl Distant {
-    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance from the axis, m².
+    /// Returns the irradiance at normal incidence, W/(m² nm), at the squared distance `aside2` (m²) from
+    /// the axis.
     #[inline]
     fn irradiance(&self, aside2: f32) -> Spectral {
         match self.across {
@@ -49,7 +51,8 @@ impl Distant {
         }
     }
 
-    /// Returns the light that arrives at `p` if unoccluded. A distance of `far` metres is outside the scene.
+    /// Returns the light that arrives at `p` if unoccluded. A point at a distance of `far` metres is
+    /// outside the scene.
     #[inline]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {
         let Some(origin) = self.origin else {

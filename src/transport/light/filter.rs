@@ -13,9 +13,10 @@ use optics::polarization::scatter::Scatter;
 /// Frame and filter of emitted light.
 #[derive(Clone, Copy, Debug)]
 pub struct Polarized {
-    /// The horizontal direction of its Stokes vectors is this axis projected perpendicular to the ray.
+    /// Reference axis: its projection perpendicular to the ray is the horizontal direction of the Stokes
+    /// vectors.
     pub axis: Vec3A,
-    /// Mueller matrix of the filter in front of the emitter, in that frame.
+    /// Mueller matrix of the filter in front of the emitter, in the frame of [`Polarized::axis`].
     pub filter: Option<Mueller>,
 }
 
@@ -26,8 +27,8 @@ impl Polarized {
         project(self.axis, d)
     }
 
-    /// Ends a product that acts on light travelling along `d` in `frame`; afterwards it acts on the emitter's
-    /// input.
+    /// Ends a product at the emitter. Before, the product acts on light travelling along `d` in `frame`;
+    /// afterwards, the product acts on the emitter's input.
     #[inline]
     pub fn end(&self, chain: &mut Chain, d: Vec3A, frame: Vec3A) {
         let own = self.frame(d);
@@ -43,8 +44,8 @@ impl Polarized {
         }
     }
 
-    /// Begins a product at the emitter for light that travels along `d`. It applies the transpose, as walks
-    /// from the light require.
+    /// Begins a product at the emitter for light that travels along `d`, and returns the frame of this
+    /// light. The product is transposed, as walks from the light require.
     #[inline]
     pub fn begin(&self, chain: &mut Chain, d: Vec3A) -> Vec3A {
         let own = self.frame(d);

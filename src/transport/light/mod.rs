@@ -1,9 +1,9 @@
 //! Extended and directional emitters: area lights, environment maps, distant light and beams.
 //!
-//! Paths from the camera reach area lights and the sky in two ways, which are combined by the power heuristic
-//! (Veach 1997, sect. 9.2): by sampling the material, and by one connection per vertex to light sampled here.
-//! Distant light and beams have a single direction, which material sampling never finds; they are always
-//! connected.
+//! Paths from the camera reach area lights and the sky by two techniques: by sampling the material, and by
+//! one connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
+//! Distant light and beams have a single direction, which material sampling never finds, so every vertex is
+//! connected to them.
 
 pub mod area;
 pub mod bounds;
@@ -30,11 +30,11 @@ use tree::{Choice, LightTree};
 /// Light that arrives at a point if unoccluded.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn {
-    /// Unit direction to it.
+    /// Unit direction from the receiving point to the light.
     pub wi: Vec3A,
-    /// Its point of origin; for distant light, a point outside the scene.
+    /// Point from which the light comes, metres; for distant light, a point outside the scene.
     pub position: Vec3A,
-    /// Metres to `position`.
+    /// Distance from the receiving point to `position`, metres.
     pub distance: f32,
     /// Irradiance at normal incidence divided by the sampling density, W/(m² nm).
     pub irradiance: Spectral,
@@ -45,9 +45,9 @@ pub struct Drawn {
     pub polarized: Polarized,
 }
 
-/// Index of no light, in [`Lights::of_material`].
+/// Index in [`Lights::of_material`] that stands for no light.
 pub const NONE: u32 = u32::MAX;
-/// Index of the sky as a chosen light.
+/// Index of the sky among the lights that can be chosen.
 const SKY: u32 = NONE >> 1;
 
 /// All lights of a scene.
@@ -60,9 +60,9 @@ pub struct Lights {
     pub distant: Vec<Distant>,
     /// Probability of sampling the sky.
     sky_chance: f32,
-    /// Over the parts of all area lights; `None` if there is at most one part, or none that emits.
+    /// Light tree over the parts of all area lights; `None` if there is at most one part, or no part emits.
     tree: Option<LightTree>,
-    /// Area light and part of each light of the tree.
+    /// Indices of the area light and of the part, for each light of the tree.
     parts: Vec<(u32, u32)>,
     /// Index of the first part of each area light.
     firsts: Vec<u32>,
@@ -73,15 +73,15 @@ pub struct Lights {
 pub struct Found<'a> {
     /// Index of the area light.
     pub number: u32,
-    /// The point on it.
+    /// The point that was hit on the area light.
     pub surface: &'a Surface,
-    /// Index of its triangle in the mesh ([`Geometry::facet`]).
+    /// Index of the hit triangle in the mesh ([`Geometry::facet`]).
     pub facet: Option<u32>,
 }
 
 impl Lights {
-    /// Prepares light sampling: area lights by their contribution at a point. The sky is sampled with
-    /// probability ½ if there are area lights, since its occlusion is unknown.
+    /// Prepares light sampling. Area lights are sampled by their contribution at a point. If there are area
+    /// lights, the sky is sampled with probability ½, since the occlusion of the sky is unknown.
     pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
         for (material, number) in self.of_material.iter().enumerate() {
             if let Some(light) = self.areas.get_mut(*number as usize) {
@@ -114,14 +114,14 @@ impl Lights {
         self.is_dark() && self.distant.is_empty()
     }
 
-    /// Returns the area light of a material, and its index.
+    /// Returns the index of a material's area light and the light, or `None` if the material does not emit.
     #[inline]
     pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
         let number = *self.of_material.get(material as usize)?;
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes it.
+    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes the choice.
     #[inline]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;
@@ -144,7 +144,8 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light with two more uniforms; `far` metres is outside the scene.
+    /// Samples a point of the chosen light with two more uniform numbers. A distance of `far` metres is
+    /// outside the scene.
     #[inline]
     pub fn draw(
         &self,
@@ -187,8 +188,8 @@ impl Lights {
     }
 }
 
-/// Returns the weight of the power heuristic for a path sampled with density `own` that another technique
-/// samples with density `other`.
+/// Returns the weight of the power heuristic for a path that was sampled with density `own` and that
+/// another technique samples with density `other`.
 #[inline]
 pub fn share(own: f32, other: f32) -> f32 {
     if own == 0.0 {

@@ -13,9 +13,9 @@ pub enum Profile {
     /// A cone: full intensity within `beam`, then linear in the angle to zero at `cutoff` (Mitsuba's `spot`).
     Spot {
         axis: Vec3A,
-        /// Half angle of full intensity, radians.
+        /// Half angle within which the intensity is full, radians.
         beam: f32,
-        /// Half angle of zero intensity, radians.
+        /// Half angle at which the intensity becomes zero, radians.
         cutoff: f32,
     },
     /// A measured table.
@@ -27,15 +27,16 @@ pub enum Profile {
 /// The directions from a point through a rectangle, which may carry an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
-    /// World to device axes: right, down, forward.
+    /// Rotation from the world to device axes (right, down, forward).
     pub to_local: Mat3A,
-    /// Half width and half height of the rectangle at a distance of 1 m.
+    /// Half width and half height of the rectangle at a distance of 1 m, metres.
     pub half: Vec2,
 }
 
 impl Frustum {
-    /// Returns the intersection of a direction with the plane of the rectangle: (0, 0) is its lower left
-    /// corner, (1, 1) its upper right one. Returns `None` behind the point.
+    /// Returns the intersection of a direction with the plane of the rectangle, relative to the rectangle:
+    /// (0, 0) is the lower left corner, (1, 1) the upper right corner. Returns `None` for a direction
+    /// behind the point.
     #[inline]
     pub fn uv(&self, dir: Vec3A) -> Option<Vec2> {
         let d = self.to_local * dir;
@@ -59,17 +60,20 @@ impl Frustum {
 /// A luminaire's intensities relative to the maximum (IES LM-63), linear between entries.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// World to luminaire: its z axis is the direction of vertical angle 0, x that of horizontal angle 0.
+    /// Rotation from the world to luminaire axes. The z axis is the direction of vertical angle 0, the x
+    /// axis that of horizontal angle 0.
     pub to_local: Mat3A,
     /// Vertical angles, degrees, ascending within 0..180.
     pub vertical: Vec<f32>,
-    /// Horizontal angles, degrees, ascending from 0 to 0, 90, 180 or 360; the rest follows by symmetry.
+    /// Horizontal angles, degrees, ascending from 0 to 0, 90, 180 or 360; the other angles follow by
+    /// symmetry.
     pub horizontal: Vec<f32>,
-    /// Values, one row of vertical angles per horizontal angle.
+    /// Relative intensities, one row of vertical angles per horizontal angle.
     pub values: Vec<f32>,
 }
 
-/// Locates `x` in an ascending list: the index of the entry below, and the fraction of the way to the next.
+/// Returns the position of `x` in an ascending list: the index of the entry below, and the fraction of the
+/// distance to the next entry.
 fn place(list: &[f32], x: f32) -> (usize, f32) {
     let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
     if list.len() < 2 {

@@ -7,9 +7,9 @@ use glam::Vec3A;
 /// A point that receives light.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// World, metres.
+    /// Position of the receiver in world space, metres.
     pub p: Vec3A,
-    /// Unit normal of the side from which light can arrive; zero if it can arrive from all directions.
+    /// Unit normal of the side from which light can arrive; zero if light can arrive from all directions.
     pub normal: Vec3A,
 }
 

@@ -4,9 +4,9 @@
 //! to acos(y)/π, from the top (Mitsuba's `envmap`). [`Rows`] defines the positions of the rows. Values
 //! between texels are bilinear and periodic in the columns.
 //!
-//! Directions are sampled from a table that is constant over each cell: the brightness of all texels that
-//! contribute there, so that the density is positive wherever there is light, times the solid angle (Pharr et
-//! al. 2023, sect. 12.5.2).
+//! Directions are sampled from a table that is constant over each cell. The table's value is the brightness
+//! of all texels that contribute to the cell, times the solid angle (Pharr et al. 2023, sect. 12.5.2). The
+//! density is therefore positive wherever there is light.
 
 use super::Drawn;
 use super::filter::Polarized;
@@ -21,12 +21,12 @@ use std::f32::consts::{PI, TAU};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rows {
-    /// Row j of h is at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps. Values are
-    /// constant from the first and the last row to the poles.
+    /// Row j of h rows is at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps. Values
+    /// are constant from the first and the last row to the poles.
     #[default]
     Centres,
-    /// Row j of h is at the polar angle π j/(h - 1): the first and the last row are at the poles, as in
-    /// Mitsuba's `envmap`.
+    /// Row j of h rows is at the polar angle π j/(h - 1). The first and the last row are at the poles, as
+    /// in Mitsuba's `envmap`.
     Poles,
 }
 
@@ -42,14 +42,14 @@ pub struct Sky {
     /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
     rows: Vec<f32>,
     columns: Vec<f32>,
-    /// World to the map's local frame.
+    /// Rotation or reflection from the world to the map's local frame.
     to_local: Mat3A,
     pub polarized: Polarized,
 }
 
 impl Sky {
-    /// Creates a map of `width` × `height` texels, top row first; `to_world` rotates or mirrors its local
-    /// frame. Returns `None` if the map is black.
+    /// Creates a map of `width` × `height` texels, top row first; `to_world` rotates or mirrors the map's
+    /// local frame. Returns `None` if the map is black.
     pub fn new(
         [width, height]: [usize; 2],
         texels: Vec<[f32; 4]>,
@@ -114,12 +114,12 @@ impl Sky {
         self.placed
     }
 
-    /// Returns the map from its local frame to the world.
+    /// Returns the rotation or reflection from the map's local frame to the world.
     pub fn to_world(&self) -> Mat3A {
         self.to_local.transpose()
     }
 
-    /// Returns the continuous column and cell row of a unit direction.
+    /// Returns the position of a unit direction in the map: continuous column and row, in cells.
     #[inline]
     fn place(&self, dir: Vec3A) -> [f32; 2] {
         let d = self.to_local * dir;
@@ -127,7 +127,7 @@ impl Sky {
         [turn.rem_euclid(1.0) * self.width as f32, d.y.clamp(-1.0, 1.0).acos() / PI * self.cells as f32]
     }
 
-    /// Returns the radiance from a unit direction.
+    /// Returns the radiance from a unit direction, W/(m² sr nm).
     #[inline]
     pub fn radiance(&self, dir: Vec3A) -> Spectral {
         let [x, y] = self.place(dir);
@@ -174,8 +174,8 @@ impl Sky {
         (self.to_local.transpose() * Vec3A::new(sin * phi.sin(), cos, -sin * phi.cos())).normalize()
     }
 
-    /// Samples light toward `p` from a distance of `far` metres. `chance` is the probability of sampling the
-    /// sky.
+    /// Samples light from the sky toward `p`. The light starts at a distance of `far` metres. `chance` is
+    /// the probability of sampling the sky.
     #[inline]
     pub(super) fn draw(&self, p: Vec3A, u: [f32; 2], far: f32, chance: f32) -> Option<Drawn> {
         let wi = self.sample(u);

@@ -1,9 +1,9 @@
 //! A light tree that samples one of many lights by its estimated contribution at a point.
 //!
-//! Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree splitting" (2018), without
-//! the splitting, and pbrt-v4's `BVHLightSampler`. From the root down, a child is sampled with a probability
-//! proportional to an upper estimate of its contribution, intensity · cosθ · cosθ' / distance². A node has
-//! eight children, whose estimates are computed in eight lanes.
+//! The method is that of Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree
+//! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. From the root down, a
+//! child is sampled with a probability proportional to an upper estimate of its contribution, intensity ·
+//! cosθ · cosθ' / distance². A node has eight children, whose estimates are computed in eight lanes.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;
@@ -12,13 +12,13 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use std::f32::consts::PI;
 
-/// Children of a node.
+/// Number of children of a node.
 const WIDTH: usize = 8;
-/// Flag of a child index that is a light.
+/// Flag of a child index that denotes a light.
 const LEAF: u32 = 1 << 31;
-/// Parent of the root.
+/// Index that stands for the parent of the root.
 const NONE: u32 = u32::MAX;
-/// Number of intervals along each axis at whose ends lights may be divided.
+/// Number of intervals along each axis. Lights may be divided at the ends of the intervals.
 const BINS: usize = 12;
 /// Largest `f32` below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -28,28 +28,29 @@ type Row = Eight;
 const ZERO: Row = Eight::splat(0.0);
 const ONE: Row = Eight::splat(1.0);
 
-/// Groups of lights, one per lane.
+/// The children of a tree node: groups of lights, one per lane.
 #[derive(Clone, Debug)]
 struct Node {
     centre: [Row; 3],
-    /// Radius of the sphere about each, and 3/radius².
+    /// Radius of each child's bounding sphere, metres, and 3/radius².
     radius: Row,
     nearest: Row,
-    /// Relative to the maximum of all lights; 0 for an unused child.
+    /// Radiant intensity of each child relative to the maximum of all lights; 0 for an unused child.
     intensity: Row,
-    /// Index of a node, or of a light with [`LEAF`].
+    /// Index of each child: of a node, or of a light with [`LEAF`].
     child: [u32; WIDTH],
-    /// Index of the parent node times [`WIDTH`], plus the position among its children.
+    /// Index of the parent node times [`WIDTH`], plus the position of this node among the parent's
+    /// children.
     parent: u32,
-    /// True if all children have normals in all directions.
+    /// True if the lights of all children have normals in all directions.
     all_around: bool,
     axis: [Row; 3],
-    /// Of the half angle of the cone of normals.
+    /// Cosine of the half angle of each child's cone of normals.
     cos_spread: Row,
     sin_spread: Row,
-    /// Of [`Bounds::reach`].
+    /// Cosine of [`Bounds::reach`] of each child.
     cos_reach: Row,
-    /// 1 if both sides emit, else 0.
+    /// 1 for children that emit from both sides, else 0.
     two_sided: Row,
 }
 
@@ -60,14 +61,14 @@ pub struct LightTree {
     places: Vec<u32>,
 }
 
-/// A choice of a light, in progress or complete.
+/// The choice of a light, in progress or complete.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// The current node, or with [`LEAF`] the light.
+    /// Index of the current node, or of the chosen light with [`LEAF`].
     number: u32,
     /// Probability of this choice so far; 0 if no light can reach the point.
     pub chance: f32,
-    /// The remaining uniform number.
+    /// The part of the uniform number that the choice has not used, rescaled to 0..1.
     pub which: f32,
 }
 
@@ -81,13 +82,13 @@ impl Choice {
         Self { number: 0, chance, which }
     }
 
-    /// Returns a complete choice that needs no tree.
+    /// Returns a complete choice of a light without the tree.
     #[inline]
     pub fn made(light: u32, which: f32, chance: f32) -> Self {
         Self { number: light | LEAF, chance, which }
     }
 
-    /// Returns the index of the light of a complete choice; `None` if no light can reach the point.
+    /// Returns the index of the chosen light; `None` if no light can reach the point.
     #[inline]
     pub fn light(&self) -> Option<u32> {
         (self.chance > 0.0).then_some(self.number ^ LEAF)
@@ -99,7 +100,7 @@ impl Choice {
     }
 }
 
-/// Returns cos(a - b) of two angles in [0, π], given by cosine and sine; 1 where a < b.
+/// Returns cos(a - b) of two angles in [0, π], each given by cosine and sine; 1 if a < b.
 #[inline(always)]
 fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;
@@ -153,7 +154,7 @@ impl Node {
         self.intensity.0[i] = bounds.intensity * scale;
     }
 
-    /// Returns estimates of the contribution of each child, up to a common factor.
+    /// Returns an estimate of the contribution of each child, up to a common factor.
     #[inline(always)]
     fn importances(&self, at: &Receiver) -> [f32; WIDTH] {
         if self.all_around { self.importances_of::<true>(at) } else { self.importances_of::<false>(at) }
@@ -224,7 +225,8 @@ impl Node {
 }
 
 impl LightTree {
-    /// Builds a tree over lights, which keep their indices. `None` for fewer than two, or if none emits.
+    /// Builds a tree over lights, which keep their indices. Returns `None` if there are fewer than two
+    /// lights, or if none emits.
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
         if lights.len() < 2 || !(most > 0.0 && most.is_finite()) {
@@ -236,7 +238,7 @@ impl LightTree {
         Some(tree)
     }
 
-    /// Adds a node with all its descendants; returns its index.
+    /// Adds a node with all its descendants, and returns the node's index.
     fn add(&mut self, items: &mut [(u32, Bounds)], parent: u32, scale: f32) -> u32 {
         let number = self.nodes.len() as u32;
         self.nodes.push(Node::empty(parent));
@@ -267,8 +269,8 @@ impl LightTree {
         number
     }
 
-    /// Completes the choices of several points. They descend in lockstep, so that the latency of one overlaps
-    /// with the work of others.
+    /// Completes the choices of several points. The choices descend the tree in lockstep, so that the
+    /// latency of each overlaps with the arithmetic of the others.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         let mut open: ArrayVec<u8, N> = (0..N as u8).filter(|i| choices[*i as usize].is_open()).collect();
@@ -310,7 +312,8 @@ fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     rest.iter().fold(*first, |all, (_, b)| all.union(b))
 }
 
-/// Partitions lights at minimum total cost, and returns the index of the first light of the second part.
+/// Divides lights into two groups at minimum total cost. Returns the index of the first light of the second
+/// group.
 fn divide(items: &mut [(u32, Bounds)]) -> usize {
     let mut low = items[0].1.centre();
     let mut high = low;

@@ -8,8 +8,9 @@ use optics::spectrum::Spectral;
 impl Materials {
     /// Returns the plain material seen from `wo`, and the surface with the normal of that material.
     ///
-    /// Resolves composites: the side of a two-sided material that faces `wo`, the larger share of a blend,
-    /// and the material under a normal map or a depolarizer. Returns `None` for an absorbing side.
+    /// For a composite, the plain material is the side of a two-sided material that faces `wo`, the larger
+    /// share of a blend, and the material under a normal map or a depolarizer. Returns `None` for an
+    /// absorbing side.
     pub(crate) fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.foremost(m.side(at, wo)?, at, wo),
@@ -23,7 +24,7 @@ impl Materials {
         }
     }
 
-    /// Returns the albedo per wavelength.
+    /// Returns the albedo of a material per wavelength.
     ///
     /// This is the albedo of a diffuse surface or of the body of plastic, the mean by share of a blend, and 0
     /// for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
@@ -57,8 +58,8 @@ impl Materials {
         }
     }
 
-    /// Returns the transmission of a smooth interface or a sheet to `wo` at the wavelength of `lane`. Returns
-    /// `None` if the foremost material does not transmit or reflects all light.
+    /// Returns the lobe of light that a smooth interface or a sheet transmits to `wo`, at the wavelength of
+    /// `lane`. Returns `None` if the foremost material does not transmit or reflects all light.
     pub(crate) fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
         let (id, at) = self.foremost(id, at, wo)?;
         self.specular(id, &at, wo, Lobe::Transmitted, lane)

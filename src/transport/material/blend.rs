@@ -10,12 +10,12 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// (1 - w)·a + w·b.
+/// A blend (1 - w)·a + w·b of the materials a and b.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
     pub a: u32,
     pub b: u32,
-    /// Share w of `b`, clamped to 0..1.
+    /// Share w of material `b`, clamped to 0..1.
     pub weight: Scalar,
 }
 
@@ -48,7 +48,8 @@ impl Blend {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
-    /// Samples a material by its share, then a direction from it. Share and probability cancel.
+    /// Samples a material by its share, then a direction from the material. The share and the probability
+    /// cancel.
     #[inline]
     pub fn sample(
         &self,
@@ -63,7 +64,8 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Materials::specular`]. If the lobes of both have different directions, only the first is returned.
+    /// Returns a delta lobe, see [`Materials::specular`]. If the lobes of the two materials have different
+    /// directions, only that of the first is returned.
     #[inline]
     pub fn specular(
         &self,

@@ -7,15 +7,16 @@
 //!   `pplastic`);
 //! - facets: all light that the facets do not reflect, T(θ) = 1 - E(θ), with E the directional albedo of the
 //!   coat. A coat over a white body reflects all light;
-//! - single passage: light refracted by one facet and not masked by another, and inside light reflected by
-//!   one facet (Mitsuba's `roughplastic`). Light that meets a second facet is lost: 2 % at α = 0.1, two
+//! - single passage: light refracted by one facet and not masked by another, and internal light reflected
+//!   by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1, two
 //!   thirds at α = 1.
 //!
 //! With D_v the density of the normals h that are visible from `wo`, E = ∫ D_v F(wo·h) G2/G1 dh and T_single
 //! = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the passage is also a mean over facets, Σ D_v
 //! T_b(wo·h) cos 2φ, with φ the angle between the planes of incidence.
 //!
-//! Both are tabulated over cosθ, and over α if α is an image, as texels of two [`Textures`] images.
+//! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image, as texels
+//! of two [`Textures`] images.
 
 use super::facets::{Roughness, refract};
 use super::texture::{Filter, Image, Textures, Wrap};
@@ -28,30 +29,32 @@ use optics::spectrum::Spectral;
 /// Model of transmission through a coat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Passage {
-    /// Through the mean surface.
+    /// Transmission through the smooth mean surface.
     #[default]
     Smooth,
-    /// All light that the facets do not reflect.
+    /// Transmission of all light that the facets do not reflect.
     Facets,
-    /// Through a single facet.
+    /// Transmission through a single facet.
     Single,
 }
 
-/// Columns of a table: cosines.
+/// Number of columns of a table, one per value of cosθ.
 const COSINES: u32 = 64;
-/// Rows of a table over α.
+/// Number of rows of a table, one per value of α.
 const ALPHAS: u32 = 16;
-/// Sample directions per dimension for one table entry.
+/// Number of sample directions per dimension for one table entry.
 const DRAWN: u32 = 32;
-/// The same from inside, where total reflection makes the integrand discontinuous.
+/// Number of sample directions per dimension from inside, where total reflection makes the integrand
+/// discontinuous.
 const DRAWN_INSIDE: u32 = 64;
 
-/// Power transmission of a coat: M00 and M01 in the frame perpendicular to the plane of incidence.
+/// Power transmission of a coat: elements M00 and M01, in the frame perpendicular to the plane of
+/// incidence.
 #[derive(Clone, Copy, Debug)]
 pub struct Passed {
-    /// M00.
+    /// M00, the transmittance of unpolarized light.
     pub a: Spectral,
-    /// M01.
+    /// M01, the diattenuation times the transmittance.
     pub b: Spectral,
 }
 
@@ -65,14 +68,14 @@ impl From<FresnelBlock> for Passed {
 /// Tables of the transmission of a rough coat.
 #[derive(Clone, Copy, Debug)]
 pub struct Table {
-    /// Images of M00 and M01.
+    /// Indices of the images of M00 and M01.
     images: [u32; 2],
     /// True for the single-passage model, false for the facets model.
     pub single: bool,
 }
 
 impl Table {
-    /// Returns the transmission at a cosine above 0 and a width α.
+    /// Returns the transmission at a cosine `cos` above 0 and a roughness α.
     #[inline]
     pub fn at(&self, textures: &Textures, cos: f32, alpha: f32) -> Passed {
         let [a, b] = self.images.map(|image| textures.eval(image, [cos, alpha]));
@@ -121,7 +124,7 @@ fn toward(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// Calls `f` for normals sampled among those visible from `wo`, on an n × n grid.
+/// Calls `f` for normals h among those visible from `wo`, sampled on an n × n grid.
 fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A)) {
     for i in 0..n * n {
         let u = [i % n, i / n].map(|k| (k as f32 + 0.5) / n as f32);
@@ -144,7 +147,7 @@ pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectra
     sum / Spectral::splat((n * n) as f32)
 }
 
-/// Returns the transmission of the facets at a cosine.
+/// Returns the transmission of the facets at a cosine of incidence.
 fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
     let wo = toward(cos);
     let (mut a, mut b) = (Spectral::ZERO, Spectral::ZERO);
@@ -176,8 +179,8 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The roughness has one α; for an image, half its range is used. In the facets model, reciprocity gives the
-/// result from outside directions, without an integral inside.
+/// The result is for a single α; for an image, half its range is used. In the facets model, reciprocity
+/// gives the result from outside directions, without an integral inside.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
         return smooth_internal_reflectance(eta);
@@ -231,7 +234,7 @@ mod tests {
         Roughness { distribution: Distribution::Ggx, masking, alpha: Scalar::uniform(alpha) }
     }
 
-    /// Facets close to the mean surface transmit according to Fresnel's equations.
+    /// Verifies that facets close to the mean surface transmit according to Fresnel's equations.
     #[test]
     fn smooth_facets_pass_as_the_mean_surface() {
         let eta = Spectral::splat(1.5);
@@ -256,7 +259,7 @@ mod tests {
     }
 
     /// Compares with Mitsuba 3.9.1's `eval_transmittance` and `eval_reflectance`, which `roughplastic`
-    /// tabulates (GGX, relative index 1.49). A script evaluated their formulas with 65,536 normals.
+    /// tabulates (GGX, relative index 1.49). A script evaluated Mitsuba's formulas with 65,536 normals.
     #[test]
     fn a_single_passage_is_that_of_roughplastic() {
         let eta = Spectral::splat(1.49);
@@ -278,7 +281,7 @@ mod tests {
         }
     }
 
-    /// The diattenuation never exceeds the transmission.
+    /// Verifies that the diattenuation never exceeds the transmission.
     #[test]
     fn passages_are_realizable() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

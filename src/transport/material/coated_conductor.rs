@@ -14,13 +14,13 @@ use optics::spectrum::Spectral;
 /// Maximum number of films.
 pub const MAX_FILMS: usize = 4;
 
-/// Smooth opaque substrate of complex index n + i·k, relative to the outside, under films.
+/// Smooth opaque substrate under films, with the complex index n + i·k relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct CoatedConductor {
     pub n: Spectral,
-    /// Imaginary part, ≥ 0.
+    /// Imaginary part k ≥ 0 of the substrate's index.
     pub k: Spectral,
-    /// Films from the outside in; the first `count` are used.
+    /// Films from the outside in; only the first `count` are used.
     pub films: [Film; MAX_FILMS],
     pub count: usize,
 }

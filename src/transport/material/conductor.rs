@@ -11,17 +11,18 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Smooth conductor of complex index n + i·k, relative to the outside.
+/// Smooth conductor with the complex index n + i·k relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
     pub n: Spectral,
-    /// Imaginary part, ≥ 0.
+    /// Imaginary part k ≥ 0 of the index.
     pub k: Spectral,
     /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
 }
 
-/// Returns mirror reflection at a smooth opaque surface. `fresnel` takes the cosine of incidence.
+/// Returns the lobe of mirror reflection at a smooth opaque surface. `fresnel` is a function of the cosine
+/// of incidence.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;

@@ -35,11 +35,11 @@ const ALIASES: [(&str, &str); 20] = [
 /// The optical constants of one substance.
 #[derive(Clone, Debug)]
 pub struct OpticalConstants {
-    /// Name in the table.
+    /// Name of the substance in the table.
     pub name: String,
     /// Authors and year of the source paper.
     pub source: String,
-    /// Vacuum wavelength in nanometres, n and k, in ascending order of wavelength.
+    /// Samples (vacuum wavelength in nanometres, n, k), ascending by wavelength.
     pub samples: Vec<[f64; 3]>,
 }
 
@@ -124,8 +124,8 @@ impl OpticalConstants {
 mod tests {
     use super::*;
 
-    /// n and k at 450, 550, 635 and 660 nm as printed by an independent evaluation of the database. The
-    /// tolerance is about half a unit of the last printed digit.
+    /// Verifies n and k at 450, 550, 635 and 660 nm against values printed by an independent evaluation of
+    /// the database. The tolerance is about half a unit of the last printed digit.
     #[test]
     fn the_table_holds_the_published_numbers() {
         const FACTS: [(&str, [&str; 4], [&str; 4]); 17] = [

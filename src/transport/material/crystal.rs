@@ -1,15 +1,15 @@
-//! A closed surface filled with a uniaxial crystal, in the joined-ray model (with rough faces:
-//! [`super::rough_crystal`]).
+//! A closed surface filled with a uniaxial crystal, in the joined-ray model. [`super::rough_crystal`] is
+//! the same with rough faces.
 //!
 //! The faces refract and reflect like glass of index (n_o + n_e)/2. Along each straight path segment of
 //! length L inside, the two eigenwaves accumulate the phase difference
 //!
 //! > δ = 2π L (n_e(ψ) - n_o)/λ,   1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e²
 //!
-//! with ψ the angle between ray and optic axis c (Born & Wolf 1999, 15.3.3). The ordinary wave vibrates along
-//! k × c, the extraordinary one in the plane of k and c. The segment is therefore a retarder. Its fast axis
-//! is k × c if δ > 0 (quartz); k × c is its slow axis if δ < 0 (calcite). One matrix with signed δ covers
-//! both cases.
+//! with ψ the angle between ray and optic axis c (Born & Wolf 1999, 15.3.3). With k the wave's direction,
+//! the ordinary wave vibrates along k × c, the extraordinary wave in the plane of k and c. The segment is
+//! therefore a retarder. k × c is the fast axis if δ > 0 (quartz) and the slow axis if δ < 0 (calcite). One
+//! matrix with signed δ covers both cases.
 //!
 //! A Gaussian spectral line of full width Δλ at half maximum averages e^{iδ(λ)}. With δ(λ) linear across the
 //! line, dδ/dλ = -δ/λ, and σ = Δλ/√(8 ln 2), the mean is e^{iδ}·e^{-(δ σ/λ)²/2}. The cos δ and sin δ terms
@@ -50,7 +50,7 @@ use std::f64::consts::{LN_2, TAU};
 /// A uniaxial crystal and its faces.
 #[derive(Clone, Copy, Debug)]
 pub struct Crystal {
-    /// The faces: mean index inside, and the index outside.
+    /// The crystal's faces: a dielectric with the mean index inside, and the index outside.
     pub faces: Dielectric,
     /// Optic axis, a unit vector in world space.
     pub axis: Vec3A,
@@ -62,7 +62,8 @@ pub struct Crystal {
     pub waves_per_m: [f64; MAX_WAVELENGTHS],
     /// Relative full width of the spectral line at half maximum, Δλ/λ.
     pub bandwidth: [f64; MAX_WAVELENGTHS],
-    /// True if the two rays separate incoherently instead of being joined with a retardance.
+    /// True if ordinary and extraordinary rays are separate and incoherent; false if they are joined with a
+    /// retardance.
     pub split: bool,
 }
 
@@ -78,7 +79,8 @@ fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64
 }
 
 impl Crystal {
-    /// Returns the retarder matrix of a straight path of `length` metres for light that travels along ±`dir`.
+    /// Returns the retarder matrix of a straight path segment of `length` metres, for light that travels
+    /// along ±`dir`.
     #[inline]
     pub fn propagate(&self, dir: Vec3A, length: f64) -> Scatter {
         let (k, c) = (dir.as_dvec3().normalize(), self.axis.as_dvec3().normalize());
@@ -106,14 +108,14 @@ impl Crystal {
         }
     }
 
-    /// Sets the crystal of the medium beyond the face: this crystal, index `id`, if `wo` is outside.
+    /// Adds this crystal, material `id`, to the medium `filling` beyond the face if `wo` is outside.
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
         Filling { crystal: if inward && !self.split { id } else { NO_CRYSTAL }, ..filling }
     }
 
-    /// See [`super::Materials::sample`]; `id` is this material's index.
+    /// Samples a direction, see [`super::Materials::sample`]; `id` is this material's index.
     #[inline]
     pub fn sample(
         &self,
@@ -131,9 +133,10 @@ impl Crystal {
         Some(s)
     }
 
-    /// See [`super::Materials::specular`]; `id` is this material's index.
+    /// Returns a delta lobe, see [`super::Materials::specular`]; `id` is this material's index.
     ///
-    /// A crystal that splits light has two lobes of each kind inside; only its outer reflection is returned.
+    /// A crystal that splits light has two lobes of each kind inside. For such a crystal, only the outer
+    /// reflection is returned.
     #[inline]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {
@@ -144,7 +147,7 @@ impl Crystal {
         Some(s)
     }
 
-    /// See [`super::Materials::beyond`]; `id` is this material's index.
+    /// Returns the medium beyond the face, see [`super::Materials::beyond`]; `id` is this material's index.
     #[inline]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         self.filling(id, at, wo, self.faces.beyond(at, wo, lanes))

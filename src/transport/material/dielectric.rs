@@ -1,9 +1,9 @@
 //! Smooth dielectric interface: reflection and refraction, sampled by their power.
 //!
-//! Radiance is scaled by the squared ratio of the indices when it crosses. If the index depends on
-//! wavelength, refraction separates the wavelengths. One of them, sampled uniformly, continues and carries
-//! the weight of all (Wilkie et al. 2014, "Hero wavelength spectral sampling"). Reflection keeps all
-//! wavelengths.
+//! Refraction scales radiance by the squared ratio of the indices. If the index depends on wavelength,
+//! refraction separates the wavelengths. The path then continues with a single wavelength, sampled
+//! uniformly, with the weight of all wavelengths (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+//! Reflection keeps all wavelengths.
 
 use super::facets::{reflect, refract};
 use super::filling::Filling;
@@ -34,15 +34,15 @@ pub(super) struct Interface {
     /// Shading normal on the side of `wo`.
     n: Vec3A,
     wo: Vec3A,
-    /// Index on the far side; `eta` is its ratio to the index on the near side.
+    /// Index on the far side; `eta` is the ratio of `far` to the index on the near side.
     far: Spectral,
     eta: Spectral,
     fresnel: DielectricFresnel,
 }
 
-/// Returns the direction from which light arrives that is refracted along `wo`. `eta` is the far index over
-/// the near one. Returns `None` under total reflection, or if shading and geometric normals disagree about
-/// the side.
+/// Returns the direction from which light arrives if it is refracted along `wo`. `eta` is the far index
+/// over the near index. Returns `None` under total reflection, or if shading and geometric normals disagree
+/// about the side.
 #[inline]
 fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
     let wi = refract(wo, n, eta)?.normalize();
@@ -50,7 +50,7 @@ fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Interface {
-    /// Returns one of the two lobes; the refracted direction is that of wavelength `lane`.
+    /// Returns the reflected or transmitted lobe; the refracted direction is that of wavelength `lane`.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
         let Self { n, wo, .. } = *self;
@@ -76,7 +76,7 @@ impl Interface {
 }
 
 impl Dielectric {
-    /// Returns the index on the side of `wo`, and on the other side.
+    /// Returns the indices on the side of `wo` and on the other side, in this order.
     #[inline]
     pub(super) fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
         if at.ng.dot(wo) > 0.0 { (self.exterior, self.interior) } else { (self.interior, self.exterior) }
@@ -88,9 +88,9 @@ impl Dielectric {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
-    /// Returns the direction on the other side from which light is refracted along `wo`, and the index on the
-    /// side of `wo` over that on the other side. Returns `None` under total reflection, or if shading and
-    /// geometric normals disagree.
+    /// Returns the direction on the other side from which light is refracted along `wo`. Also returns the
+    /// ratio of the index on the side of `wo` to that on the other side. Returns `None` under total
+    /// reflection, or if shading and geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
@@ -122,7 +122,8 @@ impl Dielectric {
         Some(s)
     }
 
-    /// Selects the wavelength that a refracted path follows, with the weight that represents all live ones.
+    /// Selects the wavelength that a refracted path follows, and returns its lane and the weight that
+    /// represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

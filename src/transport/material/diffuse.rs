@@ -1,4 +1,4 @@
-//! Lambertian reflection: depolarizing, radiance ρ/π in all directions.
+//! Lambertian reflection: depolarizing, with the BRDF ρ/π.
 
 use super::lobe::Sampled;
 use super::side::{facing, same_side};
@@ -19,7 +19,7 @@ pub struct Diffuse {
     pub albedo: Spectrum,
 }
 
-/// Returns cosθ_i / π on the side of `wo`.
+/// Returns the sampling density cosθ_i / π of `wi` on the side of `wo`, 1/sr.
 #[inline]
 pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
     facing(at, wo).map_or(0.0, |n| n.dot(wi).max(0.0) * FRAC_1_PI)
@@ -37,8 +37,8 @@ impl Diffuse {
         Some(Scatter::Depolarize(self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI)))
     }
 
-    /// Returns true if light arrives from `wi`, which was sampled by the cosine about the shading normal on
-    /// the side of `wo`.
+    /// Returns true if light can arrive from `wi`. The direction was sampled by the cosine about the
+    /// shading normal on the side of `wo`.
     #[inline(always)]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)

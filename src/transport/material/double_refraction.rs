@@ -1,25 +1,25 @@
 //! Crystals that split ordinary and extraordinary rays (double images).
 //!
-//! A plane wave inside is described by its index vector k (refractive index times unit normal). With the
-//! optic axis c and
+//! A plane wave inside the crystal is described by its index vector k (refractive index times unit normal).
+//! With the optic axis c and
 //!
 //! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
 //!
-//! extraordinary waves satisfy F(k) = 1, ordinary ones k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3). At a
-//! face the tangential part of k is conserved (Snell); its normal part solves a quadratic equation. Light
-//! travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). Its optical path per length
-//! is k·S. The electric vector is S × c for the ordinary ray, and perpendicular to that and to S for the
-//! extraordinary one.
+//! extraordinary waves satisfy F(k) = 1, and ordinary waves k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3).
+//! At a face the tangential part of k is conserved (Snell); the normal part of k solves a quadratic
+//! equation. Light travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). The
+//! optical path per length is k·S. The electric vector is S × c for the ordinary ray. For the extraordinary
+//! ray, it is perpendicular to S × c and to S.
 //!
 //! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
-//! polarizer along its electric vector. The two rays are incoherent, as if the crystal were much thicker than
-//! the coherence length or the beams narrower than their separation. Together they transmit all light except
-//! an error of the approximate faces of about half of (n_e - n_o)² (1 to 2 % for calcite). A projector inside
-//! such a crystal is treated as if it were inside glass.
+//! polarizer along the wave's electric vector. The two rays are incoherent, as if the crystal were much
+//! thicker than the coherence length or the beams narrower than their separation. Together they transmit
+//! all light except an error of the approximate faces of about half of (n_e - n_o)² (1 to 2 % for calcite).
+//! A projector inside such a crystal is treated as if it were inside glass.
 //!
-//! A surface does not know which of the two waves a path from inside is on, so it samples one, and the
-//! polarizers correct the result: if the guess is wrong, the polarizers are crossed and the path carries
-//! nothing.
+//! At a surface, it is unknown which of the two waves a path from inside belongs to. One wave is therefore
+//! sampled, and the polarizers correct the result: for the wrong wave the polarizers are crossed, and the
+//! path contributes nothing.
 
 use super::crystal::Crystal;
 use super::filling::Filling;
@@ -40,7 +40,7 @@ use optics::spectrum::Spectral;
 /// A wave in the crystal, at one wavelength.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
-    /// Index vector.
+    /// Index vector k (refractive index times unit normal).
     k: Vec3A,
     /// Unit vector along the ray.
     ray: Vec3A,
@@ -48,7 +48,7 @@ struct Wave {
     electric: Vec3A,
 }
 
-/// The crystal at one wavelength.
+/// Optical properties of the crystal at one wavelength.
 #[derive(Clone, Copy)]
 struct Optics {
     axis: Vec3A,
@@ -85,8 +85,8 @@ impl Optics {
         [self.ordinary(ray), self.extraordinary(k, ray)]
     }
 
-    /// Returns the two waves (ordinary first) with tangential index vector `t` that travel to the side of the
-    /// unit normal `n`; `None` for evanescent waves.
+    /// Returns the two waves (ordinary first) that travel to the side of the unit normal `n` and have the
+    /// tangential index vector `t`; `None` for evanescent waves.
     #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;
@@ -108,8 +108,8 @@ impl Optics {
     }
 }
 
-/// Returns a Fresnel block as a matrix between frames `out` and `inn` of light along `d_out` and `d_in`. The
-/// block's own frame is `s` (projected).
+/// Returns a Fresnel block as a matrix between frames `out` and `inn` of light along `d_out` and `d_in`.
+/// The frame of the block itself is `s`, projected perpendicular to the light.
 #[inline]
 fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
     let mut m = block.to_mueller();
@@ -131,7 +131,7 @@ impl Crystal {
         }
     }
 
-    /// See [`super::Materials::sample`]; for a crystal that splits light.
+    /// Samples a direction for a crystal that splits light, see [`super::Materials::sample`].
     pub(super) fn sample_split(
         &self,
         at: &Surface,
@@ -163,7 +163,8 @@ impl Crystal {
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
     }
 
-    /// Returns the lobes of the two waves in the crystal for light that leaves along `wo` outside.
+    /// Returns the lobes of light that leaves along `wo` outside the crystal, one for each of the two waves
+    /// inside.
     fn entered(&self, at: &Surface, wo: Vec3A, lane: usize, weight: Spectral) -> [Option<Specular>; 2] {
         let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
         let cos = n.dot(wo);
@@ -182,8 +183,8 @@ impl Crystal {
         })
     }
 
-    /// Returns the lobe of light that passes the face on a wave (0 ordinary, 1 extraordinary), at one
-    /// wavelength, for a crystal that splits light. Inside, light that leaves along `wo` must be on that
+    /// Returns the lobe of light that passes the face as one wave (0 ordinary, 1 extraordinary), at one
+    /// wavelength, for a crystal that splits light. If `wo` is inside, the light along `wo` must be this
     /// wave.
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         if at.ng.dot(wo) > 0.0 {
@@ -204,8 +205,8 @@ impl Crystal {
         choose(&lobes, 0.5, lanes, stream)
     }
 
-    /// Returns the lobes of light that leaves along `wo` inside on a wave: one from outside, and one for each
-    /// of the two waves that the face reflects.
+    /// Returns the lobes of light that leaves along `wo` inside as one wave: one from outside, and one for
+    /// each of the two waves that the face reflects.
     fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
         let (optics, n) = (self.optics(lane), at.ns);
         let from = optics.along(-wo)[wave];
@@ -254,7 +255,7 @@ impl Crystal {
     }
 }
 
-/// Samples one of several lobes by its intensity. `chance` is the probability of reaching this choice.
+/// Samples one of several lobes by intensity. `chance` is the probability of reaching this choice.
 fn choose(lobes: &[Option<Specular>], chance: f32, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
     let share = |l: &Specular| lanes.mean(l.scatter.m00()).max(0.0);
     let total: f32 = lobes.iter().flatten().map(share).sum();

@@ -1,8 +1,8 @@
 //! Reflection and refraction by the microfacets of a rough surface.
 //!
-//! All vectors are in the local frame of the shading normal on the side of `wo`. The normal h of a reflecting
-//! facet is the half vector. That of a refracting facet is h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs. 13, 14,
-//! 16, 17). For facets that reflect or refract all light, radiance times cosθ_i is
+//! All vectors are in the local frame of the shading normal on the side of `wo`. The normal h of a
+//! reflecting facet is the half vector. The normal of a refracting facet is h ∝ ∓(wo + η·wi) (Walter et al.
+//! 2007, eqs. 13, 14, 16, 17). For facets that reflect or refract all light, radiance times cosθ_i is
 //!
 //! - reflection D·G2 / (4 cosθ_o),
 //! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), Walter's eq. 21 with radiance scaled by 1/η².
@@ -30,9 +30,9 @@ pub(super) const LEAST_ALPHA: f32 = 1e-3;
 #[derive(Clone, Copy)]
 pub(super) struct Facets {
     model: Microfacet,
-    /// Local to world.
+    /// Rotation from the local frame to the world.
     frame: Mat3A,
-    /// `wo` in the local frame; z is its cosine, above 0.
+    /// Direction `wo` in the local frame; its z component is the cosine to the normal, above 0.
     pub lo: Vec3A,
 }
 
@@ -45,18 +45,18 @@ pub(super) struct Passage {
     pub cos_i: f32,
     /// Radiance times cosθ_i for facets that reflect or refract all light.
     pub value: f32,
-    /// Density of `wi` if a facet is sampled among the visible ones and reflects or refracts.
+    /// Density of `wi`, 1/sr, if a facet is sampled among the visible ones and reflects or refracts.
     pub pdf: f32,
 }
 
-/// Reflects `wo` at the plane with normal `h`.
+/// Returns `wo` reflected at the plane with normal `h`.
 #[inline]
 pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
     h * (2.0 * wo.dot(h)) - wo
 }
 
-/// Refracts `wo` at the plane with normal `h` (on its side) into index ratio `eta`; `None` if totally
-/// reflected.
+/// Returns `wo` refracted at the plane with normal `h` (on the side of `wo`) for the index ratio `eta`;
+/// `None` under total reflection.
 #[inline]
 pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos = wo.dot(h);
@@ -65,7 +65,7 @@ pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Facets {
-    /// `n` is the shading normal on the side of `wo`.
+    /// Creates the facets at a point; `n` is the shading normal on the side of `wo`.
     #[inline]
     pub fn new(roughness: &Roughness, textures: &Textures, at: &Surface, n: Vec3A, wo: Vec3A) -> Self {
         let frame = basis(n);

@@ -26,9 +26,9 @@ impl Materials {
         }
     }
 
-    /// Returns the direction from which light of wavelength `lane` arrives through a smooth interface if it
-    /// leaves along `wo`, and the index on the side of `wo` over that on the other side. Returns `None` under
-    /// total reflection and for all other materials.
+    /// Returns the direction from which light of wavelength `lane` arrives through a smooth interface if
+    /// the light leaves along `wo`. Also returns the ratio of the index on the side of `wo` to that on the
+    /// other side. Returns `None` under total reflection and for all other materials.
     #[inline]
     pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         self.interface(id)?.refracted(at, wo, lane)
@@ -55,7 +55,7 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    /// Returns the lobe of light that passes a crystal's face on one of its two waves
+    /// Returns the lobe of light that passes a crystal's face as one of the two waves
     /// (`double_refraction`), at one wavelength.
     #[inline]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {

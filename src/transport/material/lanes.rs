@@ -6,12 +6,12 @@ use optics::spectrum::Spectral;
 /// The set of live wavelength lanes of a path; dispersion reduces it to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lanes {
-    /// Bit i: lane i is live.
+    /// Bit mask of the live lanes: bit i is set if lane i is live.
     pub mask: u8,
 }
 
 impl Lanes {
-    /// Returns the first `n` lanes.
+    /// Returns the set of the first `n` lanes.
     #[inline]
     pub fn first(n: usize) -> Self {
         Self { mask: ((1_u16 << n) - 1) as u8 }
@@ -60,8 +60,8 @@ impl Lanes {
         self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
     }
 
-    /// Samples one live lane uniformly and drops the others. Returns the lane and the weight that makes it
-    /// represent all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    /// Samples one live lane uniformly and drops the others. Returns the lane, and the weight with which
+    /// the lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
         let alive = self.count().max(1);

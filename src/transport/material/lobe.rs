@@ -10,26 +10,26 @@ use optics::spectrum::Spectral;
 pub struct Sampled {
     /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// Interaction divided by the density of `wi` and the probability of its lobe.
+    /// Interaction divided by the density of `wi` and the probability of the lobe.
     pub scatter: Scatter,
-    /// True if `wi` is from a delta lobe.
+    /// True if `wi` belongs to a delta lobe.
     pub delta: bool,
     /// The medium along `wi`, if light crossed an interface.
     pub filling: Option<Filling>,
 }
 
-/// Interactions by kind of lobe. A kind is the bits that it sets in a label ([`tensor::label`]); each occurs
-/// once.
+/// Interactions by kind of lobe. A kind is represented by the bits that it sets in a label
+/// ([`tensor::label`]). Each kind occurs at most once.
 ///
-/// A `Vec`, because matrices are large and callers that do not need them should not carry them on the stack.
+/// The type is a `Vec`, because matrices are large and would otherwise occupy the caller's stack.
 pub type Lobes = Vec<(u8, Scatter)>;
 
-/// One of the two delta lobes of a smooth surface.
+/// The two delta lobes of a smooth surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// Light that stays on its side.
+    /// Light that stays on the same side of the surface.
     Reflected,
-    /// Light that passes through, with or without deflection.
+    /// Light that passes through the surface, with or without deflection.
     Transmitted,
 }
 

@@ -1,9 +1,9 @@
 //! Polarimetric BRDFs: one material per file, plain data, dispatched by enum.
 //!
-//! Directions have unit length, point away from the surface and are in world space. `wo` points to where
-//! light leaves (the camera side). `wi` points to where light arrives from. Values are per projected solid
-//! angle of `wi`, so they include |cosθ_i|. Opaque materials are two-sided: the shading normal is flipped to
-//! the side of `wo`.
+//! Directions have unit length, point away from the surface and are in world space. `wo` is the direction
+//! in which light leaves (toward the camera). `wi` is the direction from which light arrives. Values are
+//! per projected solid angle of `wi`, so they include |cosθ_i|. Opaque materials are two-sided: the shading
+//! normal is flipped to the side of `wo`.
 //!
 //! Composite materials ([`two_sided`], [`blend`], …) refer to other materials by index in [`Materials`].
 
@@ -114,8 +114,8 @@ macro_rules! extended {
 
 /// All materials of a scene with their shared textures and tables.
 ///
-/// A material only refers to materials with smaller indices (the scene builder ensures this), so recursive
-/// evaluation terminates.
+/// A material refers only to materials with smaller indices, which the scene builder ensures. Recursive
+/// evaluation therefore terminates.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {
     pub list: Vec<Material>,
@@ -124,7 +124,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Returns the material if it is a plain Lambertian surface.
+    /// Returns the material if it is a plain Lambertian surface, else `None`.
     #[inline(always)]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
         match &self.list[id as usize] {
@@ -146,7 +146,7 @@ impl Materials {
         }
     }
 
-    /// [`Self::has_extended_lobe`] for composite materials.
+    /// Returns [`Self::has_extended_lobe`] for composite materials.
     fn has_extended_lobe_rest(&self, material: &Material) -> bool {
         material.parts().any(|part| self.has_extended_lobe(part))
     }
@@ -157,7 +157,8 @@ impl Materials {
         self.eval_inline(id, at, wo, wi)
     }
 
-    /// [`Self::eval`], always inlined. Only one loop gains enough from inlining to justify the code size.
+    /// Works as [`Self::eval`], but is always inlined. Only one loop gains enough from inlining to justify
+    /// the code size.
     #[inline(always)]
     pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
@@ -175,8 +176,8 @@ impl Materials {
         }
     }
 
-    /// [`Self::eval`] for composite and rarer materials. It is a separate function so that the common
-    /// materials can be inlined.
+    /// Works as [`Self::eval`] for composite and rarer materials. The function is separate so that the
+    /// common materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
@@ -208,7 +209,8 @@ impl Materials {
         }
     }
 
-    /// Samples the direction from which the light at `wo` arrives; `None` if it is absorbed.
+    /// Samples the direction from which the light along `wo` arrives; `None` if the material absorbs the
+    /// light.
     #[inline(never)]
     pub fn sample(
         &self,
@@ -221,7 +223,8 @@ impl Materials {
         self.sample_inline(id, at, wo, lanes, stream)
     }
 
-    /// [`Self::sample`], always inlined. Only one loop gains enough from inlining to justify the code size.
+    /// Works as [`Self::sample`], but is always inlined. Only one loop gains enough from inlining to
+    /// justify the code size.
     #[inline(always)]
     pub fn sample_inline(
         &self,
@@ -242,8 +245,8 @@ impl Materials {
         }
     }
 
-    /// [`Self::sample`] for composite and rarer materials. It is a separate function so that the common
-    /// materials can be inlined.
+    /// Works as [`Self::sample`] for composite and rarer materials. The function is separate so that the
+    /// common materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -279,9 +282,9 @@ impl Materials {
     }
 
     /// Returns a delta lobe, not divided by a sampling probability. Returns `None` if the material has no
-    /// such lobe, or if no light arrives along it.
+    /// such lobe, or if no light arrives along the lobe.
     ///
-    /// `lane` is the wavelength lane that sets the direction where the material is dispersive.
+    /// `lane` is the wavelength lane that determines the direction if the material is dispersive.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
             (extended!(), _) => None,
@@ -307,7 +310,8 @@ impl Materials {
         }
     }
 
-    /// Returns true if some material transmits light undeflected, so that connections must test for it.
+    /// Returns true if some material transmits light undeflected, so that connections must be tested for
+    /// such materials.
     pub(crate) fn any_straight(&self) -> bool {
         // Composite materials need no case: their parts are in the same list.
         self.list.iter().any(|m| {

@@ -15,15 +15,17 @@ use glam::Vec3A;
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
     pub material: u32,
-    /// Index of the image. Its first three channels are x, y, z; for a bump map, the first is the height.
+    /// Index of the image. The first three channels of the image are x, y, z; for a bump map, the first
+    /// channel is the height.
     pub texture: u32,
-    /// Factor of x and y: 0 flattens, 1 leaves them unchanged. For a bump map: metres at the image value 1.
+    /// Factor of x and y: 0 flattens the normals, 1 leaves them unchanged. For a bump map: height in metres
+    /// at the image value 1.
     pub strength: f32,
     /// True for a bump map.
     pub heights: bool,
 }
 
-/// Minimum cosine between the perturbed normal and the geometric one.
+/// Minimum cosine between the perturbed normal and the geometric normal.
 const LEAST_COS: f32 = 0.02;
 
 impl NormalMap {
@@ -38,7 +40,7 @@ impl NormalMap {
         Surface { ns: n, ..*at }
     }
 
-    /// Returns the normal of a bump map.
+    /// Returns the perturbed normal of a bump map.
     fn raised(&self, materials: &Materials, at: &Surface) -> Vec3A {
         let slope = materials.textures.gradient(self.texture, at.uv);
         let [u, v] = [(at.tangent, slope[0]), (at.bitangent, slope[1])]
@@ -47,7 +49,7 @@ impl NormalMap {
         if n.dot(at.ns) < 0.0 { -n } else { n }
     }
 
-    /// Returns the normal of a normal map.
+    /// Returns the perturbed normal of a normal map.
     #[inline]
     fn stored(&self, materials: &Materials, at: &Surface) -> Vec3A {
         let [x, y, z, _] = materials.textures.eval(self.texture, at.uv).to_array();

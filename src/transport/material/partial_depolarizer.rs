@@ -1,8 +1,8 @@
 //! A material that partly depolarizes light, by subsurface scattering that is too fine to be traced.
 //!
-//! M' = (1 - f)·M + f·M00·e₀e₀ᵀ: a mixture of the material and an ideal depolarizer of equal throughput (Lu &
-//! Chipman 1996, "depolarizer"). Reflection of unpolarized light is unchanged in intensity, so two materials
-//! that differ in f only are *metamers*: only their Mueller matrices distinguish them.
+//! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer of equal
+//! throughput (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is
+//! unchanged, so two materials that differ only in f are *metamers*: only their Mueller matrices differ.
 
 use super::Materials;
 use super::texture::Scalar;
@@ -11,7 +11,7 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Another material, depolarized by a fraction.
+/// Another material whose light is depolarized by a fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
     pub material: u32,

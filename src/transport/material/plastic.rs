@@ -3,19 +3,20 @@
 //!
 //! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i)
 //!
-//! The first term is microfacet reflection with Fresnel's matrix R. The second is body reflection: light
-//! enters through the coat (T in the frame perpendicular to n and `wi`), is depolarized inside, and leaves (T
-//! in the frame perpendicular to n and `wo`) partly polarized in the plane of n and `wo`. T is Fresnel's, of
-//! the smooth mean surface, or that of the facets ([`super::coat`]).
+//! The first term is microfacet reflection with Fresnel's matrix R. The second term is body reflection.
+//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside.
+//! The light leaves partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and
+//! `wo`). T is Fresnel's transmission of the smooth mean surface, or the transmission of the facets
+//! ([`super::coat`]).
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
-//! inside leaves later: ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal reflectance.
-//! Mitsuba's `plastic` uses this with `nonlinear`; by default it uses ρ' = ρ / (η² (1 - F)), proportional to
-//! ρ. A white body then returns all the light that enters it.
+//! inside leaves later. Then ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal
+//! reflectance. Mitsuba's `plastic` uses this value of ρ' with `nonlinear`, and by default ρ' = ρ / (η² (1
+//! - F)), proportional to ρ. In both cases a white body returns all light that enters.
 //!
 //! An optional third lobe models light scattered once below the surface (Hwang et al. 2022, "Sparse
-//! ellipsometry"). It is like the surface reflection, including R, but coloured and with a separate width:
-//! ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
+//! ellipsometry"). The lobe has the form of the surface reflection, including R, but is coloured and has a
+//! separate width: ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
 use super::coat;
 use super::facets::{Facets, Roughness, reflect};
@@ -43,7 +44,7 @@ pub struct Plastic {
     /// Factor k of the surface reflection.
     pub specular: Spectral,
     pub interreflection: Interreflection,
-    /// Transmission of the coat's facets; `None` uses the smooth mean surface.
+    /// Transmission of the coat's facets; `None` for the transmission of the smooth mean surface.
     pub passage: Option<coat::Table>,
     /// Light scattered once below the coat, if modelled.
     pub single_scatter: Option<SingleScatter>,
@@ -53,11 +54,11 @@ pub struct Plastic {
 /// [`coat::internal_reflectance`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interreflection {
-    /// Lost: ρ' = ρ.
+    /// Lost light: ρ' = ρ.
     Lost,
-    /// Reflected again by the body: ρ' = ρ / (η² (1 - ρ F)). Contains F.
+    /// Light reflected again by the body: ρ' = ρ / (η² (1 - ρ F)). Contains F.
     Coloured(Spectral),
-    /// Reflected again by a white body: ρ' = ρ / (η² (1 - F)), proportional to ρ. Contains F.
+    /// Light reflected again by a white body: ρ' = ρ / (η² (1 - F)), proportional to ρ. Contains F.
     Linear(Spectral),
 }
 
@@ -66,7 +67,7 @@ pub enum Interreflection {
 pub struct SingleScatter {
     /// Factor ρ_s, 0..1.
     pub albedo: Spectrum,
-    /// Width of its distribution of normals. The type of distribution is that of the surface.
+    /// Width α of the distribution of normals. The type of the distribution is that of the surface.
     pub alpha: Scalar,
 }
 
@@ -75,19 +76,19 @@ struct Seen {
     facets: Facets,
     n: Vec3A,
     wo: Vec3A,
-    /// ρ'.
+    /// Albedo ρ' of the base with interreflection.
     base: Spectral,
     /// Transmission of the light that leaves.
     out: coat::Passed,
-    /// ρ_s and the facets of single scattering.
+    /// Factor ρ_s and facets of single scattering.
     single: Option<(Spectral, Facets)>,
     /// Probabilities of sampling the surface reflection and single scattering.
     share: [f32; 2],
 }
 
 impl Seen {
-    /// Evaluates facet reflection from the local direction `li`: the facets' cosine, the sum of the facet
-    /// lobes without R, and the density of `li` over all lobes.
+    /// Evaluates facet reflection from the local direction `li`. Returns the cosine between facet normal
+    /// and light, the sum of the facet lobes without R, and the density of `li` over all lobes.
     #[inline]
     fn reflection(&self, specular: Spectral, li: Vec3A) -> Option<(f32, Spectral, f32)> {
         let to = self.facets.reflection(li)?;
@@ -181,7 +182,7 @@ impl Plastic {
         }
     }
 
-    /// [`Self::eval`] in two parts: facet reflection and body reflection.
+    /// Returns [`Self::eval`] in two parts: facet reflection and body reflection.
     pub(crate) fn eval_parted(
         &self,
         textures: &Textures,
@@ -223,7 +224,8 @@ impl Plastic {
         }
     }
 
-    /// See [`super::Materials::sample`]. The weight is the value of all lobes over the density of all lobes.
+    /// Samples a direction, see [`super::Materials::sample`]. The weight is the value of all lobes over the
+    /// density of all lobes.
     pub fn sample(
         &self,
         textures: &Textures,

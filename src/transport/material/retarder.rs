@@ -1,17 +1,18 @@
 //! Retarder sheet: a wave plate or a stretched film.
 //!
-//! In the frame of its fast axis, the matrix is M22 = M33 = cos δ, M23 = -M32 = sin δ; the slow axis lags by
-//! δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is selectable:
+//! In the frame of the sheet's fast axis, the matrix is M22 = M33 = cos δ, M23 = -M32 = sin δ; the slow
+//! axis lags by δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is selectable:
 //!
-//! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. Its optic axis c is in the
-//!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray and
-//!   c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t: the path is longer by 1/cosθ_t, and
+//! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. The optic axis c is in the
+//!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray
+//!   and c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t: the path is longer by 1/cosθ_t, and
 //!   n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born & Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected
-//!   perpendicular to the refracted ray. Refraction rotates it about s together with the ray.
+//!   perpendicular to the refracted ray. Refraction rotates the slow axis about s together with the ray.
 //! - [`Tilt::Constant`]: δ = δ₀ at any incidence; the fast axis is projected perpendicular to the ray.
-//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. Not physical.
+//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. This model is not
+//!   physical.
 //!
-//! Reflection by the faces is neglected; the transmittance may include it.
+//! Reflection by the faces is neglected, but the transmittance may include the loss.
 
 use super::lobe::Specular;
 use super::sheet;
@@ -26,18 +27,18 @@ use sheet::SheetAxis;
 /// The dependence of retardance on the angle of incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tilt {
-    /// Zero-order uniaxial plate of this mean refractive index.
+    /// Retardance of a zero-order uniaxial plate with this mean refractive index.
     Plate(f32),
-    /// Independent of incidence.
+    /// Retardance independent of the angle of incidence.
     Constant,
-    /// Proportional to the cosine of incidence.
+    /// Retardance proportional to the cosine of incidence.
     Cosine,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub struct Retarder {
     pub axis: SheetAxis,
-    /// δ₀: retardance at normal incidence per wavelength, radians.
+    /// Retardance δ₀ at normal incidence per wavelength, radians.
     pub retardance: Spectral,
     /// Power transmittance, 0..1.
     pub transmittance: Spectral,
@@ -45,7 +46,7 @@ pub struct Retarder {
 }
 
 impl Retarder {
-    /// Returns the undeflected transmission to `wo`.
+    /// Returns the lobe of undeflected transmission to `wo`.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         let axis = self.axis.at(at);
@@ -65,7 +66,7 @@ impl Retarder {
     }
 }
 
-/// Returns the fast axis for light to `wo` (perpendicular to `wo`), and sin²ψ / cosθ_t.
+/// Returns the fast axis for light to `wo` (a unit vector perpendicular to `wo`), and sin²ψ / cosθ_t.
 #[inline]
 fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let n = if normal.dot(wo) < 0.0 { -normal } else { normal };

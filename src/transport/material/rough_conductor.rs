@@ -15,11 +15,11 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Conductor of complex index n + i·k with isotropic roughness.
+/// Rough conductor with the complex index n + i·k relative to the outside and isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
     pub n: Spectral,
-    /// Imaginary part, ≥ 0.
+    /// Imaginary part k ≥ 0 of the index.
     pub k: Spectral,
     /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
@@ -52,7 +52,7 @@ impl RoughConductor {
         Some(self.fresnel(factor, wo, wi, to.cos_o))
     }
 
-    /// Returns the density of the visible normal over 4 wo·h.
+    /// Returns the sampling density of `wi`, 1/sr: the density of the visible normal over 4 wo·h.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let passage = |facets: Facets| facets.reflection(facets.local(wi));

@@ -1,8 +1,8 @@
 //! A closed surface filled with a uniaxial crystal with rough faces, in the joined-ray model.
 //!
 //! The faces reflect and refract like a [`super::rough_dielectric`] of index (n_o + n_e)/2. Every straight
-//! path segment inside retards light as in the smooth [`super::crystal`], by its own length and direction.
-//! The two models agree as α → 0.
+//! path segment inside is a retarder as in the smooth [`super::crystal`], according to the length and
+//! direction of the segment. The two models agree as α → 0.
 //!
 //! Approximations, in addition to those of [`super::crystal`]:
 //!
@@ -27,7 +27,7 @@ pub struct RoughCrystal {
     /// The crystal inside, with `split` false.
     pub crystal: Crystal,
     pub roughness: Roughness,
-    /// The scene's wavelengths.
+    /// Wavelength lanes of the scene.
     pub lanes: Lanes,
 }
 
@@ -38,7 +38,7 @@ impl RoughCrystal {
         RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }
 
-    /// See [`super::Materials::sample`]; `id` is this material's index.
+    /// Samples a direction, see [`super::Materials::sample`]; `id` is this material's index.
     #[inline]
     pub fn sample(
         &self,

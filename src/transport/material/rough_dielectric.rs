@@ -3,9 +3,9 @@
 //! Each facet has Fresnel's Mueller matrices. The frame vector s is perpendicular to the plane of `wo` and
 //! `wi`, which contains the facet normal. Radiance is scaled by 1/η² as at the smooth [`super::dielectric`].
 //!
-//! For two directions on different sides, each wavelength of a dispersive index has its own facet. A sampled
-//! reflection keeps all wavelengths; a sampled refraction with a dispersive index keeps one (see
-//! [`super::dielectric`]).
+//! For two directions on different sides, the normal of the refracting facet depends on the wavelength if
+//! the index is dispersive. A sampled reflection keeps all wavelengths; a sampled refraction with a
+//! dispersive index keeps one (see [`super::dielectric`]).
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
@@ -27,11 +27,12 @@ use optics::spectrum::Spectral;
 pub struct RoughDielectric {
     pub interface: Dielectric,
     pub roughness: Roughness,
-    /// The scene's wavelengths.
+    /// Wavelength lanes of the scene.
     pub lanes: Lanes,
 }
 
-/// Returns the cosine on the side of lower index and the value of a refraction with index ratio `eta`.
+/// Returns the cosine to the facet normal on the side of lower index, and the value of a refraction with
+/// index ratio `eta`.
 ///
 /// Power transmittance is equal in both directions. On the side of lower index there is no total reflection,
 /// so f32 cosines are accurate enough.
@@ -55,7 +56,7 @@ impl RoughDielectric {
         self.interface.dispersive && self.lanes.count() > 1
     }
 
-    /// See [`super::Materials::eval`]; `wi` may be on either side.
+    /// Returns the Mueller BSDF times |cosθ_i|, see [`super::Materials::eval`]; `wi` may be on either side.
     #[inline]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let (facets, _, eta) = self.facets(textures, at, wo)?;
@@ -84,7 +85,7 @@ impl RoughDielectric {
     }
 
     /// Returns the density of [`Self::sample`] for a path that carries all wavelengths of the scene. For
-    /// refraction with a dispersive index, it is the mean over the wavelength that continues.
+    /// refraction with a dispersive index, this is the mean over the wavelengths that may continue.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some((facets, _, eta)) = self.facets(textures, at, wo) else {
@@ -104,7 +105,8 @@ impl RoughDielectric {
         }
     }
 
-    /// Samples a visible facet, then reflection or refraction by their power. The weight is F·G2/G1.
+    /// Samples a visible facet, then reflection or refraction in proportion to their power. The weight is
+    /// F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

@@ -1,7 +1,7 @@
 //! Shared code of sheets (polarizers, retarders): an axis in the sheet and undeflected transmission.
 //!
-//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. Their
-//! matrices have the block form of Fresnel matrices in the frame of their axis.
+//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. In
+//! the frame of the sheet's axis, the matrix of a sheet has the block form of a Fresnel matrix.
 
 use super::lobe::Specular;
 use crate::geometry::ray::Surface;
@@ -21,7 +21,8 @@ pub enum SheetAxis {
 }
 
 impl SheetAxis {
-    /// Returns the unit vector along the axis. It is a line in space: equal for light from either side.
+    /// Returns the unit vector along the axis. The axis is a line in space, equal for light from either
+    /// side.
     #[inline]
     pub fn at(&self, at: &Surface) -> Vec3A {
         match self {
@@ -35,14 +36,15 @@ impl SheetAxis {
     }
 }
 
-/// Returns undeflected transmission to `wo` by an element with matrix `block` in the frame `axis`.
+/// Returns the lobe of undeflected transmission to `wo` by an element with matrix `block` in the frame
+/// `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the undeflected transmission to `wo` at a boundary between media of equal index, which keeps the
-/// polarization.
+/// Returns the lobe of undeflected transmission to `wo` at a boundary between media of equal index, which
+/// preserves the polarization.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

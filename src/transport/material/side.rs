@@ -3,7 +3,8 @@
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
-/// Returns the shading normal on the side of `wo`; `None` if the geometric normal disagrees about that side.
+/// Returns the shading normal on the side of `wo`, or `None` if `wo` is on the other side of the geometric
+/// normal.
 #[inline(always)]
 pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
     let side = surface.ng.dot(wo);

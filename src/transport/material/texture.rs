@@ -4,7 +4,7 @@ use optics::spectrum::Spectral;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How an image continues beyond its edges.
+/// Continuation of an image beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
@@ -17,14 +17,14 @@ pub enum Wrap {
     Clamp,
 }
 
-/// How values between the centres of texels are computed.
+/// Interpolation of values between the centres of texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Filter {
-    /// Interpolates the four nearest texels.
+    /// Bilinear interpolation of the four nearest texels.
     #[default]
     Bilinear,
-    /// Takes the nearest texel.
+    /// Value of the nearest texel.
     Nearest,
 }
 
@@ -39,11 +39,11 @@ pub const SAME: UvMap = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 pub struct Image {
     pub width: u32,
     pub height: u32,
-    /// Index of its first texel.
+    /// Index of the image's first texel.
     pub first: u32,
     pub filter: Filter,
     pub wrap: Wrap,
-    /// Maps the surface's texture coordinates to those of the image.
+    /// Map from the surface's texture coordinates to the image's coordinates.
     pub uv: UvMap,
 }
 
@@ -96,11 +96,13 @@ pub(crate) fn bilinear(x: f32, y: f32, at: impl Fn(f32, f32) -> Spectral) -> Spe
     lerp(top, bottom, fy)
 }
 
-/// Image index that selects the values at the corners of the mesh's own triangles ([`Textures::corners`]).
+/// Image index that selects values at the corners of a mesh's triangles ([`Textures::corners`]) instead of
+/// an image.
 pub const ATTRIBUTE: u32 = u32::MAX;
 /// Number of triangles in one row of the texture-coordinate grid of [`corner_uv`].
 const COLUMNS: u32 = 2048;
-/// Maximum number of triangles with corner values. Beyond it, f32 texture coordinates are too coarse.
+/// Maximum number of triangles with corner values. Beyond this number, f32 texture coordinates are too
+/// coarse.
 pub const MOST_CORNERS: usize = 1 << 22;
 
 /// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
@@ -118,12 +120,14 @@ pub struct Textures {
     pub images: Vec<Image>,
     /// Texels, top row first.
     pub texels: Vec<[f32; 4]>,
-    /// Values at the corners of triangles, which meshes address by texture coordinates ([`corner_uv`]).
+    /// Values at the corners of triangles, which meshes address through texture coordinates
+    /// ([`corner_uv`]).
     pub corners: Vec<[[f32; 4]; 3]>,
 }
 
 impl Textures {
-    /// Returns the value at texture coordinates. (0, 0) of the image is its lower left corner.
+    /// Returns the value at texture coordinates. The lower left corner of the image has the coordinates (0,
+    /// 0).
     #[inline]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
         if texture == ATTRIBUTE {
@@ -171,7 +175,7 @@ impl Textures {
     }
 }
 
-/// A value per wavelength, multiplied by an optional image.
+/// A value per wavelength, optionally multiplied by an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Spectrum {
     /// The value, or the factor of the image.
@@ -193,7 +197,7 @@ impl Spectrum {
     }
 }
 
-/// A number, multiplied by the first channel of an optional image.
+/// A number, optionally multiplied by the first channel of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar {
     /// The value, or the factor of the image.
@@ -219,7 +223,7 @@ impl Scalar {
 mod tests {
     use super::*;
 
-    /// 3 × 2 texels 1 to 6, top row first.
+    /// Returns a texture of 3 × 2 texels with the values 1 to 6, top row first.
     fn textures(filter: Filter, wrap: Wrap, uv: UvMap) -> Textures {
         Textures {
             images: vec![Image { filter, wrap, uv, ..Image::new([3, 2], 0) }],
@@ -265,7 +269,7 @@ mod tests {
         assert!((mixed(Wrap::Clamp) - 6.0).abs() < 1e-5);
     }
 
-    /// Compares with finite differences of the image for every wrap mode and an affine map.
+    /// Compares gradients with finite differences of the image, for every wrap mode and an affine map.
     #[test]
     fn gradients_are_differences() {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
@@ -282,7 +286,7 @@ mod tests {
         }
     }
 
-    /// Includes high triangle indices, where texture coordinates are coarse.
+    /// Verifies corner values also for high triangle indices, where texture coordinates are coarse.
     #[test]
     fn values_of_corners_are_mixed() {
         let mut t = Textures::default();

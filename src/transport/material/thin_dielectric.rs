@@ -1,15 +1,15 @@
 //! Thin glass plate: a window pane, a beam splitter or a cover glass.
 //!
-//! The plate is plane-parallel, much thicker than the coherence length of the light and much thinner than the
-//! scene. Light reflected repeatedly between its faces leaves in parallel, and the orders add as Mueller
-//! matrices. Let R and T be the power reflection and transmission matrices of one face in the s frame. They
-//! all commute, and the inner face reflects and transmits like the outer one. Then
+//! The plate is plane-parallel, much thicker than the coherence length of the light and much thinner than
+//! the scene. Light reflected repeatedly between its faces leaves in parallel, and the orders add as
+//! Mueller matrices. Let R and T be the power reflection and transmission matrices of one face in the s
+//! frame. These matrices commute, and the matrices of both faces are equal. Then
 //!
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!
 //! (Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates";
-//! Mitsuba 3's `thindielectric` does the same for unpolarized powers). With r the power reflectance of a face
-//! for s (or p) and x = ±√(r_s r_p) its M22:
+//! Mitsuba 3's `thindielectric` computes the same sum for unpolarized powers). Let r be the power
+//! reflectance of a face for s (or p), and x = ±√(r_s r_p) the element M22 of R. Then
 //!
 //! > t̄ = (1 - r)/(1 + r), r̄ = r (1 + t̄);  M22: x̄_t = (1 - r_s)(1 - r_p)/(1 - x²), x̄_r = x (1 + x̄_t).
 //!
@@ -60,7 +60,8 @@ pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
 }
 
 impl ThinDielectric {
-    /// Returns one of the two lobes; `None` if shading and geometric normals disagree about the side.
+    /// Returns the reflected or transmitted lobe; `None` if shading and geometric normals disagree about
+    /// the side.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A, lobe: Lobe) -> Option<Specular> {
         let side = at.ng.dot(wo);
@@ -82,7 +83,7 @@ impl ThinDielectric {
         })
     }
 
-    /// Samples a lobe by its power averaged over the live lanes, all of which continue. See
+    /// Samples a lobe by its power, averaged over the live lanes. All live lanes continue. See
     /// [`super::Materials::sample`].
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {

@@ -1,4 +1,4 @@
-//! One material in front, another (or none) behind. The front is the side of the geometric normal.
+//! A material with different materials in front and behind. The front is the side of the geometric normal.
 
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
@@ -8,18 +8,19 @@ use glam::Vec3A;
 pub struct TwoSided {
     /// Index of the material in front.
     pub front: u32,
-    /// Index of the material behind; `None` absorbs all light.
+    /// Index of the material behind; if `None`, the back absorbs all light.
     pub back: Option<u32>,
 }
 
 impl TwoSided {
-    /// Iterates over the materials that are present.
+    /// Iterates over the indices of the materials in front and behind.
     #[inline]
     pub fn sides(&self) -> impl Iterator<Item = u32> {
         [Some(self.front), self.back].into_iter().flatten()
     }
 
-    /// Returns the material on the side of `wo`. No light is transmitted from one side to the other.
+    /// Returns the index of the material on the side of `wo`. No light is transmitted from one side to the
+    /// other.
     #[inline]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
         if at.ng.dot(wo) > 0.0 { Some(self.front) } else { self.back }

@@ -1,10 +1,10 @@
 //! Bulk optical properties of a cloud of particles, from single-particle scattering.
 //!
-//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and
-//! μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The scattering matrix of a mixture is the mean of the
-//! kinds' dσ/dΩ = S/k², weighted by N, over μ_s. Scattering is independent (each particle is illuminated only
-//! by the incident wave), which is valid up to volume fractions of a few per cent. Amounts: N = f/⟨V⟩ for a
-//! volume fraction f, with f = c/ρ for a mass concentration c.
+//! With N particles per m³ of mean cross section C, μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed
+//! over the kinds of particle. The scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, with dσ/dΩ = S/k² for
+//! each kind. Scattering is independent (each particle is illuminated only by the incident wave), which is
+//! valid up to volume fractions of a few per cent. The number density is N = f/⟨V⟩ for a volume fraction f;
+//! a mass concentration c has f = c/ρ.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
@@ -20,7 +20,7 @@ pub enum BulkError {
     Mie(#[from] MieError),
     #[error(transparent)]
     Size(#[from] SizeError),
-    /// The amount of particles is negative, NaN, or fills more than the volume.
+    /// The amount of particles is negative or NaN, or the particles fill more than the volume.
     #[error("the volume fraction of the particles must be in 0..1, got {0}")]
     Amount(f64),
     #[error("the density must be in 0.001..1e6 kg/m³, got {0} kg/m³")]
@@ -29,11 +29,11 @@ pub enum BulkError {
     Constants(#[from] crate::material::constants::ConstantsError),
 }
 
-/// An error in one of several kinds of particle.
+/// An error in one kind of particle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{error}")]
 pub struct KindError {
-    /// Index of the kind in the list.
+    /// Index of the kind of particle in the list.
     pub kind: usize,
     pub error: BulkError,
 }
@@ -46,11 +46,11 @@ impl From<KindError> for BulkError {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
-    /// Fraction of the volume that they fill.
+    /// Fraction of the volume that the particles fill, 0..1.
     VolumeFraction(f64),
-    /// Per m³.
+    /// Number of particles per m³.
     NumberDensity(f64),
-    /// By mass, in kg/m³ (= g/L).
+    /// Mass concentration in kg/m³ (= g/L), with the density of a particle.
     Mass {
         /// Mass of particles per volume of the medium, kg/m³.
         concentration: f64,
@@ -83,7 +83,7 @@ impl Amount {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kind {
     pub sizes: SizeDistribution,
-    /// Index n + i·k in vacuum per wavelength.
+    /// Refractive index n + i·k relative to vacuum, per wavelength.
     pub index: Vec<[f64; 2]>,
     pub amount: Amount,
 }
@@ -93,9 +93,9 @@ pub struct Kind {
 pub struct Bulk {
     /// Real refractive index of the host.
     pub index: f64,
-    /// μ_s, 1/m.
+    /// Scattering coefficient μ_s, 1/m.
     pub scattering: f64,
-    /// μ_a, 1/m.
+    /// Absorption coefficient μ_a, 1/m.
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
@@ -105,28 +105,29 @@ pub struct Bulk {
     pub c_abs: f64,
 }
 
-/// Particles at one wavelength: each sphere with its number per m³ over k².
+/// Particles at one wavelength: a list of spheres, each with its number per m³ divided by k².
 #[derive(Clone, Debug)]
 pub struct Ensemble {
     spheres: Vec<(f64, Sphere)>,
-    /// Real refractive index of the host.
+    /// Real refractive index of the host medium.
     host: f64,
-    /// Wave number in the host, 1/m.
+    /// Wave number k in the host medium, 1/m.
     wave_number: f64,
-    /// Particles per m³.
+    /// Number of particles per m³.
     number: f64,
-    /// Σ N C_sca and Σ N C_abs, 1/m, and Σ N C_sca g.
+    /// Sums over all kinds of particle: Σ N C_sca and Σ N C_abs, both 1/m, and Σ N C_sca g.
     scattering: f64,
     absorption: f64,
     cosine: f64,
-    /// Terms of the longest series.
+    /// Number of terms of the longest series.
     terms: usize,
-    /// Replaces the spheres if there are many.
+    /// Products of the series, which replace the spheres if there are many.
     products: Option<Products>,
 }
 
 impl Ensemble {
-    /// Creates an empty ensemble in a host of real index `host`, at a vacuum wavelength in nanometres.
+    /// Creates an empty ensemble in a host of real refractive index `host`, at the vacuum wavelength `nm`
+    /// (nanometres).
     pub fn new(host: f64, nm: f64) -> Self {
         Self {
             spheres: vec![],
@@ -144,7 +145,7 @@ impl Ensemble {
     /// Adds particles of index `n + i·k` (relative to vacuum).
     ///
     /// # Errors
-    /// [`BulkError`] with the parameter that is out of range.
+    /// [`BulkError`] that identifies the parameter that is out of range.
     pub fn add(
         &mut self,
         sizes: &SizeDistribution,
@@ -167,7 +168,8 @@ impl Ensemble {
         Ok(())
     }
 
-    /// Prepares fast evaluation of [`Self::matrix`] for many spheres. Call it after the last [`Self::add`].
+    /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. The caller must call this method
+    /// after the last [`Self::add`].
     pub fn finish(&mut self) {
         // The cost of the quadratic forms, in terms of spheres.
         let long = 2 * self.terms * self.terms;
@@ -188,7 +190,7 @@ impl Ensemble {
         }
     }
 
-    /// Returns true if there is no scattering.
+    /// Returns true if the ensemble does not scatter.
     pub(crate) fn is_clear(&self) -> bool {
         self.scattering <= 0.0
     }
@@ -214,25 +216,25 @@ impl Ensemble {
 /// Phase function of a medium, before tabulation.
 #[derive(Clone, Debug)]
 pub enum PhaseOptics {
-    /// Isotropic and depolarizing.
+    /// Isotropic and depolarizing scattering.
     Isotropic,
     Rayleigh(Rayleigh),
     HenyeyGreenstein(HenyeyGreenstein),
-    /// One ensemble per wavelength.
+    /// Particle scattering, with one ensemble per wavelength.
     Particles(Vec<Ensemble>),
 }
 
-/// A medium's optics in double precision.
+/// Optical properties of a medium in double precision.
 #[derive(Clone, Debug)]
 pub struct Optics {
-    /// Coefficients, one entry per wavelength.
+    /// Bulk properties, one entry per wavelength.
     pub bulk: Vec<Bulk>,
     pub phase: PhaseOptics,
 }
 
 impl Optics {
-    /// Computes particles in a host of real index `host` and absorption `host_absorption` (1/m). All lists
-    /// have one entry per vacuum wavelength in `nm`.
+    /// Computes the optics of particles in a host of real refractive index `host` and absorption
+    /// `host_absorption` (1/m). All lists have one entry per vacuum wavelength in `nm`.
     ///
     /// # Errors
     /// [`KindError`] with the first kind that has a parameter out of range.

@@ -1,26 +1,28 @@
 //! A grid of values in a box, for the spatially varying density of a medium.
 //!
-//! Values between grid points are interpolated (trilinear). Within half a step of the box's faces they are
-//! those of the outermost points; outside the box they are 0. Along a ray, the values are a cubic polynomial
-//! in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule gives their integral
-//! exactly. Optical depths are therefore free of noise, and free paths are found by inverting them.
+//! Values between grid points are interpolated trilinearly. Within half a step of the box's faces, the
+//! values are those of the outermost points; outside the box, the values are 0. Along a ray, the values are
+//! a cubic polynomial in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule
+//! gives their integral exactly. Optical depths are therefore free of noise, and free paths are sampled by
+//! inversion of the optical depth.
 
 use crate::geometry::ray::Ray;
 use glam::{Affine3A, Vec3A};
 use optics::spectrum::Spectral;
 
-/// Maximum number of steps of the bracketed Newton's method that finds a free path.
+/// Maximum number of steps of the bracketed Newton's method that computes a free path.
 const STEPS: usize = 24;
 
 /// A grid of values in a box.
 #[derive(Clone, Debug)]
 pub struct Grid {
     size: [usize; 3],
-    /// World to grid: the box is 0..size along each axis, and its points are at the centres of unit cubes.
+    /// Map from world to grid space. In grid space, the box is 0..size along each axis, and the grid points
+    /// are the centres of unit cubes.
     to_grid: Affine3A,
-    /// By x, then y, then z.
+    /// Values at the grid points: x fastest, then y, then z.
     values: Vec<[f32; 4]>,
-    /// If true, values are constant per cell and not interpolated.
+    /// True if values are constant per cell instead of interpolated.
     nearest: bool,
 }
 
@@ -79,7 +81,7 @@ impl Grid {
         self.value(own)
     }
 
-    /// Returns the value at a world point, clamped to the box.
+    /// Returns the value at a world point; outside the box, the value at the nearest point of the box.
     pub fn beyond(&self, p: Vec3A) -> Spectral {
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         self.value(self.to_grid.transform_point3a(p).clamp(Vec3A::ZERO, size))
@@ -145,7 +147,8 @@ impl Grid {
         sum
     }
 
-    /// Returns the distance along a ray at which the integral of one lane reaches `wanted`, or infinity.
+    /// Returns the distance along a ray, in metres, at which the integral of one lane reaches `wanted`;
+    /// infinity if it does not.
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);
         self.walk(ray, f32::INFINITY, |piece| {
@@ -160,8 +163,8 @@ impl Grid {
         found
     }
 
-    /// Returns the distance at which the integral from the start of a segment reaches `wanted`, which is at
-    /// most the integral of the whole segment.
+    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`.
+    /// `wanted` is at most the integral of the whole segment.
     fn within(&self, ray: &Ray, piece: &Piece, lane: usize, wanted: f32) -> f32 {
         let at = |t: f32| self.at_along(ray, t).to_array()[lane];
         let first = piece.ends[0].to_array()[lane];
@@ -202,7 +205,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// A grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
+    /// Returns a grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
     fn grid(nearest: bool, stream: &mut Stream) -> Grid {
         let values = (0..24).map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0]).collect();
         let turn = Mat3A::from_rotation_x(0.4) * Mat3A::from_rotation_z(1.1);
@@ -211,7 +214,7 @@ mod tests {
         Grid::new([3, 4, 2], values, to_world, nearest).expect("a grid")
     }
 
-    /// Returns a ray from inside or outside.
+    /// Returns a random ray that starts inside or outside the box.
     fn ray(stream: &mut Stream) -> Ray {
         let origin =
             Vec3A::new(0.2, -0.1, 0.2) + warp::sphere(stream.uniform2()) * (0.1 + 2.0 * stream.uniform());
@@ -220,7 +223,7 @@ mod tests {
         Ray { origin, dir }
     }
 
-    /// A midpoint rule with 20,000 points.
+    /// Integrates along a ray by the midpoint rule with 20,000 points.
     fn quadrature(grid: &Grid, ray: &Ray, length: f32) -> f64 {
         const N: u32 = 20_000;
         let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -269,7 +272,7 @@ mod tests {
         }
     }
 
-    /// Along an axis, on a plane between cells, and past the box.
+    /// Verifies rays along a grid axis, on a plane between cells, and past the box.
     #[test]
     fn rays_along_the_grid_are_walked() {
         let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();

@@ -1,48 +1,50 @@
 //! The Henyey–Greenstein phase function, with selectable polarization.
 //!
 //! S11 = (1 - g²)/(4π (1 + g² - 2 g μ)^{3/2}) (Henyey & Greenstein 1941); g is the mean cosine. The formula
-//! does not define polarization. By default, scattering depolarizes completely. Otherwise the reduced matrix
-//! is that of a dipole (Rayleigh's, as measured in ocean water by Voss & Fry 1984, Appl. Opt. 23, 4427), of
-//! which a fraction l of linear and a fraction c of circular polarization is kept. With f = 2μ/(1 + μ²) and b
-//! = (1 - μ²)/(1 + μ²),
+//! does not define polarization. By default, scattering depolarizes completely. Otherwise the reduced
+//! matrix is that of a dipole (Rayleigh's, as measured in ocean water by Voss & Fry 1984, Appl. Opt. 23,
+//! 4427), but only a fraction l of linear and a fraction c of circular polarization is preserved. With f =
+//! 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
 //!
 //! S12/S11 = S21/S11 = l b, S22/S11 = l, S33/S11 = l f, S44/S11 = c f.
 //!
 //! Such a matrix is realizable (Cloude) exactly if |l - c| |f| ≤ 1 - l and (l + c)² f² ≤ (1 + l)² - 4 l² b²
-//! for all angles (Hovenier & van der Mee 1996). With 0 ≤ l, c ≤ 1 this is l ≤ (1 + c)/2.
+//! for all angles (Hovenier & van der Mee 1996). For 0 ≤ l, c ≤ 1, the condition is l ≤ (1 + c)/2.
 
 use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// The maximum |g|; beyond it, f32 does not resolve the peak.
+/// Maximum |g|. Beyond this value, f32 does not resolve the peak of the phase function.
 pub const LARGEST_G: f64 = 0.999;
 
 #[derive(Clone, Copy, Debug)]
 pub struct HenyeyGreenstein {
     /// Mean cosine of the scattering angle per wavelength.
     g: Spectral,
-    /// The fractions l and c of the module documentation.
+    /// Preserved fraction l of linear polarization. The next field is the fraction c of circular
+    /// polarization.
     linear: f32,
     circular: f32,
 }
 
 impl HenyeyGreenstein {
-    /// Creates a phase function from mean cosines and the kept fractions of linear and circular polarization.
-    /// Mean cosines are clamped to ±[`LARGEST_G`], fractions to 0..1 and linear ≤ (1 + circular)/2.
+    /// Creates a phase function from mean cosines and the preserved fractions of linear and circular
+    /// polarization. Mean cosines are clamped to ±[`LARGEST_G`], fractions to 0..1 and linear ≤ (1 +
+    /// circular)/2.
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
         let largest = Spectral::splat(LARGEST_G as f32);
         Self { g: g.max(-largest).min(largest), linear: linear.clamp(0.0, 0.5 * (1.0 + circular)), circular }
     }
 
-    /// Returns true if no polarization is kept.
+    /// Returns true if scattering preserves no polarization.
     #[inline]
     pub fn depolarizes(self) -> bool {
         self.linear == 0.0 && self.circular == 0.0
     }
 
-    /// Returns S11 per steradian.
+    /// Returns the element S11 at a scattering angle, per steradian.
     #[inline]
     pub fn intensity(self, at: Angle) -> Spectral {
         let (one, two) = (Spectral::ONE, Spectral::splat(2.0));
@@ -54,7 +56,7 @@ impl HenyeyGreenstein {
         (one - size) * (one + size) / (Spectral::splat(4.0 * PI) * base * base.sqrt())
     }
 
-    /// Returns the matrix per steradian.
+    /// Returns the scattering matrix at a scattering angle, per steradian.
     #[inline]
     pub fn elements(self, at: Angle) -> Elements<Spectral> {
         let mu = at.cos();
@@ -71,8 +73,9 @@ impl HenyeyGreenstein {
         }
     }
 
-    /// Samples an angle with the density of one lane's [`Self::intensity`] from a uniform number. The
-    /// cumulative distribution is inverted for 1 - μ, without division by g or cancellation in the peak.
+    /// Samples a scattering angle with the density of one lane's [`Self::intensity`] from a uniform number.
+    /// The cumulative distribution is inverted for 1 - μ, which avoids division by g and cancellation in
+    /// the peak.
     #[inline]
     pub fn sample(self, lane: usize, u: f32) -> Angle {
         let g = self.g.to_array()[lane];

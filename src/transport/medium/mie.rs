@@ -11,23 +11,24 @@
 //!
 //! S1 acts on the field perpendicular to the scattering plane, S2 on the field in it. The perpendicular is
 //! the first axis on both sides, and (perpendicular, parallel, direction) is right-handed, as in
-//! `polarization::fresnel`. S1 and S2 thus take the places of r_s and r_p, and the scattering matrix has the
-//! same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1* S2. (S12
-//! has the opposite sign to Bohren & Huffman's, whose first axis is the parallel one; S34 is theirs.)
+//! `polarization::fresnel`. S1 and S2 thus take the places of r_s and r_p, and the scattering matrix has
+//! the same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1* S2.
+//! (S12 has the opposite sign of Bohren & Huffman's S12, whose first axis is the parallel one. S34 has the
+//! same sign.)
 //!
-//! The recurrences lose no digits at any size. ψ_n is computed upward where it oscillates (n ≤ x). Where it
-//! decays, it is computed from its logarithmic derivative, which is found by a downward recurrence.
-//! Absorption is summed directly and not as a difference: the Wronskian ψ_{n-1} χ_n - ψ_n χ_{n-1} = 1 gives
-//! Re a_n - |a_n|² = -Im A/|p - i q|².
+//! The recurrences are numerically stable at any size. For n ≤ x, where ψ_n oscillates, ψ_n is computed by
+//! an upward recurrence. For n > x, where ψ_n decays, ψ_n is computed from the logarithmic derivative, by a
+//! downward recurrence. Absorption is summed directly and not as a difference: the Wronskian ψ_{n-1} χ_n -
+//! ψ_n χ_{n-1} = 1 gives Re a_n - |a_n|² = -Im A/|p - i q|².
 
 use num_complex::Complex;
 
 pub type C = Complex<f64>;
 
-/// The minimum and maximum size parameter x.
+/// Minimum and maximum size parameter x.
 pub const SIZES: [f64; 2] = [1e-6, 3000.0];
 
-/// The maximum |m| x; longer recurrences take too long.
+/// Maximum |m| x. Longer recurrences take too long.
 pub const LARGEST_PHASE: f64 = 1e5;
 
 /// Reasons why a sphere cannot be computed.
@@ -51,18 +52,20 @@ pub struct Sphere {
     pub q_abs: f64,
     /// Backscattering efficiency, 4 |S(180°)|²/x².
     pub q_back: f64,
-    /// Mean cosine of the scattering angle.
+    /// Mean cosine g of the scattering angle.
     pub g: f64,
-    /// (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …
+    /// Coefficients (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …
     sums: Vec<[C; 2]>,
 }
 
-/// Returns the number of terms: that of Wiscombe (1980, Appl. Opt. 19, 1505) plus a few, which are cheap.
+/// Returns the number of terms of the series: the number of Wiscombe (1980, Appl. Opt. 19, 1505) plus a
+/// few.
 fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
 
-/// Returns D_0 … D_count, by downward recurrence from an index at which an initial error vanishes.
+/// Returns the logarithmic derivatives D_0 … D_count. The recurrence runs downward from an index large
+/// enough that the initial error vanishes.
 fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let start = (count as f64).max(z.norm() + 8.0 * z.norm().cbrt()) as usize + 16;
     let mut out = vec![C::default(); count + 1];
@@ -78,8 +81,8 @@ fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     out
 }
 
-/// Returns ψ_0 … ψ_count and χ_0 … χ_count of a real argument: Riccati–Bessel functions with Bohren &
-/// Huffman's sign, ψ_0 = sin x, χ_0 = cos x.
+/// Returns the Riccati–Bessel functions ψ_0 … ψ_count and χ_0 … χ_count of a real argument, with Bohren &
+/// Huffman's sign: ψ_0 = sin x, χ_0 = cos x.
 fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
     let (mut psi, mut chi) = (vec![0.0; count + 1], vec![0.0; count + 1]);
     let (sin, cos) = x.sin_cos();
@@ -168,7 +171,8 @@ impl Sphere {
         &self.sums
     }
 
-    /// Returns S1 and S2 in a direction with at least [`Self::terms`] [`angular`] functions.
+    /// Returns the amplitudes S1 and S2, given at least [`Self::terms`] pairs of [`angular`] functions of
+    /// the direction.
     pub(crate) fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());
         for ([sum, difference], [plus, minus]) in self.sums.iter().zip(angular) {
@@ -178,7 +182,7 @@ impl Sphere {
         [even + odd, even - odd]
     }
 
-    /// Returns S1 and S2 at a cosine of the scattering angle.
+    /// Returns the amplitudes S1 and S2 at a cosine of the scattering angle.
     pub fn amplitudes(&self, cos: f64) -> [C; 2] {
         let mut table = vec![];
         angular(cos, self.terms(), &mut table);
@@ -200,7 +204,7 @@ pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
     }
 }
 
-/// Returns S11, S12, S33, S34 from two amplitudes, in the convention of the module documentation.
+/// Returns S11, S12, S33, S34 from the amplitudes S1 and S2, in the convention of the module documentation.
 pub fn matrix([s1, s2]: [C; 2]) -> [f64; 4] {
     let (i1, i2) = (s1.norm_sqr(), s2.norm_sqr());
     let cross = s1.conj() * s2;
@@ -219,9 +223,9 @@ mod tests {
         Sphere::new(x, C::new(n, k)).expect("an admitted sphere")
     }
 
-    /// The printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm, 632.8 nm, m =
-    /// 1.55): S11 over S11 at 0°, degree of polarization -S12/S11 (theirs), S33/S11 and S34/S11. Signs are
-    /// those of this file.
+    /// Compares with the printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm,
+    /// 632.8 nm, m = 1.55): S11 over S11 at 0°, degree of polarization -S12/S11 (in their convention),
+    /// S33/S11 and S34/S11. Signs are those of this file.
     #[test]
     // One of the numbers is near π/4.
     #[expect(clippy::approx_constant)]
@@ -248,7 +252,8 @@ mod tests {
         }
     }
 
-    /// Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to its printed precision.
+    /// Compares with Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to its printed
+    /// precision.
     #[test]
     fn wiscombes_spheres() {
         for (n, k, x, ext, sca, g) in [
@@ -272,8 +277,8 @@ mod tests {
         }
     }
 
-    /// (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), up to relative corrections of order x² (Bohren
-    /// & Huffman 5.7).
+    /// Compares with Rayleigh's (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), up to relative
+    /// corrections of order x² (Bohren & Huffman 5.7).
     #[test]
     fn small_spheres_scatter_as_rayleigh_says() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
@@ -298,7 +303,7 @@ mod tests {
         }
     }
 
-    /// Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by
+    /// Verifies Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by
     /// Gauss–Legendre quadrature.
     #[test]
     fn series_and_amplitudes_agree() {
@@ -324,7 +329,7 @@ mod tests {
         }
     }
 
-    /// Returns nodes and weights on -1..1, by Newton's method.
+    /// Returns nodes and weights of Gauss–Legendre quadrature on -1..1, computed by Newton's method.
     fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
         let node = |i: usize| {
             let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
@@ -344,8 +349,8 @@ mod tests {
     }
 
     /// Away from the forward direction, scattering by a large metal sphere equals the Fresnel reflection at
-    /// the specular point, with an angle of incidence of (180° - θ)/2. This ties the order of S1 and S2,
-    /// their signs, the sign of time and the sign of k to those of `polarization::fresnel`.
+    /// the specular point, with an angle of incidence of (180° - θ)/2. The test thus verifies that the
+    /// order and signs of S1 and S2, the sign of time and the sign of k agree with `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_reflects_as_fresnel_says() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -386,7 +391,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
-        /// All accepted spheres give finite, physically possible numbers.
+        /// Verifies that all accepted spheres give finite, physically possible numbers.
         #[test]
         fn spheres_conserve_energy(
             log_x in -6.0..3.47_f64, n in 0.01..5.0_f64, log_k in -12.0..1.0_f64, mu in -1.0..1.0_f64,

@@ -1,7 +1,7 @@
 //! Participating media: scattering and absorption. One phase function per file, dispatched by enum.
 //!
-//! A scattering matrix is per steradian, ∫ S11 dω = 1; directions and frames are those of [`scattered`].
-//! `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
+//! Scattering matrices are per steradian and normalized to ∫ S11 dω = 1. Directions and frames are those of
+//! [`scattered`]. `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
 
 pub mod bulk;
 pub mod grid;
@@ -29,36 +29,37 @@ use optics::spectrum::Spectral;
 use scattered::{Angle, plane_normal};
 use std::f32::consts::PI;
 
-/// Isotropic scattering, per steradian.
+/// Value of the isotropic phase function, per steradian.
 const ISOTROPIC: f32 = 0.25 / PI;
 
 /// Phase function of a medium.
 #[derive(Clone, Copy, Debug)]
 pub enum Phase {
-    /// Isotropic and depolarizing.
+    /// Isotropic and depolarizing scattering.
     Isotropic,
     Rayleigh(rayleigh::Rayleigh),
     HenyeyGreenstein(henyey_greenstein::HenyeyGreenstein),
-    /// Index of a tabulated matrix in [`Media::tables`].
+    /// Tabulated scattering, with the index of the matrix in [`Media::tables`].
     Table(u32),
 }
 
-/// Index of no grid, for [`Medium::density`] and [`Medium::albedo`].
+/// Index that stands for no grid, for [`Medium::density`] and [`Medium::albedo`].
 pub const NO_GRID: u32 = u32::MAX;
 
 /// A medium, homogeneous except for its grids.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium {
-    /// μ_a, 1/m; 0 in unused lanes.
+    /// Absorption coefficient μ_a, 1/m; 0 in unused lanes.
     pub absorption: Spectral,
-    /// μ_s, 1/m; 0 in unused lanes.
+    /// Scattering coefficient μ_s, 1/m; 0 in unused lanes.
     pub scattering: Spectral,
-    /// Real refractive index of the host; 1 in unused lanes.
+    /// Real refractive index of the host medium; 1 in unused lanes.
     pub index: Spectral,
     pub phase: Phase,
-    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; 0 outside its box.
+    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; outside the grid's box, the
+    /// factor is 0.
     pub density: u32,
-    /// Index of a grid with the fraction of `scattering` that scatters; the rest absorbs.
+    /// Index of a grid with the fraction of `scattering` that scatters; the other fraction absorbs.
     pub albedo: u32,
 }
 
@@ -71,7 +72,7 @@ pub struct Media {
 }
 
 impl Medium {
-    /// Returns μ_t = μ_a + μ_s at density 1, 1/m.
+    /// Returns the extinction coefficient μ_t = μ_a + μ_s at density 1, 1/m.
     #[inline]
     fn extinction(&self) -> Spectral {
         self.absorption + self.scattering
@@ -106,7 +107,7 @@ impl Media {
         self.list.len() as u32 - 1
     }
 
-    /// Returns μ_t at a point, 1/m.
+    /// Returns the extinction coefficient μ_t at a point, 1/m.
     #[inline]
     pub fn extinction(&self, id: u32, p: Vec3A) -> Spectral {
         let medium = &self.list[id as usize];
@@ -116,7 +117,7 @@ impl Media {
         }
     }
 
-    /// Returns μ_s at a point, 1/m.
+    /// Returns the scattering coefficient μ_s at a point, 1/m.
     #[inline]
     pub fn scattering(&self, id: u32, p: Vec3A) -> Spectral {
         let medium = &self.list[id as usize];
@@ -147,7 +148,8 @@ impl Media {
         }
     }
 
-    /// Returns the minimum μ_t over all lanes of a homogeneous medium; 0 for others.
+    /// Returns the minimum extinction coefficient μ_t over all lanes of a homogeneous medium, 1/m; 0 for
+    /// other media.
     #[inline]
     pub(crate) fn clearest(&self, id: u32, lanes: usize) -> f32 {
         let medium = &self.list[id as usize];
@@ -159,8 +161,8 @@ impl Media {
     }
 
     /// Returns the Mueller phase function per steradian, from light travelling along `-wi` to light
-    /// travelling along `wo`, unit vectors away from the point. Both frames are the normal of the scattering
-    /// plane.
+    /// travelling along `wo`. `wi` and `wo` are unit vectors away from the point. The first axis of both
+    /// frames is the normal of the scattering plane.
     #[inline]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
@@ -179,8 +181,7 @@ impl Media {
         self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
-    /// Samples the direction from which light that leaves along `wo` arrives, by the phase function of lane
-    /// `lane`.
+    /// Samples the direction from which light along `wo` arrives, by the phase function of lane `lane`.
     #[inline]
     pub fn sample_direction(&self, id: u32, wo: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
         match self.sample_angle(self.list[id as usize].phase, lane, stream) {
@@ -189,7 +190,8 @@ impl Media {
         }
     }
 
-    /// Samples an angle by the phase function of lane `lane`; `None` for isotropic phase functions.
+    /// Samples a scattering angle by the phase function of lane `lane`; `None` for isotropic phase
+    /// functions.
     #[inline]
     fn sample_angle(&self, phase: Phase, lane: usize, stream: &mut Stream) -> Option<Angle> {
         match phase {
@@ -200,7 +202,8 @@ impl Media {
         }
     }
 
-    /// Returns the interaction; `s` computes the normal of the scattering plane if needed.
+    /// Returns the interaction at a scattering angle; `s` computes the normal of the scattering plane if
+    /// needed.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A) -> Scatter {
         match phase {
@@ -220,7 +223,7 @@ impl Media {
         }
     }
 
-    /// Returns the density of each lane per steradian.
+    /// Returns the sampling density of each lane at a scattering angle, per steradian.
     #[inline]
     fn densities(&self, phase: Phase, at: Angle) -> Spectral {
         match phase {

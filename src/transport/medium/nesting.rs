@@ -1,11 +1,11 @@
 //! Tracks the medium of a path through nested or overlapping filled objects.
 //!
-//! Every filled object has a priority. Where several overlap, the one of highest priority fills the space,
-//! and light ignores the boundaries of lower ones there (Schmidt & Budge 2002, "Simple nested dielectrics in
-//! ray traced images"). Of objects with equal priority, the last one entered applies, so nesting needs no
-//! priorities.
+//! Every filled object has a priority. Where several objects overlap, the object of highest priority fills
+//! the space, and light ignores the boundaries of the other objects there (Schmidt & Budge 2002, "Simple
+//! nested dielectrics in ray traced images"). If priorities are equal, the object that was entered last
+//! fills the space, so nesting needs no priorities.
 
-/// Maximum number of filled objects that can contain a point; deeper ones are ignored.
+/// Maximum number of filled objects that contain the same point. Further objects are ignored.
 pub const DEPTH: usize = 8;
 
 /// The boundary of an object.
@@ -13,10 +13,10 @@ pub const DEPTH: usize = 8;
 pub struct Boundary {
     /// Index of the medium inside.
     pub medium: u32,
-    /// The highest priority of overlapping objects fills the space.
+    /// Priority of the object. The highest priority among overlapping objects fills the space.
     pub priority: i32,
     /// Index of the first boundary of the same object. The parts of an object may have different materials,
-    /// so light may enter by one boundary and leave by another.
+    /// so light may enter through one boundary and leave through another.
     pub object: u32,
 }
 
@@ -54,7 +54,7 @@ impl Nest {
             && self.list().iter().any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
-    /// Crosses boundary `id`, to its inside if `enters`.
+    /// Crosses boundary `id`: to the inside if `enters`, else to the outside.
     #[inline]
     pub fn cross(&mut self, boundaries: &[Boundary], id: u32, enters: bool) {
         let own = boundaries[id as usize];
@@ -83,7 +83,7 @@ mod tests {
         [of(10, 0, 0), of(11, 0, 1), of(12, 5, 2), Boundary::NONE, of(10, 0, 0)]
     }
 
-    /// Boundaries 0 and 4 belong to one object.
+    /// Verifies that boundaries 0 and 4, of the same object, count as one object.
     #[test]
     fn parts_of_an_object_are_one() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(nest.medium(&b), None);
     }
 
-    /// Two overlapping objects, crossed in any order.
+    /// Verifies two overlapping objects that are crossed in any order.
     #[test]
     fn the_highest_priority_fills_and_hides() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(nest.medium(&b), Some(10));
     }
 
-    /// Nesting deeper than [`DEPTH`] does not fail.
+    /// Verifies that nesting deeper than [`DEPTH`] does not fail.
     #[test]
     fn too_deep_is_not_noticed() {
         let (b, mut nest) = (boundaries(), Nest::default());

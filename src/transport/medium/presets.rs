@@ -12,16 +12,16 @@
 //!   1975; Olson, White & Richter 2004),
 //! - casein: volume-weighted density of t = r/(150 nm - r) log-normal with mean 43/107 and standard deviation
 //!   0.23, index 1.503,
-//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. Its absorbance (Du et al. 1998,
-//!   33 000 per M and cm at 266.5 nm) makes milk yellowish.
+//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. The absorbance of riboflavin
+//!   (Du et al. 1998, 33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
-//! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs, Yang
-//! & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). Its absorption is negligible.
+//! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs,
+//! Yang & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). The absorption of polystyrene is negligible.
 //!
-//! **Marble, skin**: Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for subsurface light
-//! transport", table of figure 5: reduced scattering and absorption in red, green and blue (assigned to 650,
-//! 550 and 450 nm, linear between). Their μ_s' = (1 - g) μ_s. The phase function is Henyey & Greenstein's
-//! with selectable g.
+//! **Marble, skin**: the source is Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for
+//! subsurface light transport", table of figure 5. The table has reduced scattering and absorption in red,
+//! green and blue, which are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced scattering
+//! is μ_s' = (1 - g) μ_s. The phase function is Henyey & Greenstein's with selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;
@@ -30,15 +30,15 @@ use super::water;
 use crate::material::constants::lookup;
 use optics::spectrum::Wavelengths;
 
-/// Weight percentages, homogenization and dilution of milk.
+/// Composition of milk: weight percentages, homogenization and dilution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milk {
     /// Percentage by weight of fat: whole milk 3.5, reduced-fat 1.5, skimmed 0.1.
     pub fat_percent: f64,
     pub protein_percent: f64,
-    /// Pressure of homogenization in MPa; 0: untreated.
+    /// Pressure of homogenization in MPa; 0 for untreated milk.
     pub homogenization_mpa: f64,
-    /// Fraction of milk in a mixture of milk and water, by volume.
+    /// Volume fraction of milk in a mixture of milk and water, 0..1.
     pub concentration: f64,
 }
 
@@ -48,13 +48,13 @@ const RIBOFLAVIN: [f64; 17] = [
     0.010_46, 0.010_61, 0.006_71, 0.010_34, 0.005_89, 0.008_86, 0.010_15,
 ];
 
-/// Per M and metre: 33 000 per M and cm, at an absorbance of 0.25654.
+/// Unit of [`RIBOFLAVIN`], per M and metre: 33 000 per M and cm corresponds to an absorbance of 0.25654.
 const RIBOFLAVIN_UNIT: f64 = 3.3e6 / 0.256_54;
 
-/// Moles per litre of milk: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
+/// Riboflavin in milk, in moles per litre: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
 const RIBOFLAVIN_MOLAR: f64 = 0.17 / 376.368_2 / (100.0 / MILK_DENSITY);
 
-/// kg/L.
+/// Density of milk, kg/L.
 const MILK_DENSITY: f64 = 1.030;
 const FAT_DENSITY: f64 = 0.915;
 const CASEIN_DENSITY: f64 = 1.11;
@@ -77,7 +77,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
 /// Coefficient of variation of the radii of fat globules, weighted by area.
 const FAT_VARIATION: f64 = 0.6;
 
-/// Returns the radii of casein micelles.
+/// Returns the distribution of the radii of casein micelles.
 fn casein_sizes() -> SizeDistribution {
     let largest = 150.0;
     let transform = |r: f64| r / (largest - r);
@@ -93,14 +93,14 @@ fn casein_sizes() -> SizeDistribution {
     SizeDistribution::List(radii.map(|r| [r * 1e-9, weight(r) / r.powi(3)]).collect())
 }
 
-/// Returns the absorption by the riboflavin of undiluted milk, 1/m.
+/// Returns the absorption by the riboflavin in undiluted milk at a vacuum wavelength in nanometres, 1/m.
 fn riboflavin(nm: f64) -> f64 {
     let absorbance = water::even_table(&RIBOFLAVIN, 375.0, 25.0, nm);
     10.0_f64.ln() * RIBOFLAVIN_MOLAR * RIBOFLAVIN_UNIT * absorbance
 }
 
 impl Milk {
-    /// Returns the optics at the given wavelengths, 380 to 770 nm.
+    /// Returns the optical properties of the milk at the given wavelengths, 380 to 770 nm.
     ///
     /// # Errors
     /// [`BulkError`] with the wavelength or parameter that is out of range.
@@ -147,7 +147,7 @@ pub fn polystyrene_index(nm: f64) -> f64 {
     1.572_5 + 0.003_108_0 * l2 + 0.000_347_79 * l2 * l2
 }
 
-/// Returns the optics of polystyrene spheres in water.
+/// Returns the optical properties of polystyrene spheres in water.
 ///
 /// # Errors
 /// [`BulkError`] with the wavelength or parameter that is out of range.
@@ -163,7 +163,7 @@ pub fn polystyrene(
     Ok(Optics::particles(nm, &host, &absorption, &[kind])?)
 }
 
-/// Measurements of a translucent material by Jensen et al. (2001).
+/// Coefficients of a translucent material, measured by Jensen et al. (2001).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Translucent {
     /// Reduced scattering coefficient in red, green, blue, 1/mm.
@@ -173,16 +173,17 @@ pub struct Translucent {
     index: f64,
 }
 
-/// Jensen et al.'s "Marble".
+/// The material "Marble" of Jensen et al. (2001).
 pub const MARBLE: Translucent =
     Translucent { reduced_scattering: [2.19, 2.62, 3.00], absorption: [0.0021, 0.0041, 0.0071], index: 1.5 };
 
-/// Jensen et al.'s "Skin1".
+/// The material "Skin1" of Jensen et al. (2001).
 pub const SKIN: Translucent =
     Translucent { reduced_scattering: [0.74, 0.88, 1.01], absorption: [0.032, 0.17, 0.48], index: 1.3 };
 
 impl Translucent {
-    /// Returns the optics at the given wavelengths with the mean cosine `g`.
+    /// Returns the optical properties at the given wavelengths, for the mean cosine `g` of the scattering
+    /// angle.
     pub fn optics(&self, g: f64, wavelengths: &Wavelengths) -> Optics {
         // From 450 nm to 650 nm, per metre.
         let at = |[red, green, blue]: [f64; 3], nm: f64| {

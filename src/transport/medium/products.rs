@@ -5,21 +5,21 @@
 //!
 //! S11 = (|P|² + |Q|²)/4, S12 = Re P Q*/2, S33 = (|P|² - |Q|²)/4, S34 = Im P Q*/2.
 //!
-//! All four are quadratic forms of the angular functions. Their matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and ⟨s_n
-//! d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number of
-//! sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and a few hundred
-//! sizes give a relative error of 10⁻³.
+//! All four elements are quadratic forms of the angular functions. The matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and
+//! ⟨s_n d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number
+//! of sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and a few
+//! hundred sizes give a relative error of 10⁻³.
 
 use super::mie::Sphere;
 
 /// Mean products of the coefficients of weighted spheres.
 #[derive(Clone, Debug)]
 pub struct Products {
-    /// Terms of the longest series.
+    /// Number of terms of the longest series.
     terms: usize,
-    /// Rows n of Re s_n s_m*, m ≤ n, with off-diagonal entries doubled; then the same for d.
+    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal entries doubled; then the same for d.
     squares: [Vec<Vec<f64>>; 2],
-    /// Rows n of Re s_n d_m* and of Im s_n d_m*, all m.
+    /// Rows n of Re s_n d_m* and rows n of Im s_n d_m*, for all m.
     mixed: [Vec<Vec<f64>>; 2],
 }
 
@@ -35,7 +35,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Products {
-    /// Averages over spheres with weights.
+    /// Computes the mean products over spheres, given as pairs of weight and sphere.
     pub fn new(spheres: &[(f64, Sphere)]) -> Self {
         let terms = spheres.iter().map(|(_, s)| s.terms()).max().unwrap_or(0);
         let triangle = || (0..terms).map(|n| vec![0.0; n + 1]).collect::<Vec<_>>();
@@ -69,7 +69,7 @@ impl Products {
         Self { terms, squares, mixed }
     }
 
-    /// Returns the sums of S11, S12, S33, S34 over the spheres in a direction with the given
+    /// Returns S11, S12, S33, S34, summed over the spheres, in a direction with the given
     /// [`super::mie::angular`] functions.
     pub fn matrix(&self, angular: &[[f64; 2]]) -> [f64; 4] {
         let functions = [0, 1].map(|which| -> Vec<f64> { angular.iter().map(|a| a[which]).collect() });
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use crate::medium::mie::{C, angular, matrix};
 
-    /// The quadratic forms agree with the sum of the spheres' own matrices.
+    /// Verifies that the quadratic forms agree with the sum of the matrices of the spheres.
     #[test]
     fn products_are_sums_over_spheres() {
         let spheres: Vec<(f64, Sphere)> =

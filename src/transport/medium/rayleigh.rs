@@ -1,9 +1,9 @@
 //! Rayleigh scattering by molecules and by particles much smaller than the wavelength.
 //!
-//! Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev. 16, eq. 2.15, here
-//! per steradian and with the normal of the scattering plane as the first axis. The depolarization factor ρ
-//! is the ratio of parallel to perpendicular light at 90°, for unpolarized incident light. With Δ = (1 -
-//! ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ) and μ the cosine of the scattering angle:
+//! The matrix is that of Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci.
+//! Rev. 16, eq. 2.15, but per steradian and with the normal of the scattering plane as the first axis. The
+//! depolarization factor ρ is the ratio of parallel to perpendicular light at 90°, for unpolarized incident
+//! light. With Δ = (1 - ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ) and μ the cosine of the scattering angle:
 //!
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
@@ -13,15 +13,15 @@
 use super::scattered::{Angle, Elements};
 use std::f32::consts::PI;
 
-/// The maximum depolarization factor: needles.
+/// Maximum depolarization factor, that of needles.
 pub const LARGEST_DEPOLARIZATION: f32 = 0.5;
 
 /// Rayleigh scattering with a depolarization factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rayleigh {
-    /// Δ of the module documentation: the dipole's share.
+    /// Fraction Δ of dipole scattering, see the module documentation.
     dipole: f32,
-    /// Δ Δ'.
+    /// Product Δ Δ', see the module documentation.
     circular: f32,
 }
 
@@ -39,14 +39,15 @@ impl Rayleigh {
         self.dipole == 1.0
     }
 
-    /// Returns S11 per steradian, which is also the density of [`Self::sample`].
+    /// Returns the element S11 at a scattering angle, per steradian, which is also the density of
+    /// [`Self::sample`].
     #[inline]
     pub fn intensity(self, at: Angle) -> f32 {
         let mu = at.cos();
         (3.0 * self.dipole * (1.0 + mu * mu) + 4.0 * (1.0 - self.dipole)) / (16.0 * PI)
     }
 
-    /// Returns the matrix per steradian.
+    /// Returns the scattering matrix at a scattering angle, per steradian.
     #[inline]
     pub fn elements(self, at: Angle) -> Elements<f32> {
         let mu = at.cos();
@@ -61,8 +62,8 @@ impl Rayleigh {
         }
     }
 
-    /// Samples an angle with density [`Self::intensity`] from a uniform number: Cardano's solution of the
-    /// cubic μ³ + p μ = q of the cumulative distribution.
+    /// Samples a scattering angle with density [`Self::intensity`] from a uniform number, by Cardano's
+    /// solution of the cubic equation μ³ + p μ = q of the cumulative distribution.
     #[inline]
     pub fn sample(self, u: f32) -> Angle {
         // A third of p = 3 + 4 (1 - Δ)/Δ, and half of q = 8 (u - 1/2)/Δ.

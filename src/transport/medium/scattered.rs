@@ -1,10 +1,10 @@
 //! The geometry of one scattering event, and its matrix in the scattering plane.
 //!
-//! As for surfaces, `wo` points to where light leaves and `wi` to where it arrives from, both away from the
-//! point. Light travels along -wi before and along wo after the event: cosθ = -wi·wo. The first axis of both
-//! Stokes frames is perpendicular to the scattering plane, s ∥ wi × wo, as for reflection
-//! ([`Scatter::Fresnel`]). In these frames, the matrix of any cloud of randomly oriented, mirror-symmetric
-//! particles is (van de Hulst 1957, sect. 5.22)
+//! As for surfaces, `wo` is the direction in which light leaves, and `wi` the direction from which light
+//! arrives. Both point away from the scattering point. Light travels along -wi before the event and along
+//! wo after it, so cosθ = -wi·wo. The first axis of both Stokes frames is perpendicular to the scattering
+//! plane, s ∥ wi × wo, as for reflection ([`Scatter::Fresnel`]). In these frames, the matrix of any cloud
+//! of randomly oriented, mirror-symmetric particles is (van de Hulst 1957, sect. 5.22)
 //!
 //!     S11 S12  0   0
 //!     S12 S22  0   0
@@ -18,8 +18,8 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ as 1 - cosθ and 1 + cosθ, each accurate where it is small: forward peaks are narrower
-/// than the resolution of an f32 cosine.
+/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each is accurate near 0, because forward peaks
+/// are narrower than the resolution of an f32 cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
     /// 1 - cosθ, 0..2.
@@ -29,7 +29,8 @@ pub struct Angle {
 }
 
 impl Angle {
-    /// Returns the angle between light that leaves along `wo` and light that arrives from `wi`, unit vectors.
+    /// Returns the scattering angle between light that leaves along `wo` and light that arrives from `wi`
+    /// (unit vectors).
     #[inline]
     pub fn between(wo: Vec3A, wi: Vec3A) -> Self {
         Self {
@@ -66,8 +67,8 @@ impl Angle {
         self.forward * self.backward
     }
 
-    /// Returns the direction `wi` at this angle to `wo`, at an azimuth of `turns` full turns (0..1), and the
-    /// unit normal of the scattering plane.
+    /// Returns the direction `wi` at this angle to `wo` and at an azimuth of `turns` full turns (0..1).
+    /// Also returns the unit normal of the scattering plane.
     #[inline]
     pub fn direction(self, wo: Vec3A, turns: f32) -> (Vec3A, Vec3A) {
         let x = perpendicular(wo);
@@ -79,8 +80,8 @@ impl Angle {
     }
 }
 
-/// Returns the unit normal of the scattering plane. In the forward and backward directions any perpendicular
-/// is returned; the matrix is the same in all of them there.
+/// Returns the unit normal of the scattering plane. In the forward and backward directions, the result is
+/// an arbitrary perpendicular, on which the matrix does not depend there.
 #[inline]
 pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     // For nearly parallel vectors, use their short sum or difference to avoid cancellation.
@@ -90,10 +91,10 @@ pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     if n2 > 1e-12 { n * n2.sqrt().recip() } else { perpendicular(wo) }
 }
 
-/// The six elements of the matrix in the module documentation.
+/// The six elements of the scattering matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// S11, the intensity of unpolarized light, with integral 1 over the sphere.
+    /// Element S11, the intensity for unpolarized light, per steradian, with integral 1 over the sphere.
     pub s11: T,
     pub s12: T,
     pub s22: T,
@@ -118,7 +119,7 @@ impl Elements<f32> {
 }
 
 impl Elements<Spectral> {
-    /// Returns the interaction in a scattering plane with unit normal `s`.
+    /// Returns the interaction with these elements in a scattering plane with unit normal `s`.
     #[inline]
     pub fn scatter(self, s: Vec3A) -> Scatter {
         let z = Spectral::ZERO;

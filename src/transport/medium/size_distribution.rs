@@ -1,16 +1,16 @@
 //! Distributions of particle radii, and quadratures over them.
 //!
-//! All are number densities n(r) with ∫ n dr = 1:
+//! The distributions are number densities n(r) with ∫ n dr = 1:
 //!
-//! - log-normal: n(r) = exp(-ln²(r/r_g)/(2σ²))/(√(2π) σ r), median r_g, σ the standard deviation of ln r;
-//!   ⟨r^k⟩ = r_g^k exp(k² σ²/2),
+//! - log-normal: n(r) = exp(-ln²(r/r_g)/(2σ²))/(√(2π) σ r), with the median r_g and the standard deviation
+//!   σ of ln r; ⟨r^k⟩ = r_g^k exp(k² σ²/2),
 //! - gamma (Hansen 1971, J. Atmos. Sci. 28, 1400): n(r) ∝ r^{(1-3b)/b} exp(-r/(ab)). The area-weighted mean
 //!   is the effective radius a, the area-weighted relative variance is the effective variance b < 1/2.
 //!
-//! Smooth distributions are integrated by the trapezoidal rule in ln r, which converges faster than any power
-//! for functions that vanish at both ends. The accuracy is limited by the resonances of large transparent
-//! spheres, which are narrower than any grid: with about 60 points per unit of the size parameter, the
-//! coefficients of a cloud are accurate to about 10⁻⁵, with 4 points to 10⁻³.
+//! Smooth distributions are integrated by the trapezoidal rule in ln r, which converges faster than any
+//! power for functions that vanish at both ends. The accuracy is limited by the resonances of large
+//! transparent spheres, which are narrower than any grid. With about 60 points per unit of the size
+//! parameter, the coefficients of a cloud are accurate to about 10⁻⁵; with 4 points, to 10⁻³.
 
 use optics::sampling::gamma::ln_gamma;
 use std::f64::consts::PI;
@@ -18,18 +18,18 @@ use std::f64::consts::PI;
 /// Distribution of particle radii, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeDistribution {
-    /// Equal radii.
+    /// Equal radii of all particles.
     Single { radius: f64 },
-    /// Log-normal: the median and the standard deviation of ln r.
+    /// Log-normal distribution: the median in metres, and the standard deviation of ln r.
     LogNormal { median: f64, sigma: f64 },
     /// Hansen's gamma distribution.
     Gamma {
-        /// r_eff = ⟨r³⟩/⟨r²⟩, metres.
+        /// Effective radius ⟨r³⟩/⟨r²⟩, metres.
         effective_radius: f64,
-        /// v_eff, dimensionless.
+        /// Effective variance, dimensionless.
         effective_variance: f64,
     },
-    /// Radii and relative numbers of particles.
+    /// List of radii in metres with relative numbers of particles.
     List(Vec<[f64; 2]>),
 }
 
@@ -49,23 +49,23 @@ pub enum SizeError {
 /// Minimum and maximum number of points of a quadrature.
 const POINTS: [f64; 2] = [500.0, 8000.0];
 
-/// Limit on the number of points times the cube of the largest size parameter, to which the cost of a phase
-/// function is nearly proportional.
+/// Maximum of the number of points times the cube of the largest size parameter. The cost of a phase
+/// function is nearly proportional to this product.
 const WORK: f64 = 2.6e11;
 
-/// Relative size of the integrand, against its maximum, that is neglected at either end.
+/// Relative size of the integrand, compared with its maximum, below which it is neglected at either end.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// Returns the error if `good` is false.
+/// Returns the error `error` if `good` is false.
 fn refuse_unless(good: bool, error: SizeError) -> Result<(), SizeError> {
     if good { Ok(()) } else { Err(error) }
 }
 
 impl SizeDistribution {
-    /// Checks the parameters.
+    /// Checks the parameters of the distribution.
     ///
     /// # Errors
-    /// [`SizeError`] with the parameter that is out of range.
+    /// [`SizeError`] that identifies the parameter that is out of range.
     pub fn check(&self) -> Result<(), SizeError> {
         let radius = |r: f64| refuse_unless((1e-12..=0.01).contains(&r), SizeError::Radius(r));
         match self {
@@ -105,7 +105,7 @@ impl SizeDistribution {
         4.0 / 3.0 * PI * cube
     }
 
-    /// Returns ln(r n(r)), the density in ln r.
+    /// Returns ln(r n(r)), the logarithm of the density in ln r, at the radius r with logarithm `ln_r`.
     fn ln_density(&self, ln_r: f64) -> f64 {
         match self {
             Self::LogNormal { median, sigma } => {
@@ -121,12 +121,12 @@ impl SizeDistribution {
         }
     }
 
-    /// Returns radii in metres with their fractions of the number of particles, at a wave number k = 2π
-    /// n_host/λ per metre. The fractions add up to 1, except for particles that are too small to matter.
+    /// Returns radii in metres with fractions of the number of particles, for a wave number k = 2π n_host/λ
+    /// in 1/m. The fractions add up to 1, except for particles that are too small to be significant.
     ///
-    /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its peak. Below x = 1 the
-    /// cross section is bounded by x³; above, its power decreases from x⁶ to x², and the larger bound is
-    /// used.
+    /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its peak. Below x = 1, the
+    /// bound on the cross section is x³. Above x = 1, the exponent decreases from 6 to 2, and the larger
+    /// bound is used.
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
             Self::Single { radius } => return vec![[*radius, 1.0]],

@@ -1,17 +1,17 @@
 //! A scattering matrix tabulated over the scattering angle for up to four wavelengths, and its sampler.
 //!
-//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond. It is nearly uniform in θ
-//! (dθ/dv = 2 to 2.8), computed from directions by one square root, and accurate at both ends, where peaks of
-//! large particles are narrower than the resolution of an f32 cosine. S1 and S2 are polynomials in cosθ = 1 -
-//! 2v², so all elements are smooth and even in v. Interpolation is cubic over four nodes; the node before the
-//! first equals the second. The grid is doubled until the interpolated matrix halfway between nodes is
-//! accurate to [`TOLERANCE`].
+//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond. The grid is nearly
+//! uniform in θ (dθ/dv = 2 to 2.8), and v needs only one square root. The grid is accurate at both ends,
+//! where peaks of large particles are narrower than the resolution of an f32 cosine. S1 and S2 are
+//! polynomials in cosθ = 1 - 2v², so all elements are smooth and even in v. Interpolation is cubic over
+//! four nodes; the node before the first equals the second. The grid is doubled until the interpolated
+//! matrix halfway between nodes is accurate to [`TOLERANCE`].
 //!
-//! Directions are sampled from a density that is linear in cosθ between nodes and agrees with S11 at them. A
-//! cell is chosen by Walker's alias method (Walker 1977; Vose 1991), which takes constant time for any grid
-//! and loses no digits in the faint cells behind a forward peak. Within the cell the cumulative distribution
-//! is quadratic. With several wavelengths, one is sampled, and the density is the mean over wavelengths, so
-//! weights are at most about their number.
+//! Directions are sampled from a density that agrees with S11 at the nodes and is linear in cosθ between
+//! nodes. A cell is chosen by Walker's alias method (Walker 1977; Vose 1991), which takes constant time for
+//! any grid and is accurate also in cells of low probability behind a forward peak. Within the cell the
+//! cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the
+//! density is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
@@ -26,23 +26,25 @@ pub const TOLERANCE: f64 = 1e-5;
 /// Minimum and maximum number of cells from 0 to 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method for one wavelength: taken with probability `keep`, else the cell `other`.
+/// A cell of the alias method for one wavelength. The cell is chosen with probability `keep`, else the cell
+/// `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {
     keep: f32,
     other: u32,
 }
 
-/// The table. All data are stored for the forward half and for the backward half of the sphere.
+/// The table of a scattering matrix, with data for the forward half and for the backward half of the
+/// sphere.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Number of cells of one half.
+    /// Number of cells of one half of the sphere.
     cells: usize,
-    /// Matrices per steradian at nodes -1 … cells + 1 of either half.
+    /// Matrices per steradian at the nodes -1 … cells + 1 of each half.
     nodes: Vec<FresnelBlock>,
-    /// Density per steradian at nodes 0 … cells of either half.
+    /// Density per steradian at the nodes 0 … cells of each half.
     density: Vec<Spectral>,
-    /// Cells of the forward half, then of the backward half.
+    /// Alias cells of the forward half, then of the backward half.
     alias: Vec<[Alias; MAX_WAVELENGTHS]>,
 }
 
@@ -51,7 +53,7 @@ pub struct Table {
 struct Lookup {
     backward: bool,
     cell: usize,
-    /// Position in the cell, 0..1, linear in v.
+    /// Position in the cell, linear in v, 0..1.
     fraction: f32,
 }
 
@@ -74,13 +76,13 @@ fn cubic(t: f32) -> [f32; 4] {
     ]
 }
 
-/// [`cubic`] halfway between two nodes.
+/// Weights [`cubic`] halfway between two nodes.
 const HALF_WAY: [f64; 4] = [-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0];
 
 /// Matrices S11, S12, S33, S34 at nodes 0 … cells + 1 of a half, per wavelength.
 type Half = Vec<Vec<[f64; 4]>>;
 
-/// Returns the nodes of both halves and the number of cells.
+/// Returns the matrices at the nodes of both halves, and the number of cells.
 fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     let mut scratch = vec![];
     let mut matrices = |i: f64, cells: usize, backward: bool| -> Vec<[f64; 4]> {
@@ -126,7 +128,7 @@ fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     }
 }
 
-/// Returns the alias table of probabilities with a sum of about 1.
+/// Returns the alias table for probabilities whose sum is about 1.
 fn alias(probabilities: &[f64]) -> Vec<Alias> {
     let total: f64 = probabilities.iter().sum();
     let count = probabilities.len();
@@ -145,7 +147,8 @@ fn alias(probabilities: &[f64]) -> Vec<Alias> {
 }
 
 impl Table {
-    /// Tabulates 1 to 4 ensembles of particles, one per wavelength; a clear one is treated as isotropic.
+    /// Tabulates 1 to 4 ensembles of particles, one per wavelength. An ensemble without scattering is
+    /// treated as isotropic.
     pub fn new(ensembles: &[Ensemble]) -> Self {
         let lanes = ensembles.len().min(MAX_WAVELENGTHS);
         let ensembles = &ensembles[..lanes];
@@ -198,7 +201,7 @@ impl Table {
         Lookup { backward, cell, fraction: (i - cell as f32).min(1.0) }
     }
 
-    /// Returns the matrix per steradian: S11, S12, S33, S34 in place of a, b, c, d.
+    /// Returns the matrix per steradian, with S11, S12, S33, S34 in place of a, b, c, d.
     #[inline]
     pub fn block(&self, at: Angle) -> FresnelBlock {
         self.block_at(self.place(at))
@@ -235,7 +238,7 @@ impl Table {
         near + (far - near) * Spectral::splat(s)
     }
 
-    /// Samples an angle with the density of one lane.
+    /// Samples a scattering angle with the density of one lane.
     #[inline]
     pub fn sample(&self, lane: usize, stream: &mut Stream) -> Angle {
         let count = self.alias.len();

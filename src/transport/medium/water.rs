@@ -1,13 +1,13 @@
 //! Water, the host of milk and of most suspensions.
 //!
-//! The refractive index is that of the optical constants (Daimon & Masumura 2007, 20 °C). The absorption is
+//! The refractive index is from the optical constants (Daimon & Masumura 2007, 20 °C). The absorption is
 //! from Pope & Fry (1997, Appl. Opt. 36, 8710) from 380 to 700 nm, and from Hale & Querry (1973, Appl. Opt.
 //! 12, 555) beyond. Both are interpolated linearly.
 
 use crate::material::constants::{ConstantsError, lookup};
 use std::f64::consts::PI;
 
-/// Pope & Fry: 1/m every 5 nm from 380 to 700 nm.
+/// Absorption coefficients of Pope & Fry, 1/m, every 5 nm from 380 to 700 nm.
 #[rustfmt::skip]
 const VISIBLE: [f64; 65] = [
     0.01137, 0.00941, 0.00851, 0.00813, 0.00663, 0.0053, 0.00473, 0.00444, 0.00454, 0.00478, 0.00495, 0.0053, 0.00635,
@@ -17,13 +17,14 @@ const VISIBLE: [f64; 65] = [
     0.3108, 0.325, 0.34, 0.371, 0.41, 0.429, 0.439, 0.448, 0.465, 0.486, 0.516, 0.559, 0.624,
 ];
 
-/// Hale & Querry: extinction coefficient k every 25 nm from 725 to 1000 nm.
+/// Extinction coefficients k of Hale & Querry, every 25 nm from 725 to 1000 nm.
 const INFRARED: [f64; 12] = [
     9.15e-8, 1.56e-7, 1.48e-7, 1.25e-7, 1.82e-7, 2.93e-7, 3.91e-7, 4.86e-7, 1.06e-6, 2.93e-6, 3.48e-6,
     2.89e-6,
 ];
 
-/// Interpolates linearly in a table with arguments `first`, `first + step`, …; clamps at its ends.
+/// Interpolates linearly in a table with arguments `first`, `first + step`, …; arguments outside the table
+/// are clamped.
 pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else {
         return 0.0;
@@ -34,12 +35,14 @@ pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 
     values[i] + (next - values[i]) * (place - i as f64)
 }
 
-/// Returns the absorption coefficient 4πk/λ, 1/m, at a vacuum wavelength in nanometres.
+/// Returns the absorption coefficient 4πk/λ, 1/m, for the extinction coefficient `k` at a vacuum wavelength
+/// in nanometres.
 pub fn of_extinction(k: f64, nm: f64) -> f64 {
     4.0 * PI * k / (nm * 1e-9)
 }
 
-/// Returns the absorption coefficient of pure water, 1/m, at a vacuum wavelength, clamped to 380 to 1000 nm.
+/// Returns the absorption coefficient of pure water, 1/m, at a vacuum wavelength in nanometres, clamped to
+/// 380..1000.
 pub fn absorption(nm: f64) -> f64 {
     let infrared = |nm: f64| of_extinction(even_table(&INFRARED, 725.0, 25.0, nm), nm);
     match nm {
@@ -52,7 +55,7 @@ pub fn absorption(nm: f64) -> f64 {
     }
 }
 
-/// Returns the refractive index of water at 20 °C.
+/// Returns the refractive index of water at 20 °C and a vacuum wavelength in nanometres.
 ///
 /// # Errors
 /// [`ConstantsError`] outside 380 to 1000 nm.

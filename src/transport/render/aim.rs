@@ -1,5 +1,5 @@
-//! Importance sampling of starting points on the projector's image, if only redirected light counts: light
-//! subpaths start mostly in cells whose rays first meet a mirror, a smooth interface or a crystal.
+//! Importance sampling of starting points on the projector's image, for redirected light only. Light
+//! subpaths start mostly in cells whose rays first hit a mirror, a smooth interface or a crystal.
 //!
 //! The rays may miss small objects, so every cell has a non-zero density.
 
@@ -10,18 +10,19 @@ use crate::scene::Scene;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Cells along each side of the image.
+/// Number of cells along each side of the image.
 const CELLS: usize = 64;
 
 const RAYS: usize = 4;
 
-/// Weight of a cell if no ray of it or of its neighbours meets such a surface; the other cells have weight 1.
+/// Weight of a cell if no ray of the cell or of its neighbours hits a redirecting surface first. Other
+/// cells have weight 1.
 const ELSEWHERE: f32 = 1.0 / 64.0;
 
 /// A density over the image, constant within each cell, with mean 1.
 pub(super) struct Aim {
     densities: Vec<f32>,
-    /// Cumulative probability before each cell, row-major; one more than there are cells.
+    /// Cumulative probability before each cell, row-major; one entry more than the number of cells.
     before: Vec<f32>,
 }
 
@@ -92,7 +93,8 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Points fall into each cell according to its density: chi squared over all cells, 5 sigma.
+    /// Verifies that points fall into each cell according to its density, by chi squared over all cells (5
+    /// sigma).
     #[test]
     fn points_have_their_density() {
         const N: usize = 400_000;

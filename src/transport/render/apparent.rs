@@ -2,7 +2,8 @@
 //!
 //! Rays of a device are traced until particles scatter them. If only specular interactions occurred before,
 //! each ray is a line toward the apparent device. The point nearest to all lines is the apparent position.
-//! Through a flat pane it is the virtual image, slightly blurred by the dependence on the angle of incidence.
+//! Through a flat pane, this point is the virtual image, slightly blurred because it depends on the angle
+//! of incidence.
 
 use super::emission::{Emission, Ends};
 use super::guide::Guide;
@@ -16,26 +17,28 @@ use glam::{DMat3, DVec2, DVec3, Vec3A};
 use optics::sampling::stream::Stream;
 use std::f32::consts::PI;
 
-/// Minimum forward peak, relative to isotropic scattering, that makes large turns rare.
+/// Minimum forward peak of a phase function, relative to isotropic scattering, for which large turns are
+/// rare.
 const LEAST_PEAK: f32 = 3.0;
 
-/// Rays along each side of a device's image that are traced into media.
+/// Number of rays along each side of a device's image that are traced into media.
 const GRID: u32 = 48;
 
-/// Minimum fraction of rays that enter a medium without a diffuse interaction, for the device to count.
+/// Minimum fraction of rays that must enter a medium without a diffuse interaction for a device to become a
+/// target.
 const LEAST_SEEN: f64 = 0.01;
 
 /// Maximum number of interfaces on a ray.
 const MOST_INTERFACES: u32 = 12;
 
-/// Key of the random streams of these rays.
+/// Key of the random streams of the traced rays.
 const SEED: u64 = 0x1bd1_1bda_a9fc_1a22;
 
-/// Lines whose nearest common point is computed by least squares.
+/// Sums over lines, from which the point nearest to all lines is computed by least squares.
 #[derive(Clone, Copy)]
 struct Lines {
     count: u32,
-    /// Σ (1 - d dᵀ) and Σ (1 - d dᵀ) p.
+    /// Sums Σ (1 - d dᵀ) and Σ (1 - d dᵀ) p over lines through p along d.
     matrix: DMat3,
     vector: DVec3,
 }
@@ -51,7 +54,7 @@ impl Lines {
         self.vector += across * p;
     }
 
-    /// Returns the point, or `None` if there are too few lines or they are nearly parallel.
+    /// Returns the nearest point, or `None` if there are too few lines or the lines are nearly parallel.
     fn nearest(&self) -> Option<Vec3A> {
         if f64::from(self.count) < LEAST_SEEN * f64::from(GRID * GRID) {
             return None;
@@ -134,7 +137,8 @@ pub(super) fn find(scene: &Scene, emission: &Emission) -> Guide {
 mod tests {
     use super::*;
 
-    /// Lines from a device 0.4 m in front of water, refracted by Snell's law, up to an angle `most` in air.
+    /// Returns lines from a device 0.4 m in front of water, refracted by Snell's law, up to an angle `most`
+    /// in air.
     fn through_water(index: f32, most: f32) -> Lines {
         let mut lines = Lines::NONE;
         for k in 0..GRID * GRID {
@@ -148,7 +152,7 @@ mod tests {
         lines
     }
 
-    /// Near the axis, the device appears at n times its distance (Gauss).
+    /// Verifies that the device appears at n times its distance for rays near the axis (Gauss).
     #[test]
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {
@@ -160,7 +164,7 @@ mod tests {
         assert!(far > 0.4 * 1.333 * 1.01, "{far}");
     }
 
-    /// Too few lines, or parallel lines, have no nearest point.
+    /// Verifies that too few lines, or parallel lines, have no nearest point.
     #[test]
     fn parallel_lines_have_no_place() {
         let mut lines = Lines::NONE;

@@ -1,8 +1,8 @@
-//! Turns tiles of camera pixels into sums.
+//! Renders tiles of camera pixels into sums.
 //!
-//! The renderer sees only plain-data tables: those of the scene and the plans of its slices. The result of a
-//! tile depends only on scene, seed and sample count. The output is therefore bit-identical for any number of
-//! threads and after interruptions.
+//! The renderer reads only plain-data tables: the scene's tables and the plans of the slices. The result of
+//! a tile depends only on scene, seed and sample count. The output is therefore bit-identical for any
+//! number of threads and after interruptions.
 
 use super::path::{BATCH, Wants};
 use super::selected::Aim;
@@ -17,18 +17,18 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Renders on the threads of the current rayon pool.
+/// Back end that renders on the threads of the current rayon pool.
 pub(super) struct Cpu<'a> {
     scene: &'a Scene,
     plans: &'a [SlicePlan],
     epipolar: Option<Epipolar>,
     /// Number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image is
-    /// rendered in as many parts as this requires; the output is bit-identical.
+    /// rendered in as many parts as this limit requires. The output does not depend on the number.
     walks_at_once: u64,
-    /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
+    /// Light subpaths shared with other parts of the render, if any. The output does not depend on sharing.
     pub light: Option<SharedLight>,
-    /// Number of samples per pixel of each tile; none exceeds the scene's setting. A tile is bit-identical to
-    /// that of a render with the tile's number as its setting.
+    /// Number of samples per pixel of each tile, at most the scene's setting. A tile is bit-identical to
+    /// the tile of a render with this number as the scene's setting.
     samples: Option<&'a [u32]>,
 }
 
@@ -72,8 +72,8 @@ impl<'a> Cpu<'a> {
         })
     }
 
-    /// Lists the band around a camera pixel's epipolar line for each slice that samples one. Lists with too
-    /// many pixels remain empty.
+    /// Lists the band around a camera pixel's epipolar line for each slice that samples such a band. Bands
+    /// with too many pixels remain empty.
     fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
         for (plan, band) in self.plans.iter().zip(bands) {
             let Some(&Selected::Band { half_width_px, most }) = plan.selected() else {
@@ -142,8 +142,8 @@ impl<'a> Cpu<'a> {
 }
 
 impl Cpu<'_> {
-    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished.
-    /// Starts no further tile after `stop` returns true or `take` fails.
+    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished. The
+    /// function starts no further tile after `stop` returns true or `take` fails.
     ///
     /// # Errors
     /// The error that `take` returns.

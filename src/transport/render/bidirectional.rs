@@ -1,19 +1,19 @@
 //! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994), polarized, with media.
 //!
-//! A camera subpath and a light subpath are connected, every vertex of one to every vertex of the other:
+//! Every vertex of a camera subpath is connected to every vertex of a light subpath:
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
 //! where M_z and M_y are the interactions at the two vertices (with their cosines toward each other) and S
 //! the sheets between them. The emitters and the camera's pinhole are vertices of their subpaths. A light
-//! subpath of only the emitter is next-event estimation. A camera subpath of only the camera is a splat into
-//! the pixel that sees the vertex. Paths that several strategies can sample are weighted by
-//! [`super::weight`].
+//! subpath that consists only of the emitter is next-event estimation. A camera subpath that consists only
+//! of the camera is a splat into the pixel that sees the vertex. Paths that several strategies can sample
+//! are weighted by [`super::weight`].
 //!
-//! `integrator = "path"` in scenes with media uses the same code, with light subpaths of only the emitter.
-//! `integrator = "caustics"` uses it with few samples, only for paths whose light first meets a mirror, a
-//! smooth interface or a crystal; [`super::path`] cannot sample these. The two sets are disjoint and their
-//! results are added.
+//! `integrator = "path"` in scenes with media uses the same code, with light subpaths that consist only of
+//! the emitter. `integrator = "caustics"` uses this code with few samples, only for paths whose light first
+//! hits a mirror, a smooth interface or a crystal. [`super::path`] cannot sample these paths. The two sets
+//! of paths are disjoint, and the results are added.
 
 use super::apparent;
 use super::emission::{Emission, Ends, Sender};
@@ -38,19 +38,20 @@ use optics::spectrum::{Spectral, max_lane};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Separates the random streams of samples for redirected light from those of plain paths.
+/// Key that separates the random streams of samples for redirected light from those of plain paths.
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
-/// The fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
-/// and are seen and lit through interfaces. Subpaths then turn to where the other end appears and are
-/// connected to it from every particle, which finds nearly all light. Connections of particles do not account
-/// for the forward peaks; they find a tenth of the light for a fifth of the time.
+/// Fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
+/// and are seen and lit through interfaces. In this case, subpaths turn to the apparent position of the
+/// other end and are connected to this end from every particle, which finds nearly all light. Connections
+/// between particles do not account for the forward peaks: such connections find a tenth of the light in a
+/// fifth of the time.
 const RARELY: f32 = 0.04;
 
-/// Number of camera samples that determine which connections are worth making.
+/// Number of camera samples that determine which connections are efficient.
 const PILOT: u32 = 2048;
 
-/// Number of plain paths per sample of redirected light, and the minimum number of these samples.
+/// Number of plain paths per sample of redirected light. The next constant is the minimum number of samples.
 const PATHS_PER_SAMPLE: u32 = 16;
 const LEAST_SAMPLES: u32 = 8;
 
@@ -65,7 +66,7 @@ pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
 /// Precomputed data of a bidirectional render.
 pub struct Plan {
     pub(super) setup: Setup,
-    /// Key of the random streams.
+    /// Seed of the random streams.
     pub(super) seed: u64,
     /// Splats of the current part of the image.
     splats: Splats,
@@ -75,18 +76,18 @@ pub struct Plan {
     light: Option<SharedLight>,
 }
 
-/// The subpaths of one camera sample, and the contributions to its pixel.
+/// The subpaths of one camera sample, and their contributions to the sample's pixel.
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// The contributions of each sample, in order, and the Mueller elements of all.
+    /// The contributions of each sample, in order, and the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
 
-/// What a thread reuses between subpaths that are traced in advance.
+/// Buffers that a thread reuses between subpaths that are traced in advance.
 type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
 
 /// Returns true if connections of `s` light vertices to `t` camera vertices are enabled.
@@ -99,7 +100,8 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render in parts; `labelled` if labels are needed. Returns `None` once `stop` returns true.
+    /// Prepares a render in parts. `labelled` is true if labels are needed. Returns `None` once `stop`
+    /// returns true.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
@@ -225,7 +227,8 @@ impl Plan {
         walks.look(scene, self, number, &mut out, found);
     }
 
-    /// Returns the number of vertices, including the end, from which a light subpath is connected to others.
+    /// Returns the minimum number of vertices, including the end, from which a light subpath is connected
+    /// to others.
     pub(super) fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
@@ -262,7 +265,7 @@ impl Plan {
     }
 }
 
-/// Returns the intensity of all contributions in the brightest lane.
+/// Returns the intensity of all contributions in the brightest wavelength lane.
 #[inline]
 pub(super) fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
@@ -352,7 +355,7 @@ impl Walks {
         rays
     }
 
-    /// Adds the light of emitters that the camera's branch hit.
+    /// Adds the light of emitters that the current branch of the camera subpath hit.
     fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);
@@ -424,7 +427,8 @@ impl Walks {
         joiner.rays
     }
 
-    /// Connects these vertices to all vertices of the light subpath. Returns the number of rays.
+    /// Connects the vertices that belong only to this branch to all vertices of the light subpath. Returns
+    /// the number of rays.
     fn join_walks(
         &mut self,
         scene: &Scene,

@@ -1,12 +1,13 @@
 //! Straight connections between two points, and their transmission.
 //!
-//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the line
-//! between two points is a path even if it crosses some of them. Its transmission is
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the
+//! line between two points is a path even if the line crosses such surfaces. The transmission of the line
+//! is
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
 //! where S₁ is the sheet next to the camera's side and τ = Σ μ_t d over the media on the line. Each sheet
-//! counts as an interaction; boundaries without effect do not. Any other surface blocks the line.
+//! counts as an interaction; a boundary without effect does not count. Any other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -21,7 +22,7 @@ use optics::spectrum::Spectral;
 /// The end of a line on the camera's side.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
-    /// Points to the other end.
+    /// Ray from the start toward the other end.
     pub ray: Ray,
     /// The point from which the ray's origin is offset, and the exact start of the line.
     pub from: Vec3A,
@@ -30,11 +31,11 @@ pub(super) struct Start {
     pub nest: Nest,
 }
 
-/// What a line may pass.
+/// Limits on a line: the number of sheets that it may pass, and the wavelength lane.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
     pub sheets: u32,
-    /// The wavelength whose refractive indices are used.
+    /// Wavelength lane whose refractive indices are used.
     pub lane: usize,
 }
 
@@ -42,9 +43,9 @@ pub(super) struct Allowed {
 pub(super) struct Bridge {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Optical depth τ.
+    /// Optical depth τ of the line.
     pub depth: Spectral,
-    /// The material at the end of the line.
+    /// The medium at the end of the line.
     pub filling: Filling,
     pub nest: Nest,
 }
@@ -56,8 +57,8 @@ pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     nest.medium(&scene.boundaries).map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
-/// Returns true if surfaces of material `id` have no effect on light: boundaries between media of equal
-/// index, and boundaries inside an object of higher priority.
+/// Returns true if surfaces of material `id` have no effect on light. Such surfaces are boundaries between
+/// media of equal index, and boundaries inside an object of higher priority.
 #[inline]
 pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
@@ -82,14 +83,14 @@ pub(super) fn pass(
 
 #[derive(Clone, Copy)]
 pub(super) struct End {
-    /// The target of the line: offset from the surface, if it is on one.
+    /// Target of the line: the end, offset from the surface if the end is on one.
     pub aim: Vec3A,
-    /// The exact end, to which lengths are measured.
+    /// Exact end of the line, to which lengths are measured.
     pub at: DVec3,
 }
 
 /// Traces the line to its end; returns `None` if it is blocked. Multiplies `chain`, whose light has frame
-/// `frame`, by the transmission, and counts the rays traced.
+/// `frame`, by the transmission of the line, and counts the traced rays.
 // Not inlined, to keep its code out of the inner loop of scenes without sheets.
 #[inline(never)]
 pub(super) fn bridge(

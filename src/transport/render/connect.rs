@@ -26,11 +26,11 @@ use optics::spectrum::Spectral;
 /// A surface point on the path.
 pub(super) struct Vertex<'a> {
     pub scene: &'a Scene,
-    /// The state of the path behind the ray that hit it.
+    /// State of the path before the vertex: that of the ray that hit the surface.
     pub state: &'a State,
     pub hit: Hit,
     pub surface: &'a Surface,
-    /// Direction in which light leaves.
+    /// Direction in which light leaves toward the camera.
     pub wo: Vec3A,
     /// Number of surface interactions, including this one.
     pub bounces: u32,
@@ -39,13 +39,13 @@ pub(super) struct Vertex<'a> {
 /// Unoccluded light from the projector at several points, and their cells in the projector's view.
 pub(super) struct Lit<const N: usize> {
     at: Arrivals<N>,
-    /// Indices of the view's cells.
+    /// Indices of the cells of the projector's view that contain the points.
     cells: [u32; N],
 }
 
 impl<const N: usize> Lit<N> {
-    /// Computes it for the points `p`, of which the first `used` are valid. `seen_in` is the camera pixel
-    /// that sees all of them, if the camera shares the projector's pinhole.
+    /// Computes the light that arrives at the points `p`, of which the first `used` are valid. `seen_in` is
+    /// the camera pixel that sees all points, if the camera shares the projector's pinhole.
     #[inline(always)]
     pub fn new(
         projector: &Projector,
@@ -72,7 +72,7 @@ impl<const N: usize> Lit<N> {
     }
 }
 
-/// The light that one of several points receives, by index.
+/// Light from the projector at one of several points, selected by index.
 #[derive(Clone, Copy)]
 pub(super) struct LitAt<'a, const N: usize> {
     pub lit: &'a Lit<N>,
@@ -80,7 +80,7 @@ pub(super) struct LitAt<'a, const N: usize> {
 }
 
 impl<const N: usize> LitAt<'_, N> {
-    /// Returns direction and distance to the projector.
+    /// Returns the unit direction and the distance (metres) to the projector.
     #[inline]
     pub fn toward(&self) -> (Vec3A, f32) {
         let at = &self.lit.at;
@@ -123,7 +123,7 @@ pub(super) fn connect_all<const N: usize>(
     rays
 }
 
-/// Connects a surface point along a line that is known to be free.
+/// Connects a surface point along a line that is known to be unoccluded.
 #[inline(never)]
 pub(super) fn connect_known(at: &Vertex<'_>, to: &Connection, out: &mut Contributions) {
     connect(at, to, Some(true), out);
@@ -139,7 +139,8 @@ fn connect_points(at: &Vertex<'_>, out: &mut Contributions) -> u32 {
     rays
 }
 
-/// Connects a surface point to point emitter `number`, chosen with `chance`. Returns the number of rays.
+/// Connects a surface point to point emitter `number`, which was chosen with probability `chance`. Returns
+/// the number of rays.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
     at: &Vertex<'_>,
@@ -202,7 +203,8 @@ pub(super) fn connect_lights(at: &Vertex<'_>, drawn: Option<Drawn>, out: &mut Co
     rays
 }
 
-/// Makes one connection: checks known visibility, then the BRDF, and only then traces a ray.
+/// Makes one connection: tests known visibility first, then the BRDF, and traces a ray only if both allow
+/// light. Returns the number of rays.
 #[inline(always)]
 fn connect(at: &Vertex<'_>, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     if known == Some(false) {
@@ -246,12 +248,12 @@ fn connect_by_kind(at: &Vertex<'_>, to: &Connection, known: Option<bool>, out: &
 /// Visibility between a surface and an emitter.
 enum Sight {
     Free,
-    /// The ray is blocked, but possibly only by sheets that transmit light.
+    /// Possibly blocked: the ray hit a surface, which may be a sheet that transmits light.
     Blocked(Ray),
     Shut,
 }
 
-/// Returns the number of rays and the visibility of an emitter, with a ray unless it is `known` to be free.
+/// Returns the number of rays and the visibility of an emitter. Traces a ray unless visibility is `known`.
 #[inline(always)]
 fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Sight) {
     if known.is_some() {
@@ -267,7 +269,8 @@ fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) 
     (1, if scene.sheets { Sight::Blocked(ray) } else { Sight::Shut })
 }
 
-/// Appends an emitter's light by an interaction (with label and blocked ray). Returns the number of rays.
+/// Appends an emitter's light after an interaction, given its label and the blocked ray. Returns the number
+/// of rays.
 #[inline(always)]
 fn bring(
     at: &Vertex<'_>,

@@ -1,10 +1,9 @@
 //! Reports light of a scene that its integrator cannot find.
 //!
-//! Projector and camera have no extent. Light that leaves one of them along a single direction (over a
-//! mirror, through smooth glass) therefore reaches a given surface point with probability zero. Paths from
-//! the camera miss such light of the projector. Paths from both ends miss light that is redirected on both
-//! sides of a single rough surface, except for the light that manifold connections find through interfaces
-//! and crystals and over mirrors.
+//! Projector and camera have no extent. Paths from the camera therefore miss light of the projector that a
+//! mirror or smooth glass has redirected. Paths from both ends miss light that is redirected on both sides
+//! of a single rough surface, except for the light that manifold connections find through interfaces and
+//! crystals and over mirrors.
 
 use crate::lit::meets;
 use crate::scene::Scene;

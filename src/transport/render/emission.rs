@@ -1,4 +1,4 @@
-//! Starts light subpaths: emitters are sampled by power, directions by emission.
+//! Starts light subpaths: samples emitters by power, and directions by emission.
 
 use super::aim::Aim;
 use super::bridge::surrounding;
@@ -20,11 +20,11 @@ use optics::spectrum::Spectral;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Projector,
-    /// The number of a point emitter.
+    /// Point emitter with this number.
     Point(usize),
 }
 
-/// The emitter of a source.
+/// The emitter that a source refers to.
 enum Emitter<'a> {
     Projector(&'a Projector),
     Point(&'a PointEmitter),
@@ -34,10 +34,10 @@ enum Emitter<'a> {
 pub(super) struct Emission {
     /// Each source with its selection probability.
     sources: Vec<(Source, f32)>,
-    /// Filled objects around each source, and around the camera.
+    /// Filled objects around each source, and those around the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
-    /// Density of starting points on the projector's image, if not uniform.
+    /// Density of starting points on the projector's image; `None` if the density is uniform.
     aim: Option<Aim>,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct Emission {
 pub(super) struct Ends {
     pub camera: Pinhole,
     pub projector: Option<Projector>,
-    /// True if camera and projector share their pinhole.
+    /// True if camera and projector share a pinhole.
     pub coaxial: bool,
 }
 
@@ -59,7 +59,7 @@ impl Ends {
         }
     }
 
-    /// Draws uniformly random points on the lenses.
+    /// Samples uniformly random points on the lenses.
     #[inline]
     pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
         let mut ends = Self::new(scene);
@@ -76,7 +76,8 @@ impl Ends {
         ends
     }
 
-    /// Returns the direction of the camera ray at an image position. Moves a parallel camera there.
+    /// Returns the direction of the camera ray at an image position. Moves a parallel camera to this
+    /// position.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
         if self.camera.parallel {
@@ -86,7 +87,7 @@ impl Ends {
     }
 }
 
-/// The origin of a path's light.
+/// The source of a path's light.
 #[derive(Clone, Copy)]
 pub(super) struct Sender {
     /// Index of the source.
@@ -101,7 +102,8 @@ pub(super) struct Emitted {
     pub sender: Sender,
 }
 
-/// Returns the filled objects around a point: those that a ray to infinity leaves more often than it enters.
+/// Returns the filled objects around a point: the objects that a ray to infinity leaves more often than it
+/// enters.
 pub(super) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
@@ -165,7 +167,8 @@ impl Emission {
         out
     }
 
-    /// Starts subpaths mostly where the projector's light meets redirecting surfaces.
+    /// Returns the same emission, with subpaths that start mostly where the projector's light hits
+    /// redirecting surfaces.
     pub fn aimed(self, scene: &Scene) -> Self {
         let aim = scene.projector.as_ref().and_then(|p| Aim::new(scene, &p.pinhole));
         Self { aim, ..self }
@@ -176,7 +179,7 @@ impl Emission {
         self.sources.len()
     }
 
-    /// Returns the probability that a subpath starts at a source.
+    /// Returns the probability that a subpath starts at the source.
     #[inline]
     pub fn chance(&self, source: usize) -> f32 {
         self.sources[source].1
@@ -217,7 +220,7 @@ impl Emission {
     }
 
     /// Returns the projector pixel through which a source illuminates the point `p`; [`NO_PIXEL`] for point
-    /// emitters. Returns `None` if it does not illuminate the point.
+    /// emitters. Returns `None` if the source does not illuminate the point.
     #[inline]
     pub fn pixel(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match self.emitter_of(scene, ends, source) {
@@ -289,7 +292,7 @@ impl Emission {
         })
     }
 
-    /// Returns the camera's end of subpaths whose rays start along `dir`.
+    /// Returns the camera as the end of subpaths whose rays start along `dir`.
     #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
         let nest = if camera.parallel { surroundings(scene, camera.origin) } else { self.camera };
@@ -303,7 +306,7 @@ impl Emission {
         }
     }
 
-    /// Returns a source as the end of a line from the point `p`, or `None` if they coincide.
+    /// Returns a source as the end of a line from the point `p`, or `None` if source and point coincide.
     #[inline]
     pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
         let origin = self.position(scene, ends, source);

@@ -1,4 +1,4 @@
-//! Light of emitters that paths hit: emitting surfaces, and the environment behind all surfaces.
+//! Light of emitters that paths hit: emissive surfaces, and the environment behind all surfaces.
 
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -12,17 +12,17 @@ use optics::polarization::chain::Chain;
 use optics::polarization::frame::turn;
 use optics::spectrum::Spectral;
 
-/// How a ray of a path was sampled.
+/// Sampling of the direction of a path's ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
-    /// Density of its direction per steradian; 0 if no connection can sample the same path.
+    /// Density of the ray's direction per steradian; 0 if no connection can sample the same path.
     pub density: f32,
-    /// Origin of the direction, before any sheets in between.
+    /// Origin of the ray's direction, before any sheets in between.
     pub from: Receiver,
 }
 
 impl Chosen {
-    /// Describes a ray from a mirror, from smooth glass or from the camera.
+    /// Describes a ray that no connection can sample: from a mirror, from smooth glass or from the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self { density: 0.0, from: Receiver::anywhere(from) }
@@ -35,23 +35,23 @@ impl Chosen {
     }
 }
 
-/// An emitting surface that a path hit.
+/// An emissive surface that a path hit.
 pub(super) struct Glow {
     pub chain: Chain,
-    /// The light to which its product applies.
+    /// The light to which the path's product applies.
     pub beam: Beam,
     pub surface: Surface,
-    /// Index of the triangle in its mesh, if known.
+    /// Index of the hit triangle in the mesh, if known.
     pub facet: Option<u32>,
-    /// Optical length of the path, in metres.
+    /// Optical length of the path, metres.
     pub optical_m: f64,
-    /// Number of previous interactions, and their label.
+    /// Number of previous interactions, and their path label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: Chosen,
 }
 
-/// Appends the light of an emitting surface to a path.
+/// Appends the light of an emissive surface to a path.
 pub(super) fn met(scene: &Scene, glow: &Glow, out: &mut Contributions) {
     let Glow { mut chain, beam, ref surface, .. } = *glow;
     let (number, light) = scene.lights.of(surface.material).expect("the surface emits light");

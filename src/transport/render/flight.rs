@@ -15,7 +15,7 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Relative margin against rounding by which the search for surfaces extends beyond the free path.
+/// Relative margin, against rounding errors, by which the search for surfaces extends beyond the free path.
 const REACH: f32 = 1e-3;
 
 /// The state of a subpath between two vertices.
@@ -27,15 +27,16 @@ pub(super) struct Flight {
     pub depth: Spectral,
     pub nest: Nest,
     pub hero: Hero,
-    /// False if it continues straight to the next surface and media only attenuate it.
+    /// False if the flight continues straight to the next surface, so that media only attenuate it.
     pub draws: bool,
 }
 
-/// The wavelength that samples all distances and directions of a subpath in media, and the relative densities
-/// with which the other active wavelengths would have sampled them.
+/// The wavelength with which all distances and directions of a subpath in media are sampled. Also contains
+/// the relative densities with which the other active wavelengths would have sampled them.
 ///
-/// Weights use the mean density of all active wavelengths over the *whole* subpath (Wilkie et al. 2014, "Hero
-/// wavelength spectral sampling"). Means per event would let the weights grow with the number of events.
+/// Weights use the mean density of all active wavelengths over the *whole* subpath (Wilkie et al. 2014,
+/// "Hero wavelength spectral sampling"). With means per event, the weights would grow with the number of
+/// events.
 #[derive(Clone)]
 pub(super) struct Hero {
     pub lane: usize,
@@ -49,7 +50,7 @@ impl Hero {
         Self { lane: lanes.draw(stream), likely: lanes.ones() }
     }
 
-    /// Uses the single lane that a dispersive interface leaves.
+    /// Creates the hero from the single lane that remains after a dispersive interface.
     #[inline]
     pub fn only(lanes: Lanes) -> Self {
         Self { lane: lanes.nth(0), likely: lanes.ones() }
@@ -72,7 +73,7 @@ impl Hero {
 }
 
 pub(super) enum Landing {
-    /// At a site, with the surface hit, if any.
+    /// The site that was reached, its surface, and the hit if it is on a surface.
     At(Site, Surface, Option<Hit>),
     Escaped,
     Absorbed,
@@ -111,7 +112,8 @@ impl Flight {
         }
     }
 
-    /// Applies an interaction, given in the true direction of the light, to the light along the ray.
+    /// Applies an interaction to the light along the ray. `scatter` is given in the true direction of the
+    /// light.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter) {
         let State { ray, chain, frame, .. } = &mut self.state;
@@ -122,7 +124,8 @@ impl Flight {
         *frame = next.unwrap_or(Vec3A::ZERO);
     }
 
-    /// Returns [`polarized::factor`] of an interaction on the ray; equal for `scatter` and its transpose.
+    /// Returns [`polarized::factor`] of an interaction on the ray. The result is equal for `scatter` and
+    /// its transpose.
     #[inline]
     pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
         let State { ray, chain, frame, .. } = &self.state;
@@ -202,7 +205,7 @@ impl Flight {
         }
     }
 
-    /// Samples the hero wavelength's free path. Returns `None` if nothing scatters.
+    /// Samples the free path of the hero wavelength, metres. Returns `None` if the medium does not scatter.
     #[inline]
     fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
         let medium = &scene.media.list[id as usize];

@@ -1,10 +1,12 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
-//! surface may start beyond the other and never hit it, and rays from a distance may hit the two in either
-//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; others are rejected.
+//! surface may start beyond the other surface and miss it, and rays from a distance may hit the two
+//! surfaces in either order. If the meaning of a contact is known ([`Contact`]), one surface can be moved.
+//! Other gaps are rejected.
 //!
-//! Let δ be the offset of rays from a surface and k its rounding (`geometry::rounding`). Light passes safely
-//! from surface A to B if the gap is wider than 3 δ_A + δ_B (the rays of `manifold` use twice δ_A). Rays from
-//! across the scene distinguish the two if the gap is wider than (k_A + k_B) u times the scene's extent.
+//! Let δ be the offset of rays from a surface and k the rounding constant of the surface
+//! (`geometry::rounding`). Light passes safely from surface A to B if the gap is wider than 3 δ_A + δ_B
+//! (the rays of `manifold` use twice δ_A). Rays from a distance equal to the scene's extent distinguish A
+//! and B if the gap is wider than (k_A + k_B) u times the scene's extent.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::bvh::Outline;
@@ -14,55 +16,57 @@ use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
 use rayon::prelude::*;
 
-/// Number of rays along each side of a device's image, and maximum number of surfaces that each passes.
+/// Number of rays along each side of a device's image, and maximum number of surfaces that each ray passes.
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
 /// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap. Wedges are thin at the edge.
+/// Minimum cosine between the normals on both sides of a gap, because wedges are thin at the edge.
 const PARALLEL: f32 = 0.95;
 
-/// Directions across gaps are equal if they differ by less than the inverse of this.
+/// Reciprocal of the maximum difference between equal directions across gaps.
 const DIRECTIONS: f32 = 8.0;
 
-/// Minimum number of gaps found; a single one may lie at a rim.
+/// Minimum number of times that a gap must be found; a single find may be at a rim.
 const LEAST_FINDS: usize = 3;
 
-/// Search distance behind a surface in units of δ/k; more than the bounds of any two surfaces.
+/// Search distance behind a surface in units of δ/k; it exceeds the required width for any two surfaces.
 const SEARCHED: f32 = 1024.0;
 
-/// Tested points of a primitive: barycentric coordinates in both halves of a parallelogram, or directions.
+/// Tested points of a primitive, as barycentric coordinates in both halves of a parallelogram, or as
+/// directions.
 const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
 
 /// A gap in which light would be lost.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Width of the gap, and the minimum width required, in metres.
+    /// Width of the gap, and the minimum required width, metres.
     pub width: f32,
     pub least: f32,
-    /// A point of the gap, and the unit direction across it, from the transmitting surface.
+    /// A point of the gap, and the unit direction across the gap, away from the transmitting surface.
     pub at: Vec3A,
     pub across: Vec3A,
     /// Object numbers on both sides, the transmitting surface first; `None` for copies of groups.
     pub objects: [Option<u32>; 2],
     pub contact: Contact,
-    /// False if the direction contradicts the gap: coincident surfaces are found on both sides of each other.
-    /// Light leaves glass toward an object that touches it, and meets the front of a surface under a sheet.
+    /// False if the direction contradicts the gap, because each of two coincident surfaces is found behind
+    /// the other. Light leaves glass toward an object that touches the glass, and hits the front of a
+    /// surface under a sheet.
     likely: bool,
 }
 
 /// The meaning of a contact between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air lies between the two, or would change nothing: this side (0 or 1) does not refract, or is
-    /// separate.
+    /// Air is between the two surfaces, or would have no effect: the surface on this side (0 or 1) does not
+    /// refract, or is separate.
     Air(usize),
-    /// The two touch within rounding. The first surface refracts light and the other is opaque: light inside
-    /// the first object hits the other surface.
+    /// The two surfaces touch within rounding errors. The first surface refracts light and the other is
+    /// opaque: light inside the first object hits the other surface.
     Touch,
-    /// Both refract light, so air between them would change the result.
+    /// Both surfaces refract light, so air between them would change the result.
     Glass,
 }
 
@@ -166,8 +170,8 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
 }
 
 /// Returns the gaps that rays of camera and projector cross, and the gaps behind points of all transmitting
-/// surfaces (surfaces in instances are tested only by the rays). For each pair of objects and each direction,
-/// only the narrowest gap is returned. Gaps are sorted by width.
+/// surfaces. Surfaces in instances are tested only by the rays. For each pair of objects and each
+/// direction, only the narrowest gap is returned. Gaps are sorted by width.
 pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let devices: Vec<&Pinhole> = std::iter::once(&scene.camera).chain(projector).collect();

@@ -8,7 +8,7 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// Returns a material's specular reflectance at normal incidence: maximum over lanes and sides.
+/// Returns a material's specular reflectance at normal incidence, as the maximum over lanes and sides.
 pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, material, ..Surface::default() };
     let reflects = |wo: Vec3A| {
@@ -18,7 +18,7 @@ pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
     reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
 }
 
-/// All curved mirrors, approximated by one ball that scatters light uniformly.
+/// Approximation of all curved mirrors by one ball that scatters light uniformly.
 #[derive(Debug, Default)]
 pub(super) struct Glints {
     pub centre: Vec3A,
@@ -28,7 +28,7 @@ pub(super) struct Glints {
 }
 
 impl Glints {
-    /// Creates the estimate for mirrors with bounds and reflectances.
+    /// Creates the estimate from the outlines, bounds and reflectances of mirrors.
     pub fn new<'a>(mirrors: impl Iterator<Item = (&'a Outline, [Vec3A; 2], f32)>) -> Self {
         let (mut low, mut high, mut reflecting) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, 0.0);
         for (outline, [from, to], reflectance) in mirrors {
@@ -45,7 +45,7 @@ impl Glints {
         Self { reflecting: f32::INFINITY, ..Self::default() }
     }
 
-    /// Returns the irradiance at `p` per intensity of an emitter at `from`, in m⁻².
+    /// Returns the irradiance at `p` per radiant intensity of an emitter at `from`, 1/m².
     pub fn thrown(&self, from: Vec3A, p: Vec3A) -> f32 {
         let near = |p: Vec3A| p.distance_squared(self.centre).max(0.25 * self.radius * self.radius);
         self.reflecting / (4.0 * PI * near(from) * near(p))
@@ -56,7 +56,8 @@ impl Glints {
 mod tests {
     use super::*;
 
-    /// A distant ball scatters uniformly the light on its cross-section, a quarter of its surface area.
+    /// Verifies that a distant ball scatters uniformly the light on its cross-section, a quarter of its
+    /// surface area.
     #[test]
     fn a_ball_throws_what_it_takes_in() {
         let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };

@@ -1,22 +1,24 @@
 //! Guiding in media: subpaths turn toward targets at the other end more often than light does.
 //!
-//! Where particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
-//! large turn, and small turns again. A subpath makes small turns by itself. If the large turn were left to
-//! the phase function or to a connection of two subpaths, the few paths that contain it would dominate.
+//! If particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
+//! large turn, and small turns again. A subpath makes small turns by sampling the phase function. If the
+//! phase function or a connection also sampled the large turn, the few paths that contain such a turn would
+//! dominate.
 //!
-//! So at a particle, with probability [`SHARE`], a subpath does not continue like light that came along its
-//! own ray, but like light that came along the ray *from the other end*. A camera subpath thus turns toward
-//! the emitters, up to an angle that the phase function has for a small turn. The small turn that then leads
-//! to the emitter has the probability that the phase function gives it. The peaks of both cancel, and the
-//! large turn is evaluated, which has no peak. (Sampling directions toward a light that is blurred by
-//! scattering: Georgiev et al. 2013, Herholz et al. 2019; this is the simplest case.)
+//! Therefore at a particle, with probability [`SHARE`], a subpath does not continue like light along its
+//! own ray, but like light along a ray *from the other end*. A camera subpath thus turns toward the
+//! emitters, up to an angle that the phase function has for a small turn. The probability of the small turn
+//! that then leads to the emitter is that of the phase function. The peaks of both probabilities cancel.
+//! The large turn is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
+//! directions toward a light that is blurred by scattering; this is the simplest case.)
 //!
-//! Subpaths also *lean*. Light that makes many small turns changes direction gradually and reaches the other
-//! end only if its direction happens to lead there. Two directions that are opposite each other across the
-//! incoming direction are equally likely by the phase function. The one that points more toward the target is
-//! sampled more often ([`Guide::lean`]).
+//! Subpaths also *lean*. Light that makes many small turns changes direction gradually, and reaches the
+//! other end only if the direction happens to lead there. Two directions that are opposite each other
+//! across the incoming direction are equally likely by the phase function. The direction that is closer to
+//! the target is sampled more often ([`Guide::lean`]).
 //!
-//! Any target gives unbiased results, since densities account for it; [`super::apparent`] finds good ones.
+//! Any target gives unbiased results, since densities account for the target; [`super::apparent`] finds
+//! efficient targets.
 
 use super::state::From;
 use crate::medium::Media;
@@ -27,18 +29,19 @@ use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
 /// Fraction of subpaths that turn toward a target at a vertex. A path has dozens of vertices at which light
-/// may make its large turn, so subpaths that turned more often would rarely reach the later ones. (Measured
-/// in milk: 0.05 to 0.1 is best, 0.25 is as bad as no guiding.)
+/// may make its large turn, so subpaths that turn more often rarely reach later vertices. (Measured in
+/// milk: 0.05 to 0.1 is best, 0.25 is as inefficient as no guiding.)
 const SHARE: f32 = 0.06;
 
-/// Maximum bias of leaning toward a target; below 1, so that all directions remain possible.
+/// Maximum bias of leaning toward a target; less than 1, so that all directions remain possible.
 const LEAN: f32 = 0.9;
 
-/// Number of events in which a subpath turns and leans; after them it follows the phase function. The weight
-/// of a subpath is a product of as many factors. The tail of its distribution grows with this number beyond
-/// what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82, whose light meets
-/// hundreds of particles. With guiding in all events, the result was 5 to 14 % too low in up to 36,000
-/// samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49 events.)
+/// Number of events in which a subpath turns and leans. Afterwards the subpath follows the phase function.
+/// The weight of a subpath is a product of as many factors. The tail of the weight distribution grows with
+/// this number beyond what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82,
+/// whose light is scattered by hundreds of particles. With guiding in all events, the result was 5 to 14 %
+/// too low in up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
+/// events.)
 pub(super) const MOST_EVENTS: u32 = 48;
 
 /// Maximum number of targets in a medium for the subpaths of one end.
@@ -46,7 +49,7 @@ const MOST: usize = 4;
 
 type Targets = ArrayVec<Vec3A, MOST>;
 
-/// The targets of every medium, by its number: for camera subpaths and for light subpaths.
+/// The targets of every medium, by medium number, for camera subpaths and for light subpaths.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guide {
     targets: Vec<[Targets; 2]>,
@@ -82,8 +85,8 @@ impl Guide {
         !self.targets(medium, from).is_empty()
     }
 
-    /// Decides at random whether a subpath turns toward a target. Returns the direction that it would have
-    /// come from on a straight line from the other end.
+    /// Decides at random whether a subpath turns toward a target. If so, returns the direction from which
+    /// the subpath would have come on a straight line from the other end.
     #[inline]
     pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
         let targets = self.targets(at.medium, at.from);
@@ -98,7 +101,8 @@ impl Guide {
         (at.p - targets[n]).try_normalize()
     }
 
-    /// Returns how a subpath that came from direction `back` to a particle leans toward its targets.
+    /// Returns the lean of a subpath toward its targets; the subpath came from direction `back` to a
+    /// particle.
     #[inline]
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
         let targets = self.targets(at.medium, at.from);
@@ -141,9 +145,9 @@ impl Guide {
     }
 }
 
-/// The partner of a direction, which lies opposite across the incoming direction, and the direction's density
-/// relative to the phase function if the subpath does not turn. The factor is in 0..2; the partner has 2
-/// minus it.
+/// A direction's partner, which is opposite across the incoming direction, and a density factor. The factor
+/// is the direction's density relative to the phase function if the subpath does not turn. The factor is in
+/// 0..2; the factor of the partner is 2 minus this factor.
 #[derive(Clone, Copy)]
 pub(super) struct Lean {
     pub partner: Vec3A,
@@ -155,7 +159,7 @@ pub(super) struct Lean {
 pub(super) struct Toward {
     /// Probability of no guided turn.
     straight: f32,
-    /// Density per steradian, by lane, with which subpaths turn to the direction.
+    /// Density per steradian, by lane, with which guided turns sample the direction.
     turned: Spectral,
     /// Expected light from the direction, relative to other directions, by lane.
     pub hopes: Spectral,
@@ -169,12 +173,12 @@ impl Toward {
     }
 }
 
-/// The position of a subpath in a medium.
+/// The position of a subpath in a medium, with its state.
 #[derive(Clone, Copy)]
 pub(super) struct At {
     pub medium: u32,
     pub p: Vec3A,
-    /// The end at which the subpath started.
+    /// The end at which the subpath started: camera or light.
     pub from: From,
 }
 
@@ -187,7 +191,7 @@ mod tests {
 
     const P: Vec3A = Vec3A::new(0.1, -0.2, 0.3);
 
-    /// A forward-scattering medium with two targets for camera subpaths.
+    /// Returns a forward-scattering medium with two targets for camera subpaths.
     fn guided() -> (Media, Guide) {
         let mut media = Media::default();
         let bulk = Bulk { scattering: 1.0, index: 1.0, asymmetry: 0.7, ..Bulk::default() };
@@ -201,7 +205,7 @@ mod tests {
         (media, guide)
     }
 
-    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of
+    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of the
     /// densities.
     fn chi2(
         draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
@@ -241,8 +245,8 @@ mod tests {
         (chi / (ROWS * COLUMNS) as f64, all)
     }
 
-    /// Sampled directions have the stated density: 5 sigma of chi squared over 512 cells of 400,000 samples.
-    /// Densities without guided turns fail the test.
+    /// Verifies that sampled directions have the stated density: 5 sigma of chi squared over 512 cells of
+    /// 400,000 samples. Densities without guided turns fail the test.
     #[test]
     fn turns_have_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -261,8 +265,8 @@ mod tests {
         assert!(chi > 2.0 * most, "{chi}");
     }
 
-    /// Directions sampled with leaning have the stated density, by the same measure. Densities without
-    /// leaning, or with a quarter less of it, fail the test.
+    /// Verifies that directions sampled with leaning have the stated density, by the same test. Densities
+    /// without leaning, or with a quarter less leaning, fail the test.
     #[test]
     fn leaning_has_its_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -286,7 +290,8 @@ mod tests {
         }
     }
 
-    /// Subpaths from the other end, in other media and at a target have the density of the medium alone.
+    /// Verifies that subpaths from the other end, in other media and at a target have the density of the
+    /// medium alone.
     #[test]
     fn others_do_not_turn() {
         let (media, guide) = guided();

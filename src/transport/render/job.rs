@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use tensor::sink::{Job, JobSlice};
 use tensor::slice::Slice;
 
-/// Returns the job of rendering all slices of a scene; `plans` are its [`plans`].
+/// Returns the job of rendering all slices of a scene; `plans` are the results of [`plans`] for the scene.
 pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     let slices = scene.slices.iter().zip(plans).map(|(slice, plan)| JobSlice {
         layout: plan.layout.clone(),
@@ -79,7 +79,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Returns lens coefficients by name: always the five of Brown–Conrady, others only if non-zero.
+/// Returns lens coefficients by name: always the five of Brown–Conrady, the others only if non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),

@@ -1,4 +1,4 @@
-//! Connections between a camera subpath and a light subpath, and their weights.
+//! Connections between a camera subpath and a light subpath, and the weights of the connections.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::emission::{Emission, Ends, Sender};
@@ -25,14 +25,14 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(super) struct Setup {
     pub emission: Emission,
-    /// True if only redirected light counts. Camera subpaths then stop at a Lambert surface seen first.
+    /// True if only redirected light counts. Camera subpaths then stop if the first surface is Lambertian.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
     pub strategies: Strategies,
-    /// Mirrors over which connections to emitters are searched for.
+    /// Mirrors through which connections to emitters are searched for.
     pub mirrors: Mirrors,
     /// Targets of guided turns in media.
     pub guide: Guide,
@@ -41,9 +41,9 @@ pub(super) struct Setup {
     pub labelled: bool,
 }
 
-/// For a subpath that starts with interfaces: the index of the first vertex behind them at which connections
-/// can end. The density is that with which subpaths reach it, per perpendicular area, if the path through the
-/// interfaces would be found from that vertex.
+/// Result for a subpath that starts with interfaces: index of the first vertex behind the interfaces at
+/// which connections can end. The density per perpendicular area is that with which subpaths reach this
+/// vertex; `None` if the path through the interfaces would not be found from the vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;
 
 /// Buffers that a thread keeps between connections.
@@ -62,9 +62,9 @@ pub(super) fn most(scene: &Scene) -> u32 {
 
 /// The line between the last vertices of two subpaths.
 pub(super) struct Line {
-    /// Directions in which it leaves the camera vertex and the light vertex.
+    /// Directions in which the line leaves the camera vertex and the light vertex.
     pub dirs: [Vec3A; 2],
-    /// Mean transmittance divided by the squared distance.
+    /// Mean transmittance of the line divided by its squared length, 1/m².
     pub passed: f32,
     /// For a refracted or reflected line: densities per perpendicular area with which subpaths from the other
     /// side reach the camera vertex and the light vertex.
@@ -85,7 +85,7 @@ pub(super) fn behind(walk: &[Point]) -> Option<usize> {
     (1..=last).find(|i| !walk[*i].delta || *i == last)
 }
 
-/// The properties of a path besides its matrix.
+/// Properties of a path other than its matrix.
 pub(super) struct Record {
     pub time_ps: f64,
     pub pixel: u32,
@@ -93,7 +93,8 @@ pub(super) struct Record {
     pub label: u8,
 }
 
-/// Joins the camera's product `chain`, which applies to `beam`, to that of `y` and appends the path.
+/// Joins the camera's product `chain`, which applies to `beam`, to the product of vertex `y`, and appends
+/// the path.
 #[inline]
 pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -117,10 +118,10 @@ pub(super) struct Joiner<'a> {
     /// Ends of the camera subpath and of the light subpath.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
-    /// False if no other strategy samples the same paths, or if weights are not needed.
+    /// False if no other strategy samples the same paths, or if MIS weights are not needed.
     pub weighs: bool,
     pub stream: &'a mut Stream,
-    /// The contributions so far.
+    /// Contributions appended so far.
     pub out: Contributions<'a>,
     pub rays: u32,
 }
@@ -215,7 +216,8 @@ impl<'a> Joiner<'a> {
         z.medium_toward(scene, to) != y.medium_toward(scene, -to)
     }
 
-    /// Decides by roulette on a connection with contribution about `expected`. Returns its weight.
+    /// Decides by roulette whether to make a connection whose contribution is about `expected`. Returns the
+    /// weight of the connection.
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
         // Two subpaths are connected only in a fraction of samples.

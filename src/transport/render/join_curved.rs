@@ -1,9 +1,9 @@
 //! Connections over curved mirrors and through curved glass, which can have any number of specular paths.
 //! Paths are found at random, with weight 1/probability (Zeltner, Georgiev & Jakob 2020).
 //!
-//! If a fraction p of all random initial guesses leads to a path, its weight is 1/p; the number of guesses
-//! until it is found again has the mean 1/p. These connections are made where no other strategy samples the
-//! path, so their MIS weight is one.
+//! If a fraction p of all random initial guesses leads to a path, the weight of the path is 1/p. The number
+//! of guesses until the path is found again has the mean 1/p. These connections are made where no other
+//! strategy samples the path, so their MIS weight is one.
 
 use super::glints::Glints;
 use super::join::{Joiner, most};
@@ -15,13 +15,14 @@ use super::traced::Traced;
 use glam::Vec3A;
 use optics::spectrum::max_lane;
 
-/// Maximum number of guesses to find a path again, in case rounding prevents it.
+/// Maximum number of guesses to find a path again. The limit is needed because rounding errors may prevent
+/// success.
 const MOST_TRIES: u32 = 1 << 16;
 
 impl Joiner<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
-    /// accounts for, and appends the contributions: randomly found paths and paths through crystals. They
-    /// must not be [`Self::reached`] by other strategies.
+    /// accounts for, and appends the contributions. The paths are found at random or lead through crystals.
+    /// Other strategies must not sample these paths ([`Self::reached`]).
     pub fn join_alone(&mut self, camera: &[Point], source: usize) {
         if self.setup.mirrors.splits {
             self.join_through_crystals(camera, source);
@@ -44,8 +45,8 @@ impl Joiner<'_> {
         self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0));
     }
 
-    /// Connects by all other paths that include something curved: through curved glass, except for the path
-    /// that [`Self::join_by_manifold`] finds, and over several mirrors.
+    /// Connects by all other paths that include a curved surface: over several mirrors, and through curved
+    /// glass except for the path that [`Self::join_by_manifold`] finds.
     fn join_through(&mut self, camera: &[Point], source: usize) {
         let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
@@ -91,9 +92,9 @@ impl Joiner<'_> {
         is
     }
 
-    /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path for
-    /// a wavelength; its last argument is true for the first draw and false while the same path is searched
-    /// for again. `decide` returns the weight of a path, or `None` to skip it.
+    /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path
+    /// for a wavelength; the last argument of `draw` is true for the first draw and false while the same
+    /// path is searched for again. `decide` returns the weight of a path, or `None` to skip it.
     fn join_by_chance(
         &mut self,
         camera: &[Point],
@@ -125,7 +126,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// Decides by roulette whether to search for paths over curved surfaces, whose light `glints` estimates.
+    /// Decides by roulette whether to search for paths over curved surfaces. `glints` estimates the light
+    /// of such paths.
     fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

@@ -1,7 +1,7 @@
-//! Connections of camera subpaths to emitting surfaces, sky and directional lights ([`crate::light`]).
+//! Connections of camera subpaths to emissive surfaces, sky and directional lights ([`crate::light`]).
 //!
-//! Light subpaths do not start at these emitters. Each path is therefore sampled in at most two ways: by a
-//! connection, or by hitting the emitter ([`super::environment`]).
+//! Light subpaths do not start at these emitters. Each path is therefore sampled by at most two techniques:
+//! by a connection, or by hitting the emitter ([`super::environment`]).
 
 use super::emission::Sender;
 use super::join::Joiner;

@@ -1,6 +1,6 @@
 //! Connections of a camera subpath to an emitter through smooth interfaces and over mirrors
-//! ([`super::manifold`]). For connections of a light subpath to the camera see [`super::view_manifold`], for
-//! randomly sampled ones [`super::join_curved`].
+//! ([`super::manifold`]). [`super::view_manifold`] connects a light subpath to the camera;
+//! [`super::join_curved`] makes randomly sampled connections.
 
 use super::bridge::{Allowed, Start};
 use super::flight::mean_transmittance;
@@ -22,10 +22,10 @@ use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::{Spectral, max_lane};
 
-/// The wavelengths that use a specular path, and its weight.
+/// The wavelengths that use a specular path, and the weight of the path.
 #[derive(Clone, Copy)]
 pub(super) struct Takers {
-    /// Wavelengths that use the path, and the one whose refractive indices were used.
+    /// The wavelengths that use the path. The next field is the one whose refractive indices were used.
     pub lanes: Lanes,
     pub lane: usize,
     /// Weight of the path.
@@ -33,19 +33,20 @@ pub(super) struct Takers {
 }
 
 impl Takers {
-    /// Returns a single wavelength.
+    /// Creates the value for a single wavelength.
     #[inline]
     pub fn only(lane: usize, factor: f32) -> Self {
         Self { lanes: Lanes { mask: 1 << lane }, lane, factor }
     }
 }
 
-/// Index of the light's side.
+/// Index of the light's side in pairs (camera, light).
 const LIGHT: usize = 1;
 
 /// Probabilities with which paths over flat mirrors are searched for, from particles and from surface
-/// vertices in a medium. Such paths are many and contribute little compared with light subpaths. Searching
-/// for all of them took an eighth of the milky tank's time for a hundredth of its light.
+/// vertices in a medium. There are many such paths, which contribute little compared with light subpaths.
+/// For the milky tank, the search for all of them took an eighth of the render time for a hundredth of the
+/// light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
@@ -86,8 +87,8 @@ impl Joiner<'_> {
         );
     }
 
-    /// Connects the last vertex of a camera subpath to an emitter through crystals with double images. The
-    /// path must not be [`Self::reached`] by other strategies.
+    /// Connects the last vertex of a camera subpath to an emitter through crystals with double images.
+    /// Other strategies must not sample the path ([`Self::reached`]).
     pub fn join_through_crystals(&mut self, camera: &[Point], source: usize) {
         let (z, scene) = (last(camera), self.scene);
         let to = self.setup.emission.position(scene, self.ends[0], source);
@@ -102,7 +103,8 @@ impl Joiner<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter. These connect two subpaths, or the camera through interfaces.
+    /// mirrors to an emitter. Such strategies connect two subpaths, or connect a light subpath to the
+    /// camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Point]) -> bool {
         let last = camera.len() - 1;
@@ -111,9 +113,9 @@ impl Joiner<'_> {
     }
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors and appends the
-    /// contribution. If `alone`, no other strategy samples the paths ([`Self::reached`]), and sequences of
-    /// three or more mirrors are tried as well. Otherwise other strategies must account for these connections
-    /// in their weights ([`Mirrors::flats_weigh`]).
+    /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
+    /// sequences of three or more mirrors are also tried. If `alone` is false, other strategies must
+    /// account for these connections in their weights ([`Mirrors::flats_weigh`]).
     pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
@@ -140,7 +142,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// Returns the start and the route of a path over mirrors, with mirror points as initial guess.
+    /// Returns the start and the route of a path over mirrors, with points on the mirrors as initial guess.
     fn route_over<'b>(
         &self,
         z: &Point,
@@ -158,14 +160,15 @@ impl Joiner<'_> {
         Some((line, route))
     }
 
-    /// Finds the path from a vertex over mirrors, with mirror points as initial guess.
+    /// Finds the path from a vertex over mirrors, with points on the mirrors as initial guess.
     pub fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
         let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
         manifold::find(self.scene, start, &route, goal)
     }
 
-    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`: before and
-    /// after the transmittance of mirrors and media is known. Returns the start, the route and the weight.
+    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`. The
+    /// decision is made before and again after the transmittance of mirrors and media is known. Returns the
+    /// start, the route and the weight.
     fn spin_over<'b>(
         &mut self,
         z: &Point,
@@ -198,9 +201,10 @@ impl Joiner<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Decides by roulette whether to connect a vertex to an end at `to`. The expectation assumes a straight
-    /// path: light `scattered` toward it, times the end's value per steradian `end`, times n²/d². Decides
-    /// again when the transmittance of media is known. Returns the start, the route and the weight.
+    /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution assumes
+    /// a straight path: light `scattered` toward the end, times the end's value per steradian `end`, times
+    /// n²/d². The decision is repeated when the transmittance of media is known. Returns the start, the
+    /// route and the weight.
     #[inline]
     pub fn spin(
         &mut self,
@@ -223,7 +227,7 @@ impl Joiner<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Calls `f` with the path that `find` returns for a vertex, and the wavelengths that use it. If
+    /// Calls `f` with the path that `find` returns for a vertex, and the wavelengths that use this path. If
     /// interfaces are dispersive, each wavelength has a separate path.
     pub fn each_way(
         &mut self,
@@ -249,7 +253,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// Returns the straight line from a vertex to `to`, the initial guess for paths through interfaces.
+    /// Returns the straight line from a vertex to `to`, which is the initial guess for paths through
+    /// interfaces.
     #[inline]
     pub fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
@@ -280,7 +285,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// Implements [`Self::join_way`] for one interaction at the last vertex and the label of the whole path.
+    /// Implements [`Self::join_way`] for one interaction at the last vertex and a label of the whole path.
     fn join_way_by(
         &mut self,
         camera: &[Point],
@@ -332,9 +337,9 @@ impl Joiner<'_> {
         meet(chain, beam, &emitter, &record, &mut self.out);
     }
 
-    /// For a light subpath that starts with interfaces: returns the index of the first vertex behind them at
-    /// which connections can end, and the density per area with which light arrives there. Returns `None` if
-    /// the path would not be found from that vertex.
+    /// Returns, for a light subpath that starts with interfaces, the index of the first vertex behind the
+    /// interfaces at which connections can end, and the density per area with which light arrives there.
+    /// Returns `None` if the path would not be found from that vertex.
     #[inline]
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
@@ -343,14 +348,15 @@ impl Joiner<'_> {
         })
     }
 
-    /// Returns the same for a camera subpath.
+    /// Returns the result of [`Self::seen_through`] for a camera subpath.
     #[inline]
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
         self.seen(camera, 0, to, |joiner, dir| joiner.ends[0].camera.pixels_per_steradian(dir))
     }
 
-    /// Implements both for side 0 (camera) or 1 (light) with end `to`; `start` is the density of its rays.
+    /// Implements [`Self::seen_through`] and [`Self::seen_from`] for side 0 (camera) or 1 (light) with the
+    /// end `to`. `start` is the density of the rays from the end.
     fn seen(
         &mut self,
         walk: &[Point],

@@ -1,12 +1,12 @@
 //! Ground-truth layers: depth, position, normals, object, material and albedo of every camera pixel.
 //!
-//! They are computed in a separate pass with k × k camera rays per pixel, through the centres of k × k equal
-//! parts. No random numbers are used, so the same scene gives the same bits. The object of a pixel is the one
-//! that most of its rays hit. All other values are means over these rays only, so values do not mix across
-//! edges. For a camera with a lens, the centre of the lens is used.
+//! The layers are computed in a separate pass with k × k camera rays per pixel, through the centres of k ×
+//! k equal parts. No random numbers are used, so the same scene gives the same bits. The object of a pixel
+//! is the object that most rays of the pixel hit. All other values are means over these rays only, so
+//! values do not mix across edges. For a camera with a lens, the centre of the lens is used.
 //!
-//! The first surface counts, except boundaries that have no effect on light. With an option, rays pass smooth
-//! interfaces and sheets with refraction (`sight.rs`).
+//! The values are those of the first surface on a ray; boundaries without effect on light are ignored. With
+//! [`Options::through`], rays pass smooth interfaces and sheets with refraction (`sight.rs`).
 
 use super::sight::{Sight, Viewer};
 use crate::scene::Scene;
@@ -16,9 +16,10 @@ use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Rays per pixel along each side, k; at least 1.
+    /// Number of rays along each side of a pixel, k; at least 1.
     pub side: u32,
-    /// Look through smooth interfaces (glass, water, crystals) and sheets to the surface behind.
+    /// Whether rays pass through smooth interfaces (glass, water, crystals) and sheets to the surface
+    /// behind.
     pub through: bool,
 }
 
@@ -30,7 +31,7 @@ impl Default for Options {
 
 #[derive(Clone)]
 struct Pixel {
-    /// -1 if there is none, or for objects that are not in a group.
+    /// Number of the object, -1 if there is none.
     object: i32,
     copy: i32,
     material: i32,
@@ -44,7 +45,8 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Returns a pixel without surface; `coverage` is the fraction of rays that hit nothing.
+    /// Returns the values of a pixel without a surface; `coverage` is the fraction of rays that hit
+    /// nothing.
     fn nothing(coverage: f32) -> Self {
         let [one, three, four] = [[f32::NAN; 4]; 3];
         Self {
@@ -71,12 +73,12 @@ fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
     runs.rev().max_by_key(|(_, n)| *n)
 }
 
-/// Returns the unit vector along a sum of vectors; NaN if they cancel.
+/// Returns the unit vector along a sum of vectors; NaN if the vectors cancel.
 fn unit(sum: DVec3) -> [f32; 3] {
     sum.try_normalize().map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
 }
 
-/// Returns a normal on the side of the incoming ray.
+/// Returns the normal, flipped to the side of the incoming ray.
 fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
     if ng.dot(wo) < 0.0 { -n.as_dvec3() } else { n.as_dvec3() }
 }
@@ -142,8 +144,8 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
 /// | `albedo` | by wavelength, mean of that material; NaN without albedo (see below) |
 /// | `coverage` | fraction of the pixel that the object covers (or the background, if `object` is -1) |
 ///
-/// Metals, glass, sheets, crystals and measured tables have no albedo. Without a surface, all other values
-/// are NaN.
+/// Metals, glass, sheets, crystals and measured tables have no albedo. If a pixel has no surface, all other
+/// values are NaN.
 ///
 /// [`Names::objects`]: crate::names::Names::objects
 /// [`Names::materials`]: crate::names::Names::materials
@@ -164,7 +166,7 @@ pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     LayerSet { size: [w, h], wavelengths_nm: scene.wavelengths.nm().to_vec(), layers: lay(scene, &pixels) }
 }
 
-/// Arranges pixels as arrays.
+/// Arranges the values of pixels as layers.
 fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
     let layer =
         |name, units, long_name, parts, values| Layer { name, units, long_name, parts, values, labels: None };

@@ -1,7 +1,7 @@
 //! Light tracing: connects vertices of light subpaths to the camera, directly or through interfaces.
 //!
-//! Visible vertices are found once for a part of the image ([`super::splats`]) and stored as numbers of
-//! subpaths and vertices. The pixel that sees them traces the subpaths again.
+//! Visible vertices are found once for a part of the image ([`super::splats`]) and stored as the numbers of
+//! the subpath and of the vertex. For the pixel that sees the vertices, the subpaths are traced again.
 
 use super::bidirectional::{Plan, Walks, brings, wanted};
 use super::emission::Sender;
@@ -39,7 +39,7 @@ impl Walks {
         }
     }
 
-    /// Does the same for the vertices that belong only to the current branch.
+    /// Calls `found` as [`Self::look`] does, for the vertices that belong only to the current branch.
     fn look_from_branch(
         &mut self,
         scene: &Scene,
@@ -127,9 +127,10 @@ impl Walks {
     }
 }
 
-/// Decides by roulette whether to keep a vertex of a light subpath that is seen directly or along a specular
-/// path. Returns its weight. The unweighted contribution bounds the weighted one, which takes longer to
-/// compute and is evaluated only for the remaining vertices. Tracing the subpath again takes longest.
+/// Decides by roulette whether to keep a vertex of a light subpath that is seen directly or along a
+/// specular path. Returns the weight of the vertex. The unweighted contribution is an upper bound of the
+/// weighted contribution, which takes longer to compute and is evaluated only for the remaining vertices.
+/// To trace the subpath again takes longest.
 fn decide(joiner: &mut Joiner, light: &[Point], sender: Sender, way: Option<(&Way, Takers)>) -> Option<f32> {
     let weighs = joiner.weighs;
     let mut factor = way.map_or(1.0, |(_, takers)| takers.factor);

@@ -1,4 +1,4 @@
-//! Light subpaths by number: each depends only on its number and the seed.
+//! Light subpaths by number. Each subpath depends only on its number and the seed.
 
 use super::bidirectional::{Plan, Walks};
 use super::emission::{Ends, Sender};
@@ -10,20 +10,21 @@ use super::walk::{First, Limits};
 use crate::scene::Scene;
 use optics::sampling::stream::Stream;
 
-/// Separates the random streams of light subpaths from those of camera samples.
+/// Key that separates the random streams of light subpaths from those of camera samples.
 const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
 /// A light subpath that has been traced.
 pub(super) struct Begun {
     pub ends: Ends,
     pub sender: Sender,
-    /// The rest of its random stream.
+    /// Random stream of the subpath, after the numbers that were used.
     pub stream: Stream,
     pub limits: Limits,
 }
 
 impl Walks {
-    /// Traces a light subpath (or its first branch) up to `point`; `None` if the scene has no sources.
+    /// Traces a light subpath, or the first branch of a subpath, up to `point`; `None` if the scene has no
+    /// sources.
     pub(super) fn light_walk(
         &mut self,
         scene: &Scene,
@@ -50,8 +51,8 @@ impl Walks {
 }
 
 /// Returns the point on the projector's image from which a subpath starts. The points of one sample are
-/// evenly spread (Roberts 2018, the additive recurrence of the plastic number). All of them are shifted by
-/// the same random vector, which makes each uniform.
+/// evenly spread (Roberts 2018, the additive recurrence of the plastic number). The same random shift of
+/// all points makes each point uniform.
 #[inline]
 fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(seed, u32::MAX, number.sample);

@@ -2,10 +2,10 @@
 //! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
 //!
 //! A ray is traced from a point x through k interfaces, with its derivatives by the two angles of its
-//! direction (Igehy 1999, "Tracing ray differentials"). Newton's method turns the direction until the ray
-//! hits the emitter. It starts from the straight line, which also determines the number of interfaces. At the
-//! solution, the derivative gives the area A around the emitter that the rays of a solid angle cover. From it
-//! follows the light that arrives at x from the emitter's intensity I:
+//! direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction until the ray
+//! hits the emitter. The initial guess is the straight line, which also determines the number of
+//! interfaces. At the solution, the derivative gives the area A around the emitter that the rays of a solid
+//! angle cover. The light that arrives at x from the emitter's intensity I is then
 //!
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
@@ -17,7 +17,8 @@
 //! result depends only on the point, so [`super::weight`] can determine for any path whether it would have
 //! been found. The other paths are searched for at random ([`super::join_curved`]).
 //!
-//! A path may also include [`super::mirrors`], with a given point on each as initial guess; J is the same.
+//! A path may also include [`super::mirrors`], with a given point on each mirror as initial guess. J has
+//! the same definition.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
@@ -38,28 +39,29 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Paths are equal if the cosine between their directions is nearer to 1 than this: a milliradian.
+/// Maximum of 1 minus the cosine between the directions of equal paths: an angle of a milliradian.
 const SAME: f32 = 5e-7;
 
-/// Factor on the offset of traced rays from their surface. They are offset along the ray and not along the
-/// normal, and a point on the ray is also rounded across the surface.
+/// Factor on the offset of traced rays from their surface. Rays are offset along the ray and not along the
+/// normal, and rounding errors of a point on the ray also have a component across the surface.
 const LEAVE: f32 = 2.0;
 
-/// Minimum cosine for extending the offset along a ray to clear a surface. At more grazing angles, the offset
-/// would be more than twenty times that of other rays.
+/// Minimum cosine for which the offset along a ray is extended to clear a surface. For a smaller cosine,
+/// the offset would be more than twenty times that of other rays.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Maximum Newton step in radians; beyond it, the derivative is meaningless.
+/// Maximum Newton step, radians. For a larger step, the derivative is meaningless.
 const LEAP: f32 = 0.3;
 
-/// A step that increases the miss is shortened by this factor, at most `CUTS` times (0.4⁵ = 1 %).
+/// Factor that shortens a step that increases the distance to the goal, applied at most `CUTS` times (0.4⁵
+/// = 1 %).
 const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
 /// A specular interaction on a path.
 pub(super) struct Bend {
     pub surface: Surface,
-    /// Directions before and after, as traced from x.
+    /// Directions of the ray from x before and after the interaction.
     pub before: Vec3A,
     pub after: Vec3A,
     pub lobe: Lobe,
@@ -69,12 +71,12 @@ pub(super) struct Bend {
 
 /// A specular path from a point to an emitter.
 pub(super) struct Way {
-    /// Direction in which it leaves the point, and in which the emitter's light starts.
+    /// Direction in which the path leaves the point, and direction in which the emitter's light starts.
     pub dir: Vec3A,
     pub emitted: Vec3A,
-    /// The point that the emitter illuminates first.
+    /// The point of the path that the emitter illuminates first, metres.
     pub first: Vec3A,
-    /// J in m².
+    /// The area per solid angle J = dA⊥/dω_x, m²/sr.
     pub spread: f32,
     bends: ArrayVec<Bend, INTERFACES>,
     start: Start,
@@ -84,7 +86,7 @@ pub(super) struct Way {
 #[derive(Clone, Copy)]
 pub(super) struct Goal {
     pub to: Vec3A,
-    /// The wavelength for which it is computed.
+    /// Wavelength lane for which the path is computed.
     pub lane: usize,
 }
 
@@ -100,12 +102,13 @@ struct Search<'a> {
 pub(super) struct Passed {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Mean transmittance of the media, and the refractive index at the emitter.
+    /// Mean transmittance of the media. The next field is the refractive index at the emitter.
     pub mean: f32,
     pub index: f32,
 }
 
-/// Finds the specular path along a route to a goal, starting along the line or toward the first mirror point.
+/// Finds the specular path along a route to a goal. The initial guess is the straight line, or the
+/// direction toward the first mirror point.
 pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
     let dir = match route.over.first() {
         Some(seed) => (seed.point - start.from).try_normalize()?,
@@ -114,14 +117,14 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
     find_along(scene, start, route, dir, goal)
 }
 
-/// Finds the path as [`find`] does, but starts along a given direction.
+/// Finds a specular path as [`find`] does, with the initial direction `dir`.
 pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search { scene, start, route, goal };
     search.solve(dir)
 }
 
-/// Returns the distance along `dir` that clears a surface as much as an offset `off` along its normal, times
-/// [`LEAVE`].
+/// Returns the distance along `dir` that clears a surface as much as an offset `off` along the surface's
+/// normal, times [`LEAVE`].
 #[inline]
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
@@ -131,8 +134,9 @@ fn clear(off: Vec3A, dir: Vec3A) -> f32 {
 }
 
 impl Search<'_> {
-    /// Traces a ray along the route and on to where it passes the goal. Calls `bent` for each interface or
-    /// mirror with the directions before and after it, and with true for a flat interface.
+    /// Traces a ray along the route and up to its nearest point to the goal. Calls `bent` for each
+    /// interface or mirror with the directions before and after the interaction, and with true for a flat
+    /// interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self { scene, start, route, goal } = self;
         let Goal { to, lane } = *goal;
@@ -249,7 +253,7 @@ impl Search<'_> {
         self.shot_along(dir).map(|(way, _)| way)
     }
 
-    /// Returns the path and the ray traced along it.
+    /// Returns the specular path with the initial direction `dir`, and the traced ray.
     fn shot_along(&self, dir: Vec3A) -> Option<(Way, Shot)> {
         let mut bends = ArrayVec::new();
         let shot = self.shoot(dir, |surface, before, after, _| {
@@ -276,7 +280,7 @@ impl Search<'_> {
     }
 }
 
-/// Returns the specular path along a route to a goal, whose initial direction `dir` is known.
+/// Returns the specular path along a route to a goal, given the known initial direction `dir`.
 pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search { scene, start, route, goal };
     search.along(dir)
@@ -306,13 +310,13 @@ impl Way {
         self.bends.iter().map(|b| max_lane(b.scatter.m00())).product()
     }
 
-    /// Returns true if it includes mirrors.
+    /// Returns true if the path includes mirrors.
     #[inline]
     pub fn reflects(&self) -> bool {
         self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
     }
 
-    /// Returns the path label's bits that it sets ([`tensor::label`]).
+    /// Returns the bits that this path sets in a path label ([`tensor::label`]).
     #[inline]
     pub fn label(&self) -> u8 {
         if self.reflects() { SPECULAR } else { 0 }
@@ -324,8 +328,9 @@ impl Way {
         self.bends.iter().any(|b| scene.materials.disperses(b.surface.material))
     }
 
-    /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
-    /// the path. `density` is that of their direction at the other end, per steradian.
+    /// Returns the density per perpendicular area at the point with which subpaths from the other end
+    /// sample the path. `density` is the density of the subpaths' direction at the other end, per
+    /// steradian.
     #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean

@@ -1,17 +1,18 @@
 //! The mirrors of a scene, and initial guesses for specular paths over them (Zeltner, Georgiev & Jakob 2020,
 //! "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
-//! A surface that is lit over a mirror and seen in a mirror is reached by no subpath and no straight
-//! connection, because both ends are points. [`super::manifold`] finds the specular path from a near guess.
+//! No subpath and no straight connection samples the light of a surface that is lit over a mirror and seen
+//! in a mirror, because camera and emitter are points. [`super::manifold`] finds the specular path from a
+//! good initial guess.
 //!
-//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light
-//!   for a point is reflected, so every group, and every pair of groups, has one candidate path. Sequences of
-//!   three or more are tried only where no other strategy finds their light.
-//! - Curved mirrors can have any number of specular paths. One initial guess is drawn at random. If a
-//!   fraction p of all guesses leads to a path, its weight is 1/p; the number of guesses until it is found
-//!   again has the mean 1/p.
-//! - Sequences that include a curved mirror, and curved glass: the same, with guesses from a traced ray
-//!   ([`super::traced`]).
+//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where
+//!   light for a point is reflected, so every group, and every pair of groups, has one candidate path.
+//!   Sequences of three or more groups are tried only if no other strategy samples their light.
+//! - Curved mirrors can have any number of specular paths. One initial guess is sampled at random. If a
+//!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of guesses until
+//!   the path is found again has the mean 1/p.
+//! - Sequences that include a curved mirror, and curved glass: as for curved mirrors, with guesses from a
+//!   traced ray ([`super::traced`]).
 
 use super::glints::{Glints, reflectance};
 use super::mirrors_copied::{Copied, area, ends, point_on};
@@ -24,20 +25,21 @@ use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
 
-/// Group numbers for surfaces that are not mirrors, and for all curved mirrors.
+/// Group number of surfaces that are not mirrors. The next constant is that of all curved mirrors.
 const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
 
-/// The number of a primitive and its owner.
+/// Index of a primitive (as in [`Hit::leaf`]) and its owner.
 type Key = (u32, Owner);
 
 const EVERY: Owner = Owner::instance(u32::MAX);
 
-/// Maximum number of mirrors in instances that are listed like those of the world. Beyond it, each group's
-/// mirrors are listed once, and flat ones are sampled at random like curved ones.
+/// Maximum number of mirrors in instances that are listed like those of the world. Beyond this number, each
+/// group's mirrors are listed once, and flat mirrors are sampled at random like curved mirrors.
 const MOST_LISTED: usize = 65536;
 
-/// Above this number of planes, flat mirrors are sampled at random like curved ones.
+/// Maximum number of planes of flat mirrors. Beyond this number, flat mirrors are sampled at random like
+/// curved mirrors.
 const MOST_FLATS: usize = 2048;
 
 /// Maximum number of planes for which pairs are considered.
@@ -46,27 +48,28 @@ const MOST_IN_PAIRS: usize = 64;
 /// Maximum number of planes in a sequence.
 const MOST_IN_ROW: usize = 8;
 
-/// Sequences of three or more planes are considered while their number does not exceed this.
+/// Maximum number of sequences of three or more planes that are considered.
 const MOST_ROWS: usize = 1024;
 
-/// Light from curved glass relative to a uniformly scattering mirror: into a cone of about π.
+/// Intensity of light from curved glass (a cone of π sr), relative to a mirror that scatters uniformly.
 const PASSED: f32 = 4.0;
 
 /// Fraction of random points that are replaced by their image in a flat mirror.
 const IMAGED: f32 = 0.25;
 
-/// Tolerance for equal planes: normals, and distances relative to the scene's extent.
+/// Tolerance for equal planes: for normals, and for distances relative to the scene's extent.
 const SAME_PLANE: f32 = 1e-4;
 
-/// Reflection points are accepted up to this many radii from the centre of a plane's mirrors: slightly beyond
-/// 1 for rounding, and more where interfaces on the path shift the point from that of a straight image.
+/// Maximum distance of an accepted reflection point from the centre of a plane's mirrors, in radii. The
+/// limit is slightly above 1 because of rounding errors. The limit is larger where interfaces on the path
+/// shift the reflection point.
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 
-/// Barycentric coordinates, inside any triangle or parallelogram, at which surfaces are evaluated.
+/// Barycentric coordinates at which surfaces are evaluated, inside any triangle or parallelogram.
 const INSIDE: f32 = 0.3;
 
-/// A point on a group of mirrors, the initial guess for a path.
+/// A point on a group of mirrors, which is the initial guess for a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seed {
     pub group: u32,
@@ -82,11 +85,11 @@ struct Flat {
     radius: f32,
 }
 
-/// An end and its successive images in flat mirrors, with the mirrors' groups.
+/// An end and its successive images in flat mirrors, each with the group of the mirror.
 type Images = ArrayVec<(u32, Vec3A), { MOST_IN_ROW + 1 }>;
 
 impl Seed {
-    /// Returns true on curved mirrors.
+    /// Returns true if the seed is on a curved mirror.
     #[inline]
     pub fn is_curved(self) -> bool {
         self.group == CURVED
@@ -98,12 +101,12 @@ pub(super) struct Mirrors {
     flats: Vec<Flat>,
     /// Curved mirrors with their cumulative areas.
     curved: Vec<(Outline, f32)>,
-    /// Further curved mirrors, in groups with many copies.
+    /// Curved mirrors in groups with many copies.
     copied: Copied,
-    /// Approximate light from curved mirrors; `bright` includes the light through curved glass.
+    /// Estimate of the light from curved mirrors; `bright` includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], or [`EVERY`] for all owners.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] stands for all owners.
     groups: HashMap<Key, u32>,
     /// True if interfaces may shift the point of reflection.
     bent: bool,
@@ -124,7 +127,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the point of reflection between two points, or `None` if it is not on these mirrors.
+    /// Returns the point of reflection between two points; `None` if the point is outside these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -215,7 +218,7 @@ impl Mirrors {
         out
     }
 
-    /// Removes the mirrors that the strategies of a render do not use.
+    /// Removes the mirrors that the enabled strategies do not use.
     pub fn only(mut self, strategies: Strategies) -> Self {
         if !strategies.has(Strategy::FlatMirrors) {
             self.flats.clear();
@@ -228,14 +231,14 @@ impl Mirrors {
         self
     }
 
-    /// Returns the group of the surface hit; for other surfaces than mirrors, a number that no seed has.
+    /// Returns the group of the surface that was hit; if it is not a mirror, a number that no seed has.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
-    /// Returns the seed at a mirror that is hit, or `None` on other surfaces.
+    /// Returns the seed at a point of a mirror that was hit; `None` on other surfaces.
     #[inline]
     pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
         let group = self.group(hit);
@@ -254,13 +257,14 @@ impl Mirrors {
         self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
-    /// Returns true if other strategies' weights must account for paths over flat mirrors from every vertex.
+    /// Returns true if the weights of other strategies must account for paths over flat mirrors from every
+    /// vertex.
     #[inline]
     pub fn flats_weigh(&self) -> bool {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls `f` with each one or two flat mirrors over which light can go, in order from `from` to `to`.
+    /// Calls `f` with each sequence of one or two flat mirrors from `from` to `to` over which light can go.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed { group: group as u32, point };
         for (i, a) in self.flats.iter().enumerate() {
@@ -297,7 +301,7 @@ impl Mirrors {
     }
 
     /// Calls `f` with each sequence of three to `most` flat mirrors over which light can go from a point to
-    /// `to`, in order from the point. With many mirrors sequences are shorter, to bound the cost.
+    /// `to`, in order from the point. If there are many mirrors, sequences are shorter.
     pub fn flat_rows(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
         let most = most.min(self.longest_row());
         if self.flats.len() > 1 && most > 2 {
@@ -305,8 +309,8 @@ impl Mirrors {
         }
     }
 
-    /// Calls `f` with all sequences that end with given mirrors. `images` are the end and its successive
-    /// images in these mirrors, the last mirror of the path first.
+    /// Calls `f` with all sequences of mirrors that end with given mirrors. `images` are the end and its
+    /// successive images in these mirrors, the last mirror of the path first.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
         let (last, image) = *images.last().expect("the end of the path is in the list");
         for (group, flat) in (0..).zip(&self.flats) {
@@ -326,7 +330,7 @@ impl Mirrors {
         }
     }
 
-    /// Returns the reflection points on a sequence of flat mirrors, or `None` if light misses one.
+    /// Returns the reflection points on a sequence of flat mirrors, or `None` if light misses a mirror.
     fn row(&self, mut from: Vec3A, images: &Images) -> Option<ArrayVec<Seed, MOST_IN_ROW>> {
         let mut seeds = ArrayVec::new();
         for pair in images.windows(2).rev() {
@@ -337,8 +341,8 @@ impl Mirrors {
         Some(seeds)
     }
 
-    /// Draws a random point on the curved mirrors, or its image in one or more flat mirrors, as target of a
-    /// ray.
+    /// Samples a random point on the curved mirrors, or its image in one or more flat mirrors, as the
+    /// target of a ray.
     pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
         let mut point = self.draw(stream)?.point;
         if !self.flats.is_empty() {
@@ -350,7 +354,7 @@ impl Mirrors {
         Some(point)
     }
 
-    /// Draws a random point on the curved mirrors, if there are any.
+    /// Samples a random point on the curved mirrors, if there are any.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
         let listed = self.curved.last().map_or(0.0, |c| c.1);
         let all = listed + self.copied.area();
@@ -369,8 +373,8 @@ impl Mirrors {
     }
 }
 
-/// Returns primitives that may be mirrors, and true; only those of the world, and false, if there are too
-/// many.
+/// Returns primitives that may be mirrors, and true. If there are too many, returns only those of the
+/// world, and false.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();

@@ -1,4 +1,5 @@
-//! Mirrors in groups with too many copies to list. A point is drawn in two steps: copy, then point.
+//! Mirrors in groups with too many copies to list. A point is sampled in two steps: first the copy, then
+//! the point.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
@@ -7,9 +8,9 @@ use optics::sampling::warp;
 /// The mirrors of groups, and the transforms of their copies.
 #[derive(Debug, Default)]
 pub(super) struct Copied {
-    /// Group, transform and cumulative area of each copy.
+    /// Group, transform to the world and cumulative area (m²) of each copy.
     copies: Vec<(u32, Affine3A, f32)>,
-    /// The mirrors of each group in its own coordinates, with their cumulative areas.
+    /// The mirrors of each group in the group's coordinates, with their cumulative areas.
     groups: Vec<Vec<(Outline, f32)>>,
 }
 
@@ -34,12 +35,13 @@ impl Copied {
         Self { copies: copies.collect(), groups }
     }
 
-    /// Returns the approximate total area.
+    /// Returns the approximate total area of all copies, m².
     pub fn area(&self) -> f32 {
         self.copies.last().map_or(0.0, |c| c.2)
     }
 
-    /// Returns the point at cumulative area `at`, for three uniform numbers; there must be copies.
+    /// Returns the point at cumulative area `at`, given three uniform numbers. There must be at least one
+    /// copy.
     pub fn point(&self, at: f32, part: f32, uniforms: [f32; 2]) -> Vec3A {
         let i = self.copies.partition_point(|c| c.2 <= at);
         let (group, place, _) = self.copies[i.min(self.copies.len() - 1)];
@@ -50,7 +52,7 @@ impl Copied {
     }
 }
 
-/// Returns the approximate area of an outline in m².
+/// Returns the approximate area of an outline, m².
 pub(super) fn area(outline: &Outline) -> f32 {
     match outline {
         Outline::Flat { corners: [a, b, c, d] } => {
@@ -73,7 +75,7 @@ pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     }
 }
 
-/// Returns a point on an outline, for two uniform numbers.
+/// Returns the point on an outline for two uniform numbers.
 pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
     match *outline {
         Outline::Flat { corners: [a, b, c, d] } => {

@@ -19,30 +19,31 @@ use tensor::label;
 #[derive(Clone)]
 pub(super) struct Progress {
     pub flight: Flight,
-    /// Density with which the current direction was sampled, per steradian; 1 for delta lobes.
+    /// Density with which the current direction was sampled, per steradian; 1 for a delta lobe.
     pub density: f32,
-    /// How the current direction was sampled, for emitters that the subpath hits.
+    /// Sampling of the current direction, used for emitters that the subpath hits.
     pub chosen: Chosen,
-    /// Throughput of a subpath without losses.
+    /// Throughput that the subpath would have without losses.
     pub full: f32,
     /// Expected light from the current direction, relative to other directions.
     pub hope: f32,
     pub interactions: u32,
     pub labelled: bool,
-    /// Number of times that it has been split.
+    /// Number of times that the subpath has been split.
     pub parted: u32,
 }
 
-/// How a subpath continues from a vertex.
+/// The continuation of a subpath from a vertex.
 pub(super) enum Onward {
     Toward(Vec3A),
-    /// Straight through a sheet, which is not a vertex, as on a connection.
+    /// Straight transmission through a sheet, which is not a vertex, as on a connection.
     Straight,
     Nowhere,
 }
 
-/// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns its
-/// density (1 for delta lobes). The interaction has the light's true direction, per flux for light subpaths.
+/// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns the
+/// density of the continuation (1 for a delta lobe). The interaction is in the true direction of the light;
+/// for light subpaths it is per flux.
 #[inline]
 fn onward(
     scene: &Scene,
@@ -97,7 +98,8 @@ fn onward(
 }
 
 /// Replaces a sampled interaction with density `density`, of a subpath that came from direction `back`, by
-/// that of one kind of lobe divided by the probability of the kind. Returns the label bits of the kind.
+/// the interaction of one kind of lobe divided by the probability of the kind. Returns the label bits of
+/// the kind.
 #[inline(never)]
 fn part(
     scene: &Scene,
@@ -120,7 +122,7 @@ fn part(
     kind
 }
 
-/// Samples how a subpath continues from a surface.
+/// Samples the continuation of a subpath from a surface.
 pub(super) fn scatter_on(
     scene: &Scene,
     guide: &Guide,
@@ -183,7 +185,7 @@ pub(super) fn scatter_on(
     Onward::Toward(next.wi)
 }
 
-/// Samples how a subpath continues from a Lambert surface in a medium with guided turns.
+/// Samples the continuation of a subpath from a Lambertian surface in a medium with guided turns.
 fn scatter_or_turn(
     scene: &Scene,
     guide: &Guide,
@@ -220,7 +222,7 @@ fn scatter_or_turn(
     Onward::Toward(wi)
 }
 
-/// Samples how a subpath continues from a particle of medium number `id`.
+/// Samples the continuation of a subpath from a particle of medium number `id`.
 pub(super) fn scatter_in(
     scene: &Scene,
     guide: &Guide,

@@ -1,9 +1,9 @@
 //! Splitting: a subpath of large weight continues as two of half weight (Kahn & Harris 1951, Booth 1985).
 //!
-//! Guided turns in media ([`super::guide`]) leave few subpaths without a turn, the fewer the longer they are,
-//! and each of these gets a larger weight. Much of a dense medium's light has met forty particles; by then
-//! one subpath in twelve is left with weight twelve, and its contributions are rare and large. Such a subpath
-//! is split at a particle, and both branches continue with independent random numbers.
+//! With guided turns in media ([`super::guide`]), few long subpaths have no guided turn, and each of these
+//! has a large weight. Much light of a dense medium has been scattered by forty particles. By then, only
+//! one subpath in twelve remains, with weight twelve, and its contributions are rare and large. Such a
+//! subpath is split at a particle, and both branches continue with independent random numbers.
 //!
 //! A branch contributes half of the original subpath on average. Densities and MIS weights are unchanged.
 
@@ -13,13 +13,14 @@ use super::point::{Point, Site};
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Weight, relative to its start, from which a subpath is split. (In milk, 1.5 to 2.5 are equally efficient.)
+/// Minimum weight, relative to the start, at which a subpath is split. (In milk, 1.5 to 2.5 are equally
+/// efficient.)
 const LEAST: f32 = 2.0;
 
 /// Maximum number of splits of a branch.
 const MOST: u32 = u8::BITS;
 
-/// Which branches of a subpath are traced.
+/// The branches of a subpath that are traced.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Parting {
     Never,
@@ -29,9 +30,9 @@ pub(super) enum Parting {
     Follow(u8),
 }
 
-/// A branch that has not been traced yet. It starts at the particle where the subpath was split.
+/// A branch that has not been traced yet. The branch starts at the particle where the subpath was split.
 pub(super) struct Branch {
-    /// Number of vertices shared with the subpath, including that particle.
+    /// Number of vertices that the branch shares with the subpath, including that particle.
     pub points: usize,
     pub progress: Progress,
     pub lineage: u8,
@@ -39,8 +40,9 @@ pub(super) struct Branch {
 }
 
 impl Parting {
-    /// Splits a subpath at its last vertex, if that is a particle and the weight is large enough. Returns the
-    /// branch to trace later if all branches are traced. `lineage` is that of the subpath so far.
+    /// Splits a subpath at its last vertex, if this vertex is a particle and the weight is large enough.
+    /// Returns the branch that is to be traced later, if all branches are traced. `lineage` is the lineage
+    /// of the subpath so far.
     #[inline]
     pub fn part(
         self,

@@ -4,9 +4,9 @@
 //! optical path length and the number of surface interactions. Each connection to the projector yields the
 //! one projector pixel s' that illuminates the vertex.
 //!
-//! Projector and point emitters have no extent, so only connections reach them. Connections pass sheets that
-//! transmit light straight through ([`super::sheets`]). Smooth refracting interfaces block them; light
-//! through such interfaces needs paths from the projector.
+//! Projector and point emitters have no extent, so only connections reach them. Connections pass sheets
+//! that transmit light without deflection ([`super::sheets`]). Smooth refracting interfaces block
+//! connections; light through such interfaces needs paths from the projector.
 
 mod start;
 
@@ -33,45 +33,46 @@ use optics::spectrum::Spectral;
 use std::ops::Range;
 use tensor::label;
 
-/// What slices require beyond plain paths.
+/// Requirements of slices beyond plain paths.
 #[derive(Clone, Copy)]
 pub(super) struct Wants<'a> {
-    /// Projector pixels to sample paths for.
+    /// Projector pixels for which separate paths are sampled.
     pub aims: &'a [Aim<'a>],
-    /// True if path labels are needed.
+    /// True if some slice needs path labels.
     pub labels: bool,
 }
 
-/// The samples to trace of a camera pixel, and their grouping for stratification.
+/// The samples of a camera pixel to trace, and their groups for stratification.
 #[derive(Clone)]
 pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub views: &'a Views,
     pub pixel: [u32; 2],
-    /// At most [`BATCH`].
+    /// Sample numbers, at most [`BATCH`].
     pub samples: Range<u32>,
     pub group: Group,
     pub wants: Wants<'a>,
 }
 
-/// Number of paths traced together. Their rays are intersected one after the other before any vertex is
-/// shaded. The paths are independent, so the processor overlaps their work. The number is small enough that
-/// all of them fit into the first-level cache.
+/// Number of paths traced together. The rays of all these paths are intersected before any vertex is
+/// shaded. The paths are independent, so the processor overlaps their instructions. The number is small
+/// enough that all paths fit into the first-level cache.
 pub const BATCH: usize = 16;
 
 /// Maximum survival probability of Russian roulette.
 const SURVIVAL: f32 = 0.95;
 
-/// One path and the data to continue it.
+/// A path and the data to continue it.
 struct Path {
     state: State,
     stream: Stream,
-    /// The hit of the current ray and its surface.
+    /// The hit of the current ray, and the surface at the hit.
     hit: Option<Hit>,
     surface: Surface,
-    /// How the current ray was sampled; set only if a ray can hit an emitter.
+    /// Sampling of the current ray; set only if a ray can hit an emitter.
     chosen: Chosen,
-    /// Density of its direction per steradian, if slices sample projector pixels; 0 for a delta lobe.
+    /// Density of the current ray's direction per steradian, if slices sample projector pixels; 0 for a
+    /// delta lobe.
     density: f32,
 }
 
@@ -79,21 +80,23 @@ struct Path {
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
-    /// The contributions of each path, in order, and the Mueller elements of all.
+    /// The contributions of each path, in order, and the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-    /// Surface points illuminated by the s' sampled for slices, per path.
+    /// Surface points illuminated by the sampled s' of slices, per path.
     points: Vec<Vec<LitPoint>>,
 }
 
-/// Data computed for all active paths together; each index belongs to the path at that position among them.
+/// Data computed for all active paths together. Each index is the position of a path among the active
+/// paths.
 struct Rows {
-    /// Positions of the paths.
+    /// Positions of the paths' vertices, metres.
     points: Many<BATCH>,
-    /// On Lambert surfaces: normal on the side of scattering, and random numbers for the next direction.
+    /// Normals on the side of scattering, and random numbers for the next direction, on Lambertian
+    /// surfaces.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
-    /// The points for which lights are chosen, the chosen lights and the random numbers for points on them.
+    /// Points for which lights are chosen, the chosen lights, and the random numbers for points on them.
     receivers: [Receiver; BATCH],
     lights: [Choice; BATCH],
     places: [[f32; 2]; BATCH],
@@ -102,10 +105,11 @@ struct Rows {
 }
 
 impl Paths {
-    /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a uniformly
-    /// random point of the pixel, stratified over the group.
+    /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a
+    /// uniformly random point of the pixel, stratified over the group.
     ///
-    /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of rays.
+    /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of
+    /// traced rays.
     #[inline]
     pub(super) fn trace(&mut self, batch: &Batch) -> u32 {
         if batch.wants.aims.is_empty() && !batch.wants.labels {
@@ -125,7 +129,8 @@ impl Paths {
         self.trace_any::<MORE>(batch)
     }
 
-    /// The same operations in AVX encoding. No operations are fused, so the results are bit-identical.
+    /// Implements [`Self::trace`] in AVX encoding. No operations are fused, so the results are
+    /// bit-identical.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
@@ -275,8 +280,8 @@ impl Default for Path {
 }
 
 impl Path {
-    /// Moves the path to the surface that its ray hits, and stores the inputs of the batched computations in
-    /// the rows at index `n`. `goes_on` is true if the path may leave the surface again.
+    /// Moves the path to the surface that its ray hits, and stores the inputs of the batched computations
+    /// in `rows` at index `n`. `goes_on` is true if the path may leave the surface again.
     #[inline(always)]
     fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
         let Some(hit) = &self.hit else {
@@ -302,7 +307,7 @@ impl Path {
         }
     }
 
-    /// Returns the surface, after `bounces` previous interactions, as the start of connections.
+    /// Returns the surface as the start of connections, after `bounces` previous interactions.
     #[inline(always)]
     fn vertex<'a>(&'a self, scene: &'a Scene, bounces: u32) -> Vertex<'a> {
         let Some(hit) = self.hit else {
@@ -312,7 +317,7 @@ impl Path {
         Vertex { scene, state, hit, surface, wo: -state.ray.dir, bounces: bounces + 1 }
     }
 
-    /// Connects the surface, after `bounces` previous interactions, to emitters. Returns the number of rays.
+    /// Connects the surface to emitters, after `bounces` previous interactions. Returns the number of rays.
     #[inline(always)]
     fn connect(
         &self,
@@ -357,7 +362,7 @@ impl Path {
         environment::met(scene, &glow, out);
     }
 
-    /// Stores the inputs for choosing lights for the surface in the rows at index `n`.
+    /// Stores the inputs for the choice of lights for the surface in `rows` at index `n`.
     #[inline(always)]
     fn begin_choices(&mut self, scene: &Scene, n: usize, rows: &mut Rows) {
         let surface = &self.surface;
@@ -399,7 +404,8 @@ impl Path {
         connect_lights(&self.vertex(scene, bounces), drawn, out)
     }
 
-    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
+    /// Connects the surface to a sampled point emitter, after `bounces` interactions. Returns the number of
+    /// rays.
     #[inline(never)]
     fn connect_drawn_point(
         &self,
@@ -414,7 +420,7 @@ impl Path {
         connect_drawn_point(&self.vertex(scene, bounces), (number, choice.chance), out)
     }
 
-    /// Records how the next direction `wi` was sampled; `delta` if from a delta lobe.
+    /// Records the sampling of the next direction `wi`; `delta` is true for a delta lobe.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
         let surface = &self.surface;
@@ -433,7 +439,7 @@ impl Path {
     }
 
     /// Scatters the path at the surface, after `bounces` previous interactions. Returns true if the path
-    /// continues. On a Lambert surface it continues along `diffuse` with frame `frame`.
+    /// continues. On a Lambertian surface the path continues along `diffuse` with frame `frame`.
     #[inline(always)]
     fn scatter<const MORE: bool>(
         &mut self,

@@ -1,12 +1,13 @@
 //! Vertices of a subpath, which are connected to those of another subpath.
 //!
-//! Each vertex stores the Mueller product from the end of its subpath. From the camera this is C = M₁ M₂ ⋯.
-//! From an emitter it is the transpose of L = ⋯ M₂ M₁, which grows on the same side. A whole path is C · L,
-//! and both kinds of subpaths use the same code. The product excludes the interaction at the vertex itself.
+//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, the product is
+//! C = M₁ M₂ ⋯. For a light subpath, the stored product is the transpose of L = ⋯ M₂ M₁, which is extended
+//! on the same side. A whole path is C · L, and both kinds of subpaths use the same code. The product
+//! excludes the interaction at the vertex itself.
 //!
-//! Densities are per area (per volume in media) up to the medium's μ_t at either vertex, which is the same
-//! factor from both sides. They are functions of the path alone, not of the wavelengths that a subpath still
-//! carries, so that the weights computed from them sum to one.
+//! Densities are per area, and per volume in media. A factor of the medium's μ_t at either vertex is
+//! omitted, because it is the same from both sides. Densities depend only on the path, not on the live
+//! wavelengths of a subpath, so that the weights computed from densities sum to one.
 
 use super::bridge::Start;
 use super::guide::{At, Guide};
@@ -28,7 +29,7 @@ pub(super) struct End {
     pub ray: Ray,
     pub chain: Chain,
     pub frame: Vec3A,
-    /// Density of the ray's direction per steradian.
+    /// Density of the direction of the ray, per steradian.
     pub density: f32,
     pub filling: Filling,
     pub nest: Nest,
@@ -38,7 +39,7 @@ pub(super) struct End {
 pub(super) enum Site {
     Pinhole,
     Surface,
-    /// Inside the medium with this number.
+    /// A particle in the medium with this number.
     Volume(u32),
 }
 
@@ -56,36 +57,38 @@ fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub site: Site,
-    /// For a volume or an end, only its position is valid.
+    /// Surface point of the vertex. For a volume or an end, only the position is valid.
     pub surface: Surface,
-    /// The position where the ray met it, in double precision, for measuring path lengths.
+    /// Position where the ray hit the vertex, in double precision, used to measure path lengths.
     pub at: DVec3,
     /// Unit direction to the previous vertex.
     pub back: Vec3A,
-    /// Mueller product from the end of the subpath to the light that arrives here, and that light's frame.
+    /// Mueller product from the end of the subpath to the light that arrives at this vertex, and the frame
+    /// of this light.
     pub chain: Chain,
     pub frame: Vec3A,
     /// Optical path length from the end of the subpath, in metres.
     pub optical_m: f64,
-    /// The material on the side of `back`.
+    /// The medium on the side of `back`.
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Number of interactions before this one, and their label ([`tensor::label`]).
+    /// Number of interactions before this vertex, and their path label ([`tensor::label`]).
     pub interactions: u32,
     pub label: u8,
-    /// True if the subpath continued by a delta lobe.
+    /// True if the subpath continued from this vertex by a delta lobe.
     pub delta: bool,
-    /// Density with which the subpath sampled this vertex, and with which a subpath in the opposite direction
-    /// would have sampled it from the next vertex.
+    /// Density with which the subpath sampled this vertex. The next field is the density with which a
+    /// subpath in the opposite direction would have sampled this vertex from the next vertex.
     pub forward: f32,
     pub reverse: f32,
-    /// Converts a density of the direction `back` to a density at the previous vertex.
+    /// Factor that converts a density of the direction `back` to a density at the previous vertex.
     pub spread: f32,
 }
 
 impl Point {
-    /// Returns the end of a subpath. Its density is that of the direction in which the subpath starts.
+    /// Returns the end of a subpath as a vertex. The vertex's density is the density of the direction in
+    /// which the subpath starts.
     #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
@@ -111,7 +114,7 @@ impl Point {
 
     /// Evaluates scattering of light from `wi` into `wo`, both directions pointing away from the vertex.
     ///
-    /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    /// On surfaces the result is the Mueller BSDF times |cosθ_i|, in media the phase function.
     #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match self.site {
@@ -121,7 +124,7 @@ impl Point {
         }
     }
 
-    /// Returns [`Self::scatter`] separated by lobe kind, each with its label bits.
+    /// Returns [`Self::scatter`] separated by kind of lobe, each with its label bits.
     pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
             Site::Surface => scene.materials.lobes(self.surface.material, &self.surface, wo, wi),
@@ -174,7 +177,8 @@ impl Point {
         lobes
     }
 
-    /// Returns the medium through which light arrives, if guided turns are possible at the vertex.
+    /// Returns the number of the medium through which light arrives, if guided turns are possible at the
+    /// vertex.
     #[inline]
     pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
@@ -184,7 +188,7 @@ impl Point {
         }
     }
 
-    /// Returns the vertex as a receiver for choosing lights.
+    /// Returns the vertex as a receiver for the choice of lights.
     #[inline]
     pub fn receiver(&self, scene: &Scene) -> Receiver {
         match self.site {
@@ -193,7 +197,8 @@ impl Point {
         }
     }
 
-    /// Returns the density per steradian of direction `to` for a subpath from `from` and direction `back`.
+    /// Returns the density per steradian of the direction `to`, for a subpath that started at the end
+    /// `from` and came from direction `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {
@@ -215,7 +220,7 @@ impl Point {
         scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Returns the projected area along a unit direction, per area.
+    /// Returns the projected area along a unit direction, per area: the cosine on a surface, 1 in a medium.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
@@ -224,7 +229,8 @@ impl Point {
         }
     }
 
-    /// Returns true if light can arrive from any point and leave to any point.
+    /// Returns true if the vertex scatters light from and to all directions, so that connections can end at
+    /// it.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {
@@ -233,7 +239,7 @@ impl Point {
         }
     }
 
-    /// Returns true on plain Lambert surfaces.
+    /// Returns true if the vertex is on a plain Lambertian surface.
     #[inline]
     pub fn is_lambert(&self, scene: &Scene) -> bool {
         matches!(self.site, Site::Surface) && scene.materials.lambert(self.surface.material).is_some()
@@ -263,7 +269,8 @@ impl Point {
         }
     }
 
-    /// Returns the target, offset from the surface, of a line of `length` metres from direction `dir`.
+    /// Returns the target of a line of `length` metres that arrives from direction `dir`; the target is
+    /// offset from the surface.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
         match self.site {

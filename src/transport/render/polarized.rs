@@ -1,16 +1,17 @@
 //! Samples the azimuth at which a particle scatters polarized light.
 //!
-//! A particle scatters polarized light more into some azimuths than into others. If the product so far has
-//! the row (I, Q, U, V), it scatters 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as much as for unpolarized
-//! light, where φ is the rotation to the scattering plane. With a uniform azimuth, a subpath would carry this
-//! factor, up to 2 at every event. The product of many factors has mean 1 and a variance that grows
-//! exponentially with their number. Few paths then dominate, and errors estimated from the samples are too
-//! small. (In a conservative Rayleigh slab of depth 4, the variance of the transmitted intensity was 15 times
-//! that of isotropic scattering.)
+//! The intensity that a particle scatters depends on the azimuth if the light is polarized. If the product
+//! so far has the row (I, Q, U, V), the particle scatters 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as
+//! much as for unpolarized light, where φ is the rotation to the scattering plane. With a uniform azimuth,
+//! a subpath would carry this factor, up to 2 at every event. The product of many factors has mean 1, and a
+//! variance that grows exponentially with the number of factors. Few paths then dominate, and errors
+//! estimated from the samples are too small. (In a conservative Rayleigh slab of depth 4, the variance of
+//! the transmitted intensity was 15 times that of isotropic scattering.)
 //!
 //! The azimuth is therefore sampled with this factor (Bartel & Hielscher 2000, Appl. Opt. 39, 1580, by
-//! rejection). No sample is rejected: the factor at right angles is 2 minus this one. An azimuth that is not
-//! accepted, with probability factor/2, is replaced by the one a quarter turn further.
+//! rejection). No sample is rejected, because the factors at two azimuths a quarter turn apart have the sum
+//! 2. An azimuth is accepted with probability factor/2, and otherwise replaced by the azimuth a quarter
+//! turn further.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -19,8 +20,8 @@ use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
 /// Returns the intensity that an interaction transmits of the light with product `chain`, relative to
-/// unpolarized light of the same intensity, by lane. It is 0 to 2, and 1 where there is no light. `d_out` and
-/// `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized.
+/// unpolarized light of the same intensity, by lane. The result is 0 to 2, and 1 where there is no light.
+/// `d_out` and `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized.
 #[inline]
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {
@@ -66,7 +67,8 @@ mod tests {
         media
     }
 
-    /// The factor equals the gain of the product; at right angles it is 2 minus that.
+    /// Verifies that the factor equals the gain of the product, and that the factor at right angles is 2
+    /// minus this gain.
     #[test]
     fn factors_are_gains() {
         let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);

@@ -1,16 +1,17 @@
 //! Next-event estimation through rough interfaces, from inside a medium.
 //!
-//! Light that leaves a solid medium toward a pinhole comes, inside, from a narrow cone. A rough interface of
-//! index n deflects outgoing light n times as much as incoming light. Facets within α of the normal therefore
-//! take light only from within about α/3, a hundredth of all directions or less. A subpath from a particle,
-//! sampled by the phase function, hits that cone rarely, and then contributes a hundred times the mean.
+//! Inside a solid medium, light that leaves toward a pinhole comes from a narrow cone. A rough interface of
+//! index n deflects outgoing light n times as much as incoming light. Facets within an angle α of the
+//! normal therefore refract light only from within about α/3, a hundredth of all directions or less. A
+//! subpath that is sampled by the phase function of a particle rarely enters this cone, and then
+//! contributes a hundred times the mean.
 //!
-//! So from a particle near the surface, a direction is sampled as the interface would refract light of the
-//! emitter. Facets are sampled, as seen from the emitter, at the point where the straight line to the emitter
-//! leaves the medium. The path then continues to the surface along that direction, and from there on a
-//! straight line. The balance heuristic (Veach 1997, sect. 9.2) combines the two estimates of a path. With
-//! densities per steradian at the particle, p of the subpath (phase function times transmittance) and q of
-//! this estimate, they are
+//! From a particle near the surface, a direction is therefore sampled as the interface would refract light
+//! of the emitter. Facets are sampled, as seen from the emitter, at the point where the straight line to
+//! the emitter leaves the medium. The path then continues to the surface along that direction, and from the
+//! surface along a straight line to the emitter. The balance heuristic (Veach 1997, sect. 9.2) combines the
+//! two estimates of a path. Let p be the density of the subpath (phase function times transmittance) and q
+//! the density of this estimate, per steradian at the particle. The two estimates are
 //!
 //! > f/p · p/(p + q) and f/q · q/(p + q).
 //!
@@ -28,13 +29,13 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// Maximum optical depth to the surface. Beyond it, subpaths find the little remaining light.
+/// Maximum optical depth to the surface. Beyond this depth, subpaths sample the little remaining light.
 const REACH: f32 = 5.0;
 
-/// The point where the straight line from a particle to an emitter leaves the medium.
+/// The exit: the point where the straight line from a particle to an emitter leaves the medium.
 struct Exit {
     surface: Surface,
-    /// Direction to the emitter from there.
+    /// Unit direction from the exit to the emitter.
     out: Vec3A,
 }
 
@@ -67,7 +68,7 @@ impl Exit {
     }
 }
 
-/// Returns true if light from `to` enters through a point of a rough interface.
+/// Returns true if light from `to` enters the medium through the point `y` of a rough interface.
 fn leaves(y: &Point, to: Vec3A) -> bool {
     y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
 }
@@ -83,7 +84,7 @@ fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// Returns the subpath's MIS weight if an emitter's light enters at the vertex `y` after `z`.
+    /// Returns the subpath's MIS weight if an emitter's light enters at the vertex `y` that follows `z`.
     pub fn share_of_walk(&mut self, z: &Point, y: &Point, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;
@@ -100,8 +101,9 @@ impl Joiner<'_> {
         own / (own + drawn)
     }
 
-    /// Connects a particle at the end of a camera subpath to all emitters through the rough interface near it
-    /// and appends the contributions. Returns true if such an interface lies between it and every emitter.
+    /// Connects a particle at the end of a camera subpath to all emitters through the rough interface near
+    /// it and appends the contributions. Returns true if such an interface is between the particle and
+    /// every emitter.
     pub fn join_through_rough(&mut self, camera: &[Point]) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let z = last(camera);

@@ -1,9 +1,10 @@
 //! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): paths with low throughput and connections
-//! with low contribution are often skipped, and the remaining ones are weighted up.
+//! with low contribution are often skipped, and the weights of the others are increased.
 //!
 //! In a medium, few connections of the subpaths contribute nearly all light of a pixel. A connection with
-//! expected contribution x is made with probability x/τ below a threshold τ, which adds at most τ x to the
-//! variance. The threshold keeps this small compared with the existing variance of the samples.
+//! an expected contribution x below a threshold τ is made with probability x/τ, which adds at most τ x to
+//! the variance. The threshold is chosen so that the added variance is small compared with the variance of
+//! the samples.
 
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
@@ -11,11 +12,11 @@ use optics::spectrum::Spectral;
 
 /// Parameters for the survival probability of a path.
 pub(super) struct Odds {
-    /// True if roulette has started; before, only paths without light end.
+    /// True if roulette has started; before, only paths without light are terminated.
     pub plays: bool,
-    /// Throughput of a path without losses, which survives with probability `most`.
+    /// Throughput of a path without losses. A path with this throughput survives with probability `most`.
     pub full: f32,
-    /// Maximum survival probability; below 1, so that every path ends.
+    /// Maximum survival probability; less than 1, so that every path ends.
     pub most: f32,
 }
 
@@ -34,30 +35,33 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
     true
 }
 
-/// Variance that roulette may add, as a fraction of the samples' variance. It is larger in media, where each
-/// connection costs more.
+/// Variance that roulette may add, as a fraction of the samples' variance. The fraction is larger in media,
+/// where each connection costs more.
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 
-/// Bounds of τ, as fractions of the typical contribution. Between surfaces, a few bright pixels have most of
-/// the variance, and dim pixels must not suffer for them. In media all pixels have high variance.
+/// Bounds of τ, as fractions of the typical contribution. Between surfaces, a few bright pixels have most
+/// of the variance, and the threshold must remain small enough for dim pixels. In media all pixels have
+/// high variance.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
 const MOST_IN_MEDIA: f32 = 4.0;
 
-/// Error factor of expectations for connections through interfaces, whose directions are not yet known.
+/// Factor for the uncertainty of expected contributions through interfaces, whose directions are not yet
+/// known.
 const UNSURE: f32 = 2.0;
 
-/// Minimum probability where only a guess predicts no contribution.
+/// Minimum probability of a connection if the expected contribution is only a guess.
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
-/// The threshold τ; 0 to make all connections.
+/// The threshold τ; 0 if all connections are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Roulette(pub f32);
 
 impl Roulette {
-    /// Derives the threshold from the contributions of some camera samples, in a scene with or without media.
+    /// Derives the threshold from the contributions of some camera samples. `media` is true in a scene with
+    /// media.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
         // Samples that are not finite are discarded, as in the render.
@@ -73,25 +77,28 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
-    /// Returns the weight of a connection with contribution up to about `expected`; `None` to skip it.
+    /// Returns the weight of a connection with contribution up to about `expected`; `None` if the
+    /// connection is skipped.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide(expected, self.0, stream)
     }
 
-    /// Like [`Self::spin`], where `expected` is a guess.
+    /// Returns the weight as [`Self::spin`] does, but `expected` is a guess.
     #[inline]
     pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
     }
 
-    /// Like [`Self::spin`], where `expected` is a very rough guess and the search is expensive.
+    /// Returns the weight as [`Self::spin`] does, but `expected` is a very rough guess and the search is
+    /// expensive.
     #[inline]
     pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
     }
 
-    /// Makes a connection with probability expected/threshold.
+    /// Decides to make a connection with probability `expected / threshold`, and returns its weight, or
+    /// `None` to skip it.
     #[inline]
     fn decide(expected: f32, threshold: f32, stream: &mut Stream) -> Option<f32> {
         if expected >= threshold || expected.is_nan() {
@@ -106,8 +113,8 @@ impl Roulette {
 mod tests {
     use super::*;
 
-    /// The typical contribution is a robust mean over samples. On average, connections below it contribute as
-    /// if all were made (5 sigma), and their second moment stays below τ x.
+    /// Verifies that the typical contribution is a robust mean over samples. On average, connections below
+    /// the threshold contribute as if all were made (5 sigma), and their second moment is below τ x.
     #[test]
     fn roulette_keeps_means() {
         // Mean 3, mean square 12. The second set of samples has an outlier.
@@ -147,7 +154,7 @@ mod tests {
         }
     }
 
-    /// Without a threshold all connections are made.
+    /// Verifies that all connections are made without a threshold.
     #[test]
     fn all_is_made_without_threshold() {
         let mut stream = Stream::new(5, 1, 2);

@@ -1,4 +1,4 @@
-//! Routes of specular paths to a pinhole ([`super::manifold`]): interfaces, a mirror, interfaces, …
+//! Routes of specular paths to a pinhole ([`super::manifold`]): sequences of interfaces and mirrors.
 
 use super::bridge::{Start, unnoticed};
 use super::flight::mean_transmittance;
@@ -14,30 +14,30 @@ use optics::spectrum::{Spectral, max_lane};
 /// Maximum number of interfaces and mirrors on a route.
 pub(super) const INTERFACES: usize = 8;
 
-/// Distance before a mirror, relative to the length of the line, at which a line to the mirror ends.
+/// Distance before a mirror at which a line to the mirror ends, relative to the length of the line.
 const BEFORE: f32 = 1e-4;
 
-/// Maximum number of surfaces, including sheets and null boundaries, of a line or ray that might graze
-/// forever.
+/// Maximum number of surfaces, including sheets and null boundaries, of a line or ray. The limit is needed
+/// because grazing rays may hit surfaces without end.
 pub(super) const MOST_SURFACES: usize = 64;
 
-/// Number of interfaces before each mirror and after the last one.
+/// Number of interfaces before each mirror and after the last mirror.
 pub(super) type Legs = ArrayVec<usize, { INTERFACES + 1 }>;
 
-/// The specular interactions of a path, interfaces and mirrors, in order.
+/// The specular interactions of a path in order: interfaces and mirrors.
 pub(super) struct Route<'a> {
-    /// Number of interfaces before each mirror and after the last one.
+    /// Number of interfaces before each mirror and after the last mirror.
     pub through: Legs,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
-    /// Approximate transmittance of media and mirrors, as if straight between mirrors.
+    /// Approximate transmittance of media and mirrors, for straight lines between mirrors.
     pub passes: f32,
 }
 
-/// The interfaces on a straight line.
+/// The interfaces that a straight line passes.
 struct Met {
     count: usize,
-    /// The nested media at its end, and the origin of the ray behind the last interface.
+    /// The nested media at the end of the line, and the origin of the ray behind the last interface.
     nest: Nest,
     left: Vec3A,
     depth: Spectral,
@@ -66,13 +66,15 @@ impl<'a> Route<'a> {
         Self { through: ArrayVec::from_iter([count]), over: &[], mirrors: None, passes: 1.0 }
     }
 
-    /// Returns a route over mirror points, through `through` interfaces between them.
+    /// Returns a route over the mirror points `over`, with `through` interfaces before, between and after
+    /// them.
     #[inline]
     pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
         Self { through, over, mirrors: Some(mirrors), passes: 1.0 }
     }
 
-    /// Returns the route of the straight line to `to`; `None` if it is blocked or passes no interfaces.
+    /// Returns the route of the straight line to `to`; `None` if the line is blocked or passes no
+    /// interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
         let met = interfaces(scene, start.ray, start.nest, to)?;
@@ -80,8 +82,8 @@ impl<'a> Route<'a> {
             .then(|| Self { passes: mean_transmittance(scene, met.depth), ..Self::through(met.count) })
     }
 
-    /// Returns the route from the start of a line over the mirror points `over` to `to`, as if it were
-    /// straight between them. Returns `None` if another surface blocks it.
+    /// Returns the route from the start of a line over the mirror points `over` to `to`, as if the route
+    /// were straight between the points. Returns `None` if another surface blocks the route.
     pub fn over(
         scene: &Scene,
         mirrors: &'a Mirrors,
@@ -119,7 +121,7 @@ impl<'a> Route<'a> {
     }
 }
 
-/// Returns the interfaces on a straight line, or `None` if another surface blocks it.
+/// Returns the interfaces on a straight line, or `None` if another surface blocks the line.
 fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<Met> {
     let mut count = 0;
     let mut depth = Spectral::ZERO;

@@ -1,4 +1,4 @@
-//! Schedules the work: a tile of camera pixels is done once it is complete and in the sink.
+//! Schedules the rendering of tiles. A tile is finished when it is complete and stored in the sink.
 
 use super::backend::Cpu;
 use super::job::{job, plans};
@@ -30,11 +30,12 @@ pub enum RenderError<E: std::error::Error + 'static> {
     Sink(E),
 }
 
-/// Reports progress of a render and can stop it; called from worker threads, once per tile.
+/// Receives the progress of a render, and can stop the render. Worker threads call its methods once per
+/// tile.
 pub trait Watch: Sync {
-    /// Called after each tile; `summary` contains the totals so far.
+    /// Receives the progress after each tile; `summary` contains the totals so far.
     fn tile_done(&self, summary: &Summary);
-    /// Returns true if no further tile shall start.
+    /// Returns true if no further tile is to be started.
     fn interrupted(&self) -> bool;
 }
 
@@ -48,19 +49,20 @@ impl Watch for Unwatched {
     }
 }
 
-/// The share of a render that one machine computes.
+/// The part of a render that one machine computes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Share<'a> {
-    /// The tiles to render; all if `None`.
+    /// Part of the image to render; all tiles if `None`.
     pub part: Option<Part>,
-    /// Folder through which the parts of one render exchange light subpaths; not exchanged if `None`.
+    /// Folder through which the parts of a render exchange light subpaths; no exchange if `None`.
     pub light: Option<&'a Path>,
-    /// Samples per pixel of each tile, at most the settings' `spp`. Tiles with 0 samples are skipped.
+    /// Number of samples per pixel of each tile, at most the settings' `spp`. Tiles with 0 samples are
+    /// skipped.
     pub samples: Option<&'a [u32]>,
 }
 
 impl Share<'_> {
-    /// Returns the tiles to render of an image with `tiles` tiles.
+    /// Returns the tiles of the share, for an image with `tiles` tiles.
     fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
@@ -75,7 +77,7 @@ impl Share<'_> {
         Ok(part.tiles(tiles).filter(any).collect())
     }
 
-    /// Returns the exchange of light subpaths for the render that `attributes` describe.
+    /// Returns the exchange of light subpaths, for the render that `attributes` describe.
     fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
         let Some(folder) = self.light else {
             return Ok(None);
@@ -91,9 +93,10 @@ impl Share<'_> {
     }
 }
 
-/// Renders all slices of a scene into a sink, on the current rayon pool. Parts do not change any bit.
+/// Renders all slices of a scene into a sink, on the current rayon pool. The result is bit-identical for
+/// any division into parts.
 ///
-/// `extra` attributes are stored next to the scene's provenance.
+/// The attributes `extra` are stored in addition to the scene's provenance.
 ///
 /// # Errors
 /// [`RenderError`]. Tiles that the sink stored before the error are complete.
@@ -107,7 +110,7 @@ pub fn render<S: Sink>(
     render_in_parts(scene, extra, share, sink, watch, WALKS_AT_ONCE)
 }
 
-/// Renders like [`render`], with the vertices of `walks_at_once` light subpaths in memory.
+/// Renders as [`render`] does, with the vertices of `walks_at_once` light subpaths in memory.
 pub(super) fn render_in_parts<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
@@ -138,7 +141,7 @@ pub(super) fn render_in_parts<S: Sink>(
     Ok(summary)
 }
 
-/// Renders those of `tiles` that have no record of completion.
+/// Renders the tiles of `tiles` that have no record of completion.
 fn run<S: Sink>(
     backend: &Cpu,
     tiles: &[u32],

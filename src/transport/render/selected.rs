@@ -1,17 +1,16 @@
 //! Paths for slices that keep few projector pixels s' per camera pixel, such as coaxial slices (s' = s).
-//! Ordinary paths find little indirect light with such an s'.
+//! Ordinary paths find little indirect light of these s'.
 //!
-//! One of these pixels s' is drawn, and its ray illuminates the first surface it meets at y. Every vertex z
-//! of the camera path is connected to y. The path continues as if scattered toward y, with density per
-//! steradian at z
+//! One of these pixels s' is sampled, and its ray illuminates the first surface at the point y. Every
+//! vertex z of the camera path is connected to y. The density of this connection, per steradian at z, is
 //!
 //! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
 //!
-//! where c is the probability of s', ρ the projector's pixels per steradian, d' and θ' the distance and angle
-//! at which y is illuminated, and r and θ those of z as seen from y. A path that reaches y from z by
-//! scattering, with density q, is the same path. For such a slice, the balance heuristic (Veach & Guibas 1995)
-//! weights the two by q/(q + p) and p/(q + p). All other slices are unchanged, as are paths that only
-//! scattering can sample (over mirrors, through sheets).
+//! where c is the probability of s', ρ the projector's pixels per steradian, d' and θ' the distance and
+//! angle at which y is illuminated, and r and θ the distance and angle of z as seen from y. A path that
+//! reaches y from z by scattering, with density q, is the same path. For such a slice, the balance
+//! heuristic (Veach & Guibas 1995) weights the two by q/(q + p) and p/(q + p). All other slices are
+//! unchanged. Paths that only scattering can sample (over mirrors, through sheets) are also unchanged.
 
 use super::connect::{Vertex, connect_known};
 use super::sheets::Connection;
@@ -28,7 +27,7 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// Separates the random streams of drawn s' from those of paths.
+/// Key that separates the random streams of sampled s' from those of paths.
 const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 
 /// A slice that keeps few projector pixels for the current camera pixel.
@@ -36,34 +35,35 @@ const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 pub(super) struct Aim<'a> {
     pub slice: u32,
     pub selected: &'a Selected,
-    /// Its band around the camera pixel's epipolar line, if it has one.
+    /// The slice's band around the camera pixel's epipolar line; empty without a band.
     pub band: &'a [u32],
 }
 
-/// A surface point that a drawn projector pixel illuminates.
+/// A surface point that a sampled projector pixel illuminates.
 pub(super) struct LitPoint {
     slice: u32,
     pixel: u32,
     hit: Hit,
     surface: Surface,
-    /// Exact position.
+    /// Exact position of the point, metres.
     at: DVec3,
-    /// Direction and distance to the projector.
+    /// Unit direction from the point to the projector, and distance in metres.
     wi: Vec3A,
     distance: f32,
     irradiance: Spectral,
-    /// Probability of the pixel, and the density per area if that probability were 1.
+    /// Probability of the projector pixel, and the point's density per area for probability 1.
     chance: f32,
     per_area: f32,
 }
 
-/// Returns the density per area at a point with normal `ng`, `distance` along -`wi`, for a given pixel.
+/// Returns the density per area of the point that a given pixel illuminates, with normal `ng`, at
+/// `distance` metres along -`wi`.
 #[inline]
 fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
     projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
 }
 
-/// Draws the points of each of some samples of a camera pixel. Returns the number of rays traced.
+/// Samples the points of each of several samples of a camera pixel. Returns the number of traced rays.
 pub(super) fn draw_all(
     scene: &Scene,
     aims: &[Aim],
@@ -83,11 +83,11 @@ pub(super) fn draw_all(
         .sum()
 }
 
-/// How a path reached a surface vertex z, and its connections to the projector.
+/// The sampling of a surface vertex z of a path, and its connections to the projector.
 pub(super) struct Came {
-    /// Density of its last direction per steradian; 0 for a single possible direction.
+    /// Density of the path's last direction, per steradian; 0 for a single possible direction.
     pub density: f32,
-    /// Direction and distance to the projector.
+    /// Unit direction and distance (metres) from z to the projector.
     pub lit: Option<(Vec3A, f32)>,
     /// Number of contributions before z.
     pub before: usize,
@@ -112,7 +112,7 @@ impl Came {
     }
 }
 
-/// Connects a camera vertex at `state` to the points that drawn s' illuminate. Returns the number of rays.
+/// Connects the camera vertex `z` to the points that sampled s' illuminate. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect(z: &Vertex, came: Came, points: &[LitPoint], out: &mut Contributions) -> u32 {
     came.note_rivals(z, out);
@@ -124,8 +124,8 @@ pub(super) fn connect(z: &Vertex, came: Came, points: &[LitPoint], out: &mut Con
     points.iter().map(|y| y.connect(z, out)).sum()
 }
 
-/// Draws an s' of each slice for a sample of a camera pixel. Appends the point that it illuminates, if the
-/// surface there scatters light into more than one direction. Returns the number of rays traced.
+/// Samples an s' of each slice for a sample of a camera pixel. Appends the point that s' illuminates, if
+/// the surface at the point scatters light into more than one direction. Returns the number of rays traced.
 fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &mut Vec<LitPoint>) -> u32 {
     let Some(projector) = &scene.projector else {
         return 0;
@@ -171,7 +171,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
 }
 
 impl LitPoint {
-    /// Connects a camera vertex at `state` to this point. Returns the number of rays.
+    /// Connects the camera vertex `z` to this point. Returns the number of rays.
     fn connect(&self, z: &Vertex, out: &mut Contributions) -> u32 {
         let &Vertex { scene, state, .. } = z;
         let Some(projector) = &scene.projector else {

@@ -1,13 +1,13 @@
 //! Shares light subpaths between all parts of a render on many machines, through files in a common folder.
 //!
-//! The parts own tiles, but the vertices that a part's pixels see come from all light subpaths. Each part
-//! therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees them, and
-//! reads its own vertices from the files of all parts. Any part traces the shares that no other part has
-//! started, or that were started but not finished.
+//! Each part renders some tiles, but the vertices that its pixels see come from all light subpaths. Each
+//! part therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees
+//! them, and reads its own vertices from the files of all parts. Any part may trace shares that no other
+//! part has started, or that another part has started but not finished.
 //!
 //! A file is a pure function of scene, seed and share, and is written atomically. A part that stops, starts
 //! late or computes a share twice therefore does not change the result. No scheduler is needed, and no part
-//! waits indefinitely for a stopped one. Values that all parts derive from the scene are shared too.
+//! waits indefinitely for a stopped part. Values that all parts derive from the scene are also shared.
 
 use super::spill::{self, Extent, Parts};
 use super::splats::{Counts, Splat, Splats, WalkNumber};
@@ -18,24 +18,25 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Waiting time for a share that another part has started, relative to the longest share here.
+/// Maximum waiting time for a share that another part has started, relative to the longest time of a share
+/// in this part.
 const PATIENCE: u32 = 2;
-/// Interval between checks for the file.
+/// Interval between checks for the file of a share.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The common folder, and the number of this part.
 #[derive(Clone, Debug)]
 pub struct SharedLight {
     folder: PathBuf,
-    /// Prefix of file names: a key of everything that the contents depend on.
+    /// Prefix of the file names: a key of everything on which the contents depend.
     key: String,
-    /// Counted from 0.
+    /// Number of this part, counted from 0.
     part: u32,
     of: u32,
 }
 
 impl SharedLight {
-    /// Creates the exchange for part `number` of `of`, counted from 1, of the render with key `key`.
+    /// Creates the exchange for part `number` (counted from 1) of `of` parts of the render with key `key`.
     pub fn new(folder: &Path, key: String, number: u32, of: u32) -> Self {
         Self { folder: folder.to_owned(), key, part: number.saturating_sub(1), of: of.max(1) }
     }
@@ -51,7 +52,8 @@ impl SharedLight {
         );
     }
 
-    /// Returns a number that depends only on scene and seed: from the folder, or computed and stored.
+    /// Returns a number that depends only on scene and seed. Reads the number from the folder, or computes
+    /// and stores it.
     pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
         let path = self.folder.join(format!("{}.{name}", self.key));
         let kept = fs::read(&path).ok().and_then(|bytes| {
@@ -169,7 +171,7 @@ impl SharedLight {
     }
 }
 
-/// Reads where the file of a share stores the vertices of a part.
+/// Reads the positions at which the file of a share stores the vertices of a part.
 fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     const END: u64 = 12;
     let wrong = || io::Error::from(ErrorKind::InvalidData);

@@ -1,6 +1,6 @@
-//! Connections through sheets that transmit light straight: polarizers, retarders and thin plates between a
-//! surface and an emitter. The straight line from a surface to the pinhole is then a path that no other
-//! strategy samples ([`super::bridge`]).
+//! Connections through sheets that transmit light without deflection: polarizers, retarders and thin plates
+//! between a surface and an emitter. The straight line from a surface to the pinhole is then a path that no
+//! other strategy samples ([`super::bridge`]).
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::connect::Vertex;
@@ -17,22 +17,22 @@ use optics::spectrum::Spectral;
 
 /// A connection to a point emitter or the projector.
 pub(super) struct Connection {
-    /// Direction to the emitter, its position and distance.
+    /// Unit direction to the emitter, position of the emitter, and distance to it (metres).
     pub wi: Vec3A,
     pub position: Vec3A,
     pub distance: f32,
-    /// Irradiance at normal incidence.
+    /// Irradiance at normal incidence, W/(m² nm).
     pub irradiance: Spectral,
     /// Frame and filter of the emitted light.
     pub polarized: Polarized,
     pub pixel: u32,
-    /// Optical length before `position`, in metres.
+    /// Optical length of the path before `position`, metres.
     pub start_m: f64,
 }
 
-/// Makes a connection along a blocked ray if only sheets block it: traces the ray, which runs through
-/// `filling`, through one sheet after the other and appends the contribution of an interaction with its
-/// label. Appends nothing if another surface blocks it or it has more interactions than `max_depth` allows.
+/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through
+/// one sheet after the other, and appends the contribution of the interaction with its label. Appends
+/// nothing if another surface blocks the ray, or if the path has more interactions than `max_depth` allows.
 /// Returns the number of rays traced.
 #[inline(never)]
 pub(super) fn connect(

@@ -1,9 +1,9 @@
-//! Rays traced toward an emitter through interfaces, and the Newton step that turns a ray so that it hits the
-//! emitter (Igehy 1999, "Tracing ray differentials").
+//! Rays traced toward an emitter through interfaces, and the Newton step that changes a ray's direction so
+//! that the ray hits the emitter (Igehy 1999, "Tracing ray differentials").
 //!
-//! Through flat panes the first ray determines everything: the positions of the planes and how they change
-//! directions. The direction is then solved on the planes without further intersection tests. A final ray
-//! along that direction verifies that light meets the same panes.
+//! For flat panes, the first ray determines the positions of the planes and the refraction at each. The
+//! direction is then computed from these planes without further intersection tests. A final ray along that
+//! direction verifies that light hits the same panes.
 
 use super::route::INTERFACES;
 use crate::geometry::ray::Surface;
@@ -12,17 +12,19 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
 
-/// A ray hits the emitter if it passes within this distance of it, relative to the path length.
+/// Maximum distance between a ray and the emitter that the ray hits, relative to the path length.
 const NEAR: f32 = 5e-6;
 
 /// Maximum number of Newton steps between planes; three or four suffice.
 const STEPS: usize = 8;
 
-/// A ray traced toward an emitter: the vector by which it misses, and its derivatives.
+/// A ray traced toward an emitter, with its distance vector from the emitter and the derivatives of this
+/// vector.
 #[derive(Clone, Copy)]
 pub(super) struct Shot {
-    /// Unit direction at the end; `miss` is the closest point minus the emitter, perpendicular to it;
-    /// `slopes` are its derivatives by the two angles.
+    /// Unit direction at the end of the ray. `miss` is the vector from the emitter to the ray's closest
+    /// point, perpendicular to `dir`. `slopes` are the derivatives of `miss` by the two angles of the
+    /// initial direction.
     pub dir: Vec3A,
     pub miss: Vec3A,
     pub slopes: [Vec3A; 2],
@@ -46,14 +48,15 @@ impl Shot {
         Some(Self { dir, miss: end - to, slopes, length: length + way })
     }
 
-    /// Returns true if it hits the emitter.
+    /// Returns true if the ray hits the emitter.
     #[inline]
     pub fn is_near(&self) -> bool {
         self.miss.length() < NEAR * self.length
     }
 }
 
-/// Returns the Newton step that brings a ray along `dir` nearer to the emitter, and the Jacobian determinant
+/// Returns the direction after a Newton step that moves a ray along `dir` closer to the emitter, and the
+/// Jacobian determinant
 /// |J|.
 #[inline]
 pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
@@ -73,7 +76,7 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
 #[derive(Default)]
 pub(super) struct Panes {
     met: ArrayVec<Surface, INTERFACES>,
-    /// True if one of them is not a flat interface, or there are too many.
+    /// True if some surface is not a flat interface, or there are too many surfaces.
     others: bool,
 }
 
@@ -84,7 +87,8 @@ impl Panes {
     }
 
     /// Returns the direction from a point, near a given direction, in which a ray of wavelength `lane`
-    /// reaches `to` through the planes of all panes. Returns `None` if there is none or a pane is curved.
+    /// reaches `to` through the planes of all panes. Returns `None` if there is no such direction or a pane
+    /// is curved.
     pub fn aim(
         &self,
         materials: &Materials,
@@ -113,7 +117,7 @@ impl Panes {
         None
     }
 
-    /// Traces a ray through the planes.
+    /// Traces a ray through the planes of all panes.
     #[inline]
     fn shoot(
         &self,
@@ -159,7 +163,8 @@ mod tests {
     /// Refractive indices of air, glass and water.
     const INDICES: [f64; 3] = [1.0, 1.52, 1.333];
 
-    /// Glass in air and water in glass, with slightly different indices at the second wavelength.
+    /// Returns materials for glass in air and water in glass, with slightly different indices at the second
+    /// wavelength.
     fn materials() -> Materials {
         let interface = |interior: f64, exterior: f64| {
             let of = |n: f64| Spectral::new([n as f32, n as f32 + 0.02, 1.0, 1.0]);
@@ -179,7 +184,8 @@ mod tests {
         Surface { p: Vec3A::new(-3.0, 2.0, z), ng: Vec3A::Z, ns: Vec3A::Z, material, ..Surface::default() }
     }
 
-    /// Out of water through a pane: the direction agrees with Snell's law, solved in double precision.
+    /// Verifies that the direction out of water through a pane agrees with Snell's law, solved in double
+    /// precision.
     #[test]
     fn panes_are_aimed_through_as_snell_says() {
         let materials = materials();
@@ -215,7 +221,7 @@ mod tests {
         }
     }
 
-    /// Returns no direction through curved panes or at total internal reflection.
+    /// Verifies that no direction is returned through curved panes or at total internal reflection.
     #[test]
     fn others_are_left_to_shots() {
         let materials = materials();

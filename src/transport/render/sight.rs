@@ -1,4 +1,4 @@
-//! Ground truth without light: traces a camera ray to the first surface, or the first opaque one.
+//! Ground truth without light: traces a camera ray to the first surface, or to the first opaque surface.
 
 use super::bridge::{pass, surrounding, unnoticed};
 use super::emission::surroundings;
@@ -11,31 +11,31 @@ use glam::{DVec2, DVec3, Vec3A};
 /// Maximum number of surfaces that a ray passes.
 const MOST: u32 = 256;
 
-/// The surface that a ray hits.
+/// The surface that a camera ray hits.
 pub struct Sight {
     pub object: u32,
-    /// The copy of a group that contains the object.
+    /// The copy of a group that contains the object, or the world.
     pub copy: Owner,
-    /// Number of the material of the whole surface: the blend, not its components.
+    /// Number of the surface's material; for a blend, that of the blend and not of its components.
     pub material: u32,
-    /// Hit point in metres.
+    /// Hit point in world space, metres.
     pub at: DVec3,
-    /// Length of the ray to the hit point in metres, along refraction.
+    /// Length of the refracted ray to the hit point, metres.
     pub length: f64,
-    /// Optical length of the ray to the hit point in metres.
+    /// Optical length of the ray to the hit point, metres.
     pub optical: f64,
     pub surface: Surface,
-    /// Direction back along the ray.
+    /// Unit direction from the hit point back along the ray.
     pub wo: Vec3A,
 }
 
-/// A scene's camera; with a lens, the centre of the lens is used.
+/// A scene's camera as a viewer. For a camera with a lens, the centre of the lens is used.
 #[derive(Clone, Copy)]
 pub struct Viewer<'a> {
     scene: &'a Scene,
     /// The filled objects around the camera.
     nest: Nest,
-    /// The middle wavelength.
+    /// Lane of the middle wavelength.
     lane: usize,
 }
 
@@ -44,9 +44,9 @@ impl<'a> Viewer<'a> {
         Self { scene, nest: surroundings(scene, scene.camera.origin), lane: scene.wavelengths.count() / 2 }
     }
 
-    /// Returns the first surface seen at an image position in pixels, ignoring surfaces without effect on
-    /// light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface does
-    /// not transmit it. Returns `None` if there is no surface.
+    /// Returns the first surface seen at an image position in pixels, ignoring surfaces that have no effect
+    /// on light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface
+    /// does not transmit it. Returns `None` if there is no surface.
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
         let camera = self.scene.camera.at(at);
         let nest = if camera.parallel { surroundings(self.scene, camera.origin) } else { self.nest };
@@ -55,7 +55,7 @@ impl<'a> Viewer<'a> {
     }
 }
 
-/// Traces a ray from a point inside the filled objects of `nest`, for wavelength `lane`.
+/// Traces a ray whose origin is inside the filled objects of `nest`, for wavelength `lane`.
 fn follow(scene: &Scene, mut ray: Ray, mut nest: Nest, through: bool, lane: usize) -> Option<Sight> {
     let mut filling = surrounding(scene, &nest, lane);
     let mut start = ray.origin.as_dvec3();

@@ -1,9 +1,9 @@
 //! Splats of all light subpaths, kept in a file for renders that exceed the available memory.
 //!
 //! The image is rendered in parts, with the splats of one part in memory. All subpaths are traced once, in
-//! batches. The splats of each batch are appended to an unnamed temporary file, sorted by part, and each part
-//! reads its own. The cost per sample is therefore independent of the number of parts. Each part gets the
-//! same splats in the same order as if subpaths were traced for it alone.
+//! batches. The splats of each batch are appended to an unnamed temporary file, sorted by part, and each
+//! part reads its own splats. The cost per sample is therefore independent of the number of parts. Each
+//! part gets the same splats in the same order as if subpaths were traced for this part alone.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};
@@ -12,9 +12,9 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 
-/// Number of subpaths that are traced before their splats are written.
+/// Number of subpaths that are traced before their splats are written to the file.
 const BATCH: u64 = 1 << 20;
-/// Marks a pixel that no part renders.
+/// Number that marks a pixel that no part renders.
 pub(super) const NO_PART: u32 = u32::MAX;
 
 /// Splats on disk, sorted by part.
@@ -24,8 +24,8 @@ pub(super) struct Spill {
     pixels: u32,
 }
 
-/// Bytes of the pixel's number, which precedes a splat in the file, and of a splat whose connection is
-/// straight. The file omits the direction of straight connections.
+/// Number of bytes of a pixel's number, which precedes a splat in the file. The next constant is the number
+/// of bytes of a splat with a straight connection, for which the file omits the direction.
 const PIXEL: usize = size_of::<u32>();
 const STRAIGHT: usize = std::mem::offset_of!(Splat, dir);
 
@@ -53,26 +53,27 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
     if bytes.is_empty() { Ok(()) } else { Err(ErrorKind::UnexpectedEof.into()) }
 }
 
-/// The position in a file of one batch's splats of a part.
+/// The position, in a file, of one batch's splats of a part.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(super) struct Extent {
     pub begin: u64,
     pub length: u64,
-    /// CRC-32C.
+    /// Checksum of the bytes (CRC-32C).
     pub check: u64,
 }
 
-/// Extents of each part, in order of batches.
+/// Extents of each part, in the order of batches.
 pub(super) type Extents = Vec<Vec<Extent>>;
 
 pub(super) struct Parts<F> {
     pub count: usize,
-    /// Returns the part of a pixel, or [`NO_PART`].
+    /// Function that returns the part of a pixel, or [`NO_PART`].
     pub of: F,
 }
 
-/// Traces subpaths like [`Splats::new`] and writes the splats of all parts. `None` once `stop` returns true.
+/// Traces subpaths as [`Splats::new`] does, and writes the splats of all parts. Returns `None` once `stop`
+/// returns true.
 pub(super) fn write<T: Send>(
     file: &mut impl Write,
     (counts, walks): (Counts, Range<u64>),
@@ -155,7 +156,7 @@ impl Spill {
     /// `part_of` assigns one of `parts` parts. Returns `None` once `stop` returns true.
     ///
     /// # Errors
-    /// The temporary file cannot be created or written.
+    /// If the temporary file cannot be created or written.
     pub fn new<T: Send>(
         counts: Counts,
         parts: usize,
@@ -173,7 +174,7 @@ impl Spill {
     /// Returns the splats of a part.
     ///
     /// # Errors
-    /// They cannot be read, or are damaged.
+    /// If the splats cannot be read, or are damaged.
     pub fn part(&mut self, part: usize) -> io::Result<Splats> {
         let mut found = vec![];
         if let Some(extents) = self.extents.get(part) {
@@ -187,7 +188,8 @@ impl Spill {
 mod tests {
     use super::*;
 
-    /// Parts read from the file equal those traced for them alone, including refracted connections.
+    /// Verifies that parts read from the file equal those traced separately, including refracted
+    /// connections.
     #[test]
     fn parts_come_back() {
         let counts = Counts { samples: 3, walks: 500_000, pixels: 60 };

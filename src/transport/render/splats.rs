@@ -1,9 +1,10 @@
 //! Vertices of light subpaths that the camera sees, by pixel.
 //!
-//! Tiles own camera pixels, but light subpaths reach arbitrary pixels. All light subpaths are therefore
-//! traced once in advance. For each vertex that the camera sees, only its number and the connection are kept,
-//! in the list of the pixel. The pixel then traces these subpaths again up to the vertices; they depend only
-//! on their numbers. A subpath is traced more than once, but memory stays small and tiles are independent.
+//! A tile contains a part of the camera pixels, but light subpaths reach arbitrary pixels. All light
+//! subpaths are therefore traced once in advance. For each vertex that the camera sees, only the vertex
+//! number and the connection are stored in the list of the pixel. To render the pixel, these subpaths are
+//! traced again up to the vertices; a subpath depends only on its number. A subpath is thus traced more
+//! than once, but memory remains small and tiles are independent.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -11,32 +12,33 @@ use std::ops::Range;
 
 #[derive(Default)]
 pub(super) struct Splats {
-    /// Index of each pixel's first vertex; one more than there are pixels.
+    /// Index of each pixel's first vertex; one entry more than the number of pixels.
     first: Vec<u32>,
     points: Vec<Splat>,
 }
 
-/// A vertex of a light subpath that the camera sees. In this order, the fields have no gaps between them, and
-/// [`super::spill`] can omit the last one.
+/// A vertex of a light subpath that the camera sees. In this order, the fields have no padding between
+/// them, and [`super::spill`] can omit the last field.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(super) struct Splat {
     pub walk: WalkNumber,
-    /// Density with which light passes the interfaces at the start of the subpath, if the path would be found
-    /// from behind them (see [`super::join::Seen`]); otherwise NaN.
+    /// Density with which light passes the interfaces at the start of the subpath, if the path would be
+    /// found from the vertex behind the interfaces (see [`super::join::Seen`]); otherwise NaN.
     pub seen: f32,
-    /// Weight after [`super::roulette`].
+    /// Weight of the vertex after [`super::roulette`].
     pub factor: f32,
     /// Index of the vertex in its subpath.
     pub point: u16,
-    /// The branch of the subpath that contains it ([`super::parting`]).
+    /// The branch of the subpath that contains the vertex ([`super::parting`]).
     pub lineage: u8,
     /// Number of interfaces on the connection.
     pub interfaces: u8,
     /// Bit mask of the wavelengths that use the connection.
     pub lanes: u8,
     pub unused: [u8; 3],
-    /// Direction in which a refracted connection to the camera leaves the vertex; 0 for a straight one.
+    /// Direction in which a refracted connection to the camera leaves the vertex; 0 for a straight
+    /// connection.
     pub dir: [f32; 3],
 }
 
@@ -62,7 +64,7 @@ impl Counts {
         u64::from(self.samples) * u64::from(self.walks)
     }
 
-    /// Returns the subpaths of one of `of` shares, counted from 0.
+    /// Returns the range of subpaths of share `share` (counted from 0) of `of` shares.
     pub fn share(self, share: u32, of: u32) -> Range<u64> {
         let upto = |n: u32| (u128::from(self.all()) * u128::from(n) / u128::from(of)) as u64;
         upto(share)..upto(share + 1)
@@ -74,7 +76,7 @@ impl Counts {
     }
 }
 
-/// Chunks of subpaths, the unit of parallel work.
+/// Chunks of subpaths, which are the unit of parallel work.
 pub(super) mod chunk {
     use rayon::prelude::*;
     use std::ops::Range;
@@ -91,8 +93,8 @@ pub(super) mod chunk {
 }
 
 impl Splats {
-    /// Traces all subpaths of all samples with `trace`, which calls back with every visible vertex and its
-    /// pixel. Keeps the vertices of `wanted` pixels.
+    /// Traces all subpaths of all samples with `trace`, which passes every visible vertex and its pixel to
+    /// a callback. Keeps the vertices of `wanted` pixels.
     pub fn new<T: Send>(
         counts: Counts,
         wanted: impl Fn(u32) -> bool + Sync,
@@ -155,7 +157,7 @@ impl Splats {
 mod tests {
     use super::*;
 
-    /// Every vertex is found under its pixel, in order.
+    /// Verifies that every vertex is found under its pixel, in order.
     #[test]
     fn points_are_found_by_pixel_and_sample() {
         let (samples, walks, pixels) = (7, 3000, 40);

@@ -1,7 +1,7 @@
 //! Specular paths to a pinhole through birefringent crystals with double images. As in [`super::manifold`],
 //! the search starts from the straight line, for each combination of ordinary and extraordinary waves.
 //!
-//! Derivatives of the rays by direction are approximated by differences.
+//! Derivatives of the rays with respect to the direction are approximated by differences.
 
 use super::bridge::Start;
 use super::manifold::{Bend, Way};
@@ -15,29 +15,30 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
 
-/// Maximum number of crystals on a path; each has two waves.
+/// Maximum number of crystals on a path. Each crystal has two waves.
 const CRYSTALS: u32 = 4;
 
-/// Maximum number of Newton steps. Crystals shift light and refract it little, so few are needed.
+/// Maximum number of Newton steps. Crystals deflect light little, so few steps are needed.
 const STEPS: usize = 12;
 
-/// Angular step for differences in radians: far above rounding, but small enough for linearity.
+/// Angular step for differences, radians: far above rounding errors, but small enough for linearity.
 const STEP: f32 = 1e-3;
 
-/// Maximum Newton step in radians.
+/// Maximum Newton step, radians.
 const LEAP: f32 = 0.3;
 
-/// The parameters of a search for a path.
+/// The parameters of a search for a path through crystals.
 pub(super) struct SplitSearch<'a> {
     scene: &'a Scene,
     start: Start,
     to: Vec3A,
-    /// Number of surfaces that refract it, and number of crystals among them.
+    /// Number of surfaces that refract the path, and number of crystals among them.
     bends: usize,
     crystals: u32,
 }
 
-/// The wavelength of a path, and its wave in each crystal (1: extraordinary; next crystal in the lowest bit).
+/// The wavelength of a path, and the wave in each crystal: 1 for extraordinary, with the next crystal in
+/// the lowest bit.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
@@ -45,8 +46,8 @@ pub(super) struct Choice {
 }
 
 impl<'a> SplitSearch<'a> {
-    /// Prepares a search along a straight line; `None` if it is blocked or passes no crystal with double
-    /// images.
+    /// Prepares a search along a straight line; `None` if the line is blocked or passes no crystal with
+    /// double images.
     pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
         let (mut bends, mut crystals, mut inside) = (0, 0, false);
         let (mut ray, mut nest) = (start.ray, start.nest);
@@ -79,7 +80,7 @@ impl<'a> SplitSearch<'a> {
         None
     }
 
-    /// Returns all combinations of waves.
+    /// Returns all combinations of waves in the crystals, as bit sets.
     pub fn waves(&self) -> std::ops::Range<u32> {
         0..1 << self.crystals
     }
@@ -95,7 +96,8 @@ impl<'a> SplitSearch<'a> {
             .then(|| materials.specular(surface.material, surface, -dir, Lobe::Transmitted, lane))?
     }
 
-    /// Traces a ray through all refracting surfaces and past the goal; calls `bent` for each interaction.
+    /// Traces a ray through all refracting surfaces and up to its nearest point to the goal; calls `bent`
+    /// for each interaction.
     fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
         let scene = self.scene;
         let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
@@ -134,7 +136,7 @@ impl<'a> SplitSearch<'a> {
         None
     }
 
-    /// Returns the Newton step from a direction, and J.
+    /// Returns the Newton step from a direction, and the area per solid angle J.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
         let across = basis(dir);
         let slope = |axis: Vec3A| {
@@ -147,7 +149,8 @@ impl<'a> SplitSearch<'a> {
         newton(dir, &Shot { slopes: [slope(across.x_axis)?, slope(across.y_axis)?], ..*shot })
     }
 
-    /// Returns where a ray crosses the plane through the goal with normal `n`, relative to the goal.
+    /// Returns the point where a ray crosses the plane through the goal with normal `n`, relative to the
+    /// goal.
     fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
         shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))
     }

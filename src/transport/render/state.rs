@@ -8,7 +8,7 @@ use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// The end from which a subpath starts.
+/// The end from which a subpath starts: camera or emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum From {
     Camera,
@@ -29,19 +29,20 @@ impl From {
 #[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
-    /// Origin of the ray before it is offset from the surface and rounded; behind a hit, the hit point.
+    /// Origin of the ray before it is offset from the surface and rounded; behind a hit, this is the hit
+    /// point.
     pub from: DVec3,
-    /// Matrix product from the light on the ray to the path's end: camera frame, or transposed from an
-    /// emitter.
+    /// Mueller product from the light on the ray to the path's end: to the camera frame, or transposed from
+    /// an emitter.
     pub chain: Chain,
     /// Stokes frame of the light along the ray.
     pub frame: Vec3A,
-    /// Optical path length so far, in metres.
+    /// Optical path length so far, metres.
     pub optical_m: f64,
-    /// The material that the ray runs through.
+    /// The medium that contains the ray.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Path label before the ray ([`tensor::label`]). Plain paths update it only on demand.
+    /// Path label before the ray ([`tensor::label`]). Plain paths update the label only on demand.
     pub label: u8,
 }
 
@@ -69,7 +70,7 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the effect of the filling on light on the ray to `surface`; `None` if there is none.
+    /// Returns the effect of the medium on light on the ray to `surface`; `None` if it has no effect.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {

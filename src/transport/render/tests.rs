@@ -1,4 +1,4 @@
-//! Renders of a scene built in code.
+//! Tests with renders of a scene that is built in code.
 
 use super::schedule::{Share, Unwatched, render_in_parts};
 use super::tracer::WALKS_AT_ONCE;
@@ -28,7 +28,7 @@ use tensor::field::Field;
 use tensor::memory::Arrays;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// An open box with a specular and a rough conducting sphere, and every kind of light.
+/// Returns a scene with an open box, a specular and a rough conducting sphere, and every kind of light.
 pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
     let (n, k) = (Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::new([2.5, 1.9, 3.4, 2.0]));
     let reflectance = Spectrum::uniform(Spectral::ONE);
@@ -141,7 +141,7 @@ fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     (bits, lit)
 }
 
-/// The code for AVX2 and the portable code produce the same bits, for paths and for subpaths.
+/// Verifies that the code for AVX2 and the portable code produce the same bits, for paths and for subpaths.
 #[test]
 fn every_processor_renders_the_same() {
     for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
@@ -155,7 +155,8 @@ fn every_processor_renders_the_same() {
     }
 }
 
-/// Points are drawn on all copies, with probabilities proportional to area, and lie on them.
+/// Verifies that points on mirrors with many copies are on the copies, with probabilities proportional to
+/// area.
 #[test]
 fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     use super::mirrors_copied::Copied;
@@ -193,7 +194,8 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     }
 }
 
-/// Rendering in parts, with splats in a file, is bit-identical to a single part for any number of threads.
+/// Verifies that rendering in parts, with splats in a file, is bit-identical to a single part for any
+/// number of threads.
 #[test]
 fn parts_change_no_bit() {
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.

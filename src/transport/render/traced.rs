@@ -1,11 +1,12 @@
 //! Initial guesses for specular paths over several mirrors and through curved glass, found by tracing a ray.
 //!
-//! A straight line does not reveal which surfaces light takes from a point to an end, nor how often glass
-//! refracts it. A traced ray does. It starts toward a random point of the curved surfaces and chooses one
-//! continuation at each surface. If a leg passes the end before the next surface, its surfaces are a
-//! candidate.
+//! A straight line does not determine which surfaces reflect or refract light between a point and an end. A
+//! traced ray does. The ray starts toward a random point of the curved surfaces and chooses one
+//! continuation at each surface. If a segment of the ray passes the end before the next surface, the
+//! surfaces so far are a candidate.
 //!
-//! Near a specular path, each ray makes its choices with some probability, so some starts find each path.
+//! A ray near a specular path makes the choices of this path with a positive probability, so some rays find
+//! each path.
 
 use super::bridge::Start;
 use super::manifold::Goal;
@@ -16,14 +17,14 @@ use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use optics::sampling::stream::Stream;
 
-/// Fraction of rays that glass reflects, among those that it could transmit.
+/// Fraction of rays that are reflected at glass, if transmission is also possible.
 const REFLECTED: f32 = 0.125;
 
 #[derive(Clone, Default)]
 pub(super) struct Traced {
     through: Legs,
     pub over: ArrayVec<Seed, INTERFACES>,
-    /// True if some surface on it is curved.
+    /// True if some surface on the ray is curved.
     curved: bool,
 }
 
@@ -34,7 +35,7 @@ impl Traced {
         self.over.len() + self.through.iter().sum::<usize>()
     }
 
-    /// Returns true unless other strategies find the path: over one curved mirror, or only flat mirrors.
+    /// Returns false if other strategies find the path: over one curved mirror, or only over flat mirrors.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());
@@ -51,7 +52,8 @@ impl Traced {
         Route::known(mirrors, self.through.clone(), &self.over)
     }
 
-    /// Traces a ray for up to `most` specular interactions and chooses one of the legs that pass the goal.
+    /// Traces a ray for up to `most` specular interactions and chooses one of the segments that pass the
+    /// goal.
     pub fn follow(
         scene: &Scene,
         mirrors: &Mirrors,

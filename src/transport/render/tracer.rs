@@ -1,4 +1,4 @@
-//! Samples the paths of a camera pixel: from the camera, bidirectionally if needed, or both in turn.
+//! Samples the paths of a camera pixel: unidirectional paths, bidirectional paths, or both in turn.
 
 use super::bidirectional::{Plan, Walks, samples};
 use super::path::{Batch, Paths, Wants};
@@ -12,7 +12,7 @@ use optics::sampling::stream::Group;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// How a pass samples paths.
+/// The kind of paths that a pass samples.
 #[derive(Clone, Copy)]
 pub(super) enum PassKind {
     Paths,
@@ -22,7 +22,7 @@ pub(super) enum PassKind {
 #[derive(Clone, Copy)]
 pub(super) struct Pass {
     pub kind: PassKind,
-    /// Samples per pixel, and their grouping for stratification.
+    /// Number of samples per pixel, and their grouping for stratification.
     pub count: u32,
     pub group: Group,
 }
@@ -39,10 +39,11 @@ pub(super) struct Prepared {
     walks: Option<Plan>,
 }
 
-/// Number of light subpaths whose vertices are kept in memory. An image that needs more is rendered in parts.
+/// Number of light subpaths whose vertices are kept in memory. An image that needs more subpaths is
+/// rendered in parts.
 pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// Returns true if all paths need subpaths, which support everything but are slower than [`Paths`].
+/// Returns true if all paths need subpaths, which support all features but are slower than [`Paths`].
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
@@ -54,7 +55,8 @@ fn needs_walks(scene: &Scene) -> bool {
         }
 }
 
-/// Returns the number of independent groups of samples per pixel; those of the paths, if there are any.
+/// Returns the number of independent groups of samples per pixel: of the paths, or of subpaths if there are
+/// no paths.
 pub(super) fn replicates(scene: &Scene) -> u32 {
     let settings = &scene.settings;
     if needs_walks(scene) { settings.spp } else { settings.spp / settings.group().size() }
@@ -71,7 +73,7 @@ pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     all.div_ceil(walks.div_ceil(walks_at_once) as usize)
 }
 
-/// The part of the image that contains each tile.
+/// Assignment of tiles to parts of the image.
 pub(super) struct TileParts {
     of: Vec<u32>,
     count: usize,
@@ -93,8 +95,8 @@ impl TileParts {
 }
 
 impl Prepared {
-    /// Prepares an image in parts. `labelled` is true if slices need path labels; `light` provides light
-    /// subpaths shared with other machines. Returns `None` once `stop` returns true.
+    /// Prepares an image in parts. `labelled` is true if slices need path labels; `light` provides the
+    /// light subpaths that are shared with other machines. Returns `None` once `stop` returns true.
     pub fn new(
         scene: &Scene,
         parts: &TileParts,

@@ -7,20 +7,24 @@ use crate::material::Lobe;
 use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
 
-/// A mirror direction is considered perturbed, with unknown derivatives, if its cosine with the geometric
-/// mirror direction is less than 1 minus this. Rounding errors are ten times smaller.
+/// Maximum deviation of a mirror direction from the geometric mirror direction, as 1 minus the cosine.
+/// Beyond this deviation, the direction is perturbed and the derivatives of the direction are unknown.
+/// Rounding errors are ten times smaller.
 const TURNED: f32 = 1e-6;
 
-/// Step as a fraction of a triangle, or a sine on a quadric; images have up to some thousand texels a side.
+/// Step for differences, as a fraction of a triangle or as a sine on a quadric. Images have up to a few
+/// thousand texels per side.
 const STEP: f32 = 1e-4;
 
-/// A mirror's normal at a point, on the side of the incoming light, and its derivative by position.
+/// A mirror's normal at a point on the side of the incoming light, and the derivative of the normal with
+/// respect to position.
 pub(super) struct Turned {
     pub normal: Vec3A,
     pub bend: Mat3A,
 }
 
-/// Returns the direction of light along `dir` after a mirror, if the delta lobe agrees with the geometry.
+/// Returns the direction of light along `dir` after reflection; `None` if the delta lobe disagrees with the
+/// geometry.
 #[inline]
 pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     let materials = &scene.materials;

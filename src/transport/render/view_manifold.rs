@@ -15,8 +15,8 @@ use optics::polarization::frame::{perpendicular, turn};
 use optics::spectrum::Spectral;
 
 impl Joiner<'_> {
-    /// Searches for specular paths through interfaces from the last vertex of a light subpath to the camera.
-    /// Calls `f` with each path, its pixel and its wavelengths.
+    /// Searches for specular paths through interfaces from the last vertex of a light subpath to the
+    /// camera. Calls `f` with each path, its camera pixel and its wavelengths.
     pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
         let y = last(light);
         let camera = self.ends[0].camera;
@@ -51,8 +51,8 @@ impl Joiner<'_> {
 
     /// Appends the contribution of a specular path from a light vertex to the camera.
     ///
-    /// The path was traced from the vertex, so its matrix K is that of light from the camera. Light to the
-    /// camera has the matrix D Kᵀ D, with its radiance scaled in the opposite sense.
+    /// The path was traced from the vertex, so the matrix K of the path is that of light from the camera.
+    /// Light to the camera has the matrix D Kᵀ D, with the inverse scaling of radiance.
     pub fn splat_way(&mut self, light: &[Point], sender: Sender, way: &Way, takers: Takers) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);
         let y = last(light);

@@ -15,22 +15,23 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Maximum survival probability of Russian roulette. Few subpaths find the light that large particles scatter
-/// forward, after dozens of events. These few would have to compensate for all that roulette terminates.
+/// Maximum survival probability of Russian roulette. Few subpaths find the light that large particles
+/// scatter forward, after dozens of events. With a lower limit, these few would have to compensate for all
+/// terminated subpaths.
 const SURVIVAL: f32 = 0.99;
 
-/// The vertices of a subpath, its end first.
+/// The vertices of a subpath; the first vertex is its end.
 #[derive(Default)]
 pub(super) struct Walk {
     pub points: Vec<Point>,
-    /// Its state when it leaves the scene.
+    /// State of the subpath when it leaves the scene.
     pub escape: Option<Escape>,
-    /// The emitting surfaces that it hit.
+    /// The emissive surfaces that the subpath hit.
     pub glows: Vec<Glow>,
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with previous branches.
     pub fresh: usize,
-    /// The branch taken at each split, one bit each, the first split in the lowest bit.
+    /// The branch taken at each split, one bit per split, the first split in the lowest bit.
     pub lineage: u8,
     /// Branches that have not been traced yet.
     pending: Vec<Branch>,
@@ -39,9 +40,9 @@ pub(super) struct Walk {
 /// A subpath that has left the scene.
 pub(super) struct Escape {
     pub chain: Chain,
-    /// The light to which its product applies.
+    /// The light to which the subpath's product applies.
     pub beam: Beam,
-    /// Number of previous interactions, and their label.
+    /// Number of previous interactions, and their path label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: Chosen,
@@ -51,9 +52,9 @@ pub(super) struct Escape {
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
     pub interactions: u32,
-    /// Index of the last vertex that is needed.
+    /// Index of the last required vertex.
     pub point: usize,
-    /// True if it continues after the last interaction to test whether it leaves the scene.
+    /// True if the subpath continues after the last interaction, to test whether it leaves the scene.
     pub escapes: bool,
     /// True if path labels are needed.
     pub labelled: bool,
@@ -61,18 +62,18 @@ pub(super) struct Limits {
     pub parting: Parting,
 }
 
-/// The condition on the first vertex under which the subpath continues.
+/// Condition on the first vertex under which a subpath continues.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum First {
     Anything,
-    /// It must redirect the subpath into a single direction; other subpaths are discarded.
+    /// The vertex redirects the subpath into a single direction; other subpaths are discarded.
     Redirects,
-    /// Anything but a Lambert surface, where the subpath stops.
+    /// The vertex is not on a Lambertian surface; on such a surface the subpath stops.
     NotLambert,
 }
 
 impl Walk {
-    /// Traces a subpath from an end; if it is split, the first branch.
+    /// Traces a subpath from an end. If the subpath is split, only the first branch is traced.
     pub fn run(
         &mut self,
         scene: &Scene,
@@ -115,7 +116,8 @@ impl Walk {
         }
     }
 
-    /// Traces the next branch. Returns false if there is none. Vertices before [`Self::fresh`] are shared.
+    /// Traces the next branch. Returns false if there are no more branches. Vertices before [`Self::fresh`]
+    /// are shared.
     pub fn next_branch(&mut self, scene: &Scene, guide: &Guide, limits: Limits) -> bool {
         let Some(Branch { points, mut progress, lineage, mut stream }) = self.pending.pop() else {
             return false;
@@ -197,7 +199,8 @@ impl Walk {
         true
     }
 
-    /// Moves to the next vertex and appends it with its density. Returns false if the subpath ends before.
+    /// Moves to the next vertex and appends this vertex with its density. Returns false if the subpath ends
+    /// before.
     fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
         let Progress { flight, interactions, .. } = progress;
         let (site, surface, hit) = match flight.fly(scene, stream, &mut self.rays) {
@@ -263,7 +266,8 @@ mod tests {
     /// Number of particles per subpath.
     const LAST: usize = 36;
 
-    /// An unbounded milky medium with guided turns and leaning toward a target off the initial direction.
+    /// Returns an unbounded milky medium, with guided turns and with leaning toward a target off the
+    /// initial direction.
     fn milk() -> (Scene, Guide, End) {
         let mut scene = scene(Integrator::Bidirectional, true);
         scene.media = Media::default();
@@ -313,7 +317,8 @@ mod tests {
         [weight, weight * f64::from(-point.back.z)]
     }
 
-    /// Returns mean and standard error of both over subpaths to a particle, and the variance of the first.
+    /// Returns the mean and standard error of both results of [`counts`], over subpaths to a particle, and
+    /// the variance of the first.
     fn means(walks: u32, at: usize, parting: Parting, guide: &Guide) -> ([(f64, f64); 2], f64) {
         let (scene, _, end) = milk();
         let (mut walk, limits) = (Walk::default(), limits_to(at, parting));
@@ -339,8 +344,9 @@ mod tests {
         ([of(0), of(1)], of(0).1.powi(2) * n)
     }
 
-    /// Without absorption, the mean weight is one after any number of particles, and the mean cosine is gⁿ
-    /// after n particles, for all guiding and splitting. Splitting more than halves the variance.
+    /// Verifies that, without absorption, the mean weight is one after any number of particles, and the
+    /// mean cosine is gⁿ after n particles, for all guiding and splitting. Splitting more than halves the
+    /// variance.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn walks_count_for_one_however_they_part() {
@@ -358,7 +364,8 @@ mod tests {
         assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
     }
 
-    /// The mean weight is one after hundreds of particles, which guiding in all events fails to show.
+    /// Verifies that the mean weight is one after hundreds of particles. With guiding in all events, this
+    /// test fails.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn long_walks_count_for_one() {
@@ -370,7 +377,7 @@ mod tests {
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 
-    /// Following a lineage leads over the same vertices.
+    /// Verifies that following a lineage gives the same vertices.
     #[test]
     fn lineages_are_found_again() {
         let (scene, guide, end) = milk();

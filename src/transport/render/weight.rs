@@ -1,15 +1,15 @@
 //! Multiple importance sampling weights of the strategies for a path (Veach 1997, sect. 10.2).
 //!
 //! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
-//! vertices and a camera subpath with t vertices. Both ends are counted, so s + t = k + 2. With density p of
-//! a strategy and number of samples n, the power heuristic gives it the weight (n p)² / Σ (n' p')². Ratios of
+//! vertices and a camera subpath with t vertices. Both ends are counted, so s + t = k + 2. The power
+//! heuristic gives a strategy with density p and n samples the weight (n p)² / Σ (n' p')². Ratios of
 //! densities are products along the path: if the camera subpath samples vertex i instead of the light
 //! subpath, p changes by the ratio of the vertex's densities from the camera and from the light.
 //!
-//! The heuristic assumes independent strategies, but connections inside a medium are correlated: two subpaths
-//! with hundreds of particles either come near each other or do not, and if they do, many of their
-//! connections contribute. On a path with m particles, each connection of two subpaths therefore counts as
-//! 1/m of a sample, so that together they weigh as much as one. This is the simplest form of Grittmann,
+//! The heuristic assumes independent strategies, but connections inside a medium are correlated: if two
+//! subpaths with hundreds of particles come close to each other, many of their connections contribute, and
+//! otherwise none. On a path with m particles, each connection of two subpaths therefore counts as 1/m of a
+//! sample, so that all connections together count as one sample. This is the simplest form of Grittmann,
 //! Georgiev & Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional rendering
 //! algorithms".
 
@@ -17,21 +17,24 @@ use crate::strategy::{Strategies, Strategy};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
-    /// Densities with which the subpath from this end and the other subpath sample the vertex.
+    /// Density with which the subpath from this end samples the vertex. The next field is the density of
+    /// the other subpath.
     pub own: f32,
     pub other: f32,
-    /// False if it scatters light into a single direction, so that no connection can end at it.
+    /// False if the vertex scatters light into a single direction, so that no connection can end at it.
     pub connects: bool,
-    /// True for a scattering event in a medium.
+    /// True for a vertex that is a scattering event in a medium.
     pub particle: bool,
 }
 
 /// Number of samples that each strategy takes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Light subpaths per connection: the probability that one starts at the emitter in question.
+    /// Number of light subpaths per connection: the probability that a subpath starts at the emitter in
+    /// question.
     pub light: f32,
-    /// Light subpaths per camera pixel and sample, all of which are connected to the camera's pinhole.
+    /// Number of light subpaths per camera pixel and sample. All of these are connected to the camera's
+    /// pinhole.
     pub splats: f32,
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
@@ -40,7 +43,7 @@ pub(super) struct Tries {
 
 impl Tries {
     /// Returns the number of samples of the strategy with `s` light vertices and `t` camera vertices on a
-    /// path with `particles` particles. Next-event estimation is always done.
+    /// path with `particles` particles. Next-event estimation is always performed.
     #[inline]
     fn of(self, s: usize, t: usize, particles: usize) -> f64 {
         let strategy = match (s, t) {
@@ -88,7 +91,7 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Over all strategies that can sample a path, weights sum to one.
+    /// Verifies that the weights of all strategies that can sample a path sum to one.
     #[test]
     fn weights_sum_to_one() {
         let mut stream = Stream::new(3, 0, 0);

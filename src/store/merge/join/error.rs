@@ -11,7 +11,7 @@ pub enum JoinError {
         "{part} is {of} of a render, but {other} is a whole render: join the parts of each render first, then merge the renders"
     )]
     Mixed { part: PathBuf, of: Part, other: PathBuf },
-    /// Parts can only be joined when all are finished.
+    /// `--partial` was given, but only complete sets of finished parts can be joined.
     #[error(
         "{path} is a part of a render, and only complete sets of parts can be joined: remove `--partial`"
     )]
@@ -24,11 +24,11 @@ pub enum JoinError {
     Renders {
         first: PathBuf,
         second: PathBuf,
-        /// The attribute that differs.
+        /// Name of the attribute that differs.
         what: String,
-        /// Its value in the first.
+        /// Value of the attribute in the first part.
         theirs: String,
-        /// Its value in the second.
+        /// Value of the attribute in the second part.
         ours: String,
     },
     #[error("{first} ({part}) and {second} ({other}) both contain tile {tile}: remove one of them")]
@@ -37,7 +37,7 @@ pub enum JoinError {
         part: Part,
         second: PathBuf,
         other: Part,
-        /// The first tile of both.
+        /// Number of the first tile that is in both parts.
         tile: u32,
     },
     /// Two stores are the same part but have different values.
@@ -48,29 +48,29 @@ pub enum JoinError {
         first: PathBuf,
         second: PathBuf,
         part: Part,
-        /// The first file that differs.
+        /// Path of the first file that differs.
         file: String,
     },
     #[error("{missing} missing: render with `sunstone render {option}`, then join again")]
     Missing {
-        /// The missing parts or tiles, with a verb.
+        /// Description of the missing parts or tiles, including a verb.
         missing: String,
-        /// Option of `sunstone render` that renders them.
+        /// Option of `sunstone render` that renders the missing parts or tiles.
         option: String,
     },
-    /// An element has values in two parts.
+    /// An element has values in two different parts.
     #[error(
         "{second} has values in `{field}` that another part also has ({}): one of them is damaged; render it again",
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
-        /// The slices that were combined before.
+        /// Paths of the parts that were combined before.
         first: Vec<PathBuf>,
-        /// The slice with a duplicate value.
+        /// Path of the part with the duplicate value.
         second: PathBuf,
         field: &'static str,
     },
-    /// A store is not a part of a render.
+    /// The store is not a part of a render.
     #[error("{path} is not a part of a render: pass only parts of one render")]
     NoPart { path: PathBuf },
     /// An input is denoised.
@@ -85,7 +85,7 @@ pub enum JoinError {
 }
 
 impl JoinError {
-    /// Returns whether a system error is the cause, rather than the parts.
+    /// Returns whether the cause is a system error and not the parts.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

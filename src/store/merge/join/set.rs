@@ -1,4 +1,4 @@
-//! The complete set of parts of one render, each part once.
+//! The complete set of parts of one render, in which each part occurs once.
 
 use super::error::JoinError;
 use crate::zarr::{AccessError, TensorStore};
@@ -104,7 +104,7 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
     Ok(())
 }
 
-/// Formats a value for a message.
+/// Formats an attribute's value for a message.
 fn shown(value: Option<&Value>) -> String {
     let text = value.map_or("nothing".into(), Value::to_string);
     match text.char_indices().nth(60) {
@@ -150,7 +150,8 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(describe(&parts, &missing))
 }
 
-/// Returns the error for missing shares, if all parts are shares of one number, otherwise for missing tiles.
+/// Returns the error for missing shares, if all parts are shares of the same total, otherwise the error for
+/// missing tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
@@ -190,7 +191,7 @@ fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     }
 }
 
-/// Formats the first few of several names.
+/// Formats a list of names, truncated to the first few.
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
     match names.len().checked_sub(NAMED) {

@@ -1,4 +1,5 @@
-//! Stores at an address read like those in a folder, with few requests, and damage is detected.
+//! Tests that stores at an address are read like stores in a folder, with few requests, and that damage is
+//! detected.
 
 use super::*;
 use crate::objects::fake::{memory, put, remove, requests, upload};
@@ -51,7 +52,8 @@ fn an_address_reads_as_a_folder() {
     assert_eq!(verified.faults, Vec::<String>::new());
 }
 
-/// Opening takes two requests, and one for each stored coordinate array of a slice and for each stored chunk.
+/// Verifies that opening takes two requests, plus one for each stored coordinate array of a slice and for
+/// each stored chunk.
 #[test]
 fn requests_are_few() {
     let (_dir, _, address) = both("few");

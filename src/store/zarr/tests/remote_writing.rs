@@ -1,5 +1,5 @@
-//! Stores written at an address equal those in a folder byte for byte, even after failures and killed
-//! processes.
+//! Tests that stores written at an address equal stores in a folder byte for byte, even after failures and
+//! killed processes.
 
 use super::*;
 use crate::objects::fake::life;
@@ -17,7 +17,7 @@ pub(super) fn address(scheme: &str, name: &str) -> PathBuf {
     PathBuf::from(format!("{scheme}://{name}/s.zarr"))
 }
 
-/// Returns the objects of a store with their bytes.
+/// Returns the objects of a store by path, with their bytes.
 pub(super) fn objects_of(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let address = address("memory", name);
     let objects = remote_store::objects_of(&address).expect("an address").expect("objects");
@@ -41,7 +41,7 @@ fn job(part: Option<Part>) -> Job {
     }
 }
 
-/// Renders the missing tiles.
+/// Renders the missing tiles of a store.
 fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError> {
     let mut sink = ZarrSink::new(Target { path: path.to_owned(), resume, replace: false });
     let done = sink.begin(&job(part))?;
@@ -71,7 +71,7 @@ fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError
     sink.end(&Summary { complete: true, ..Summary::default() })
 }
 
-/// Returns the files of the same store in a folder.
+/// Returns the files of the same store, created in a folder.
 fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("s.zarr");
@@ -79,9 +79,9 @@ fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     files(&path)
 }
 
-/// Runs `make` with a process that is killed before every third of its changes, and resumes with `again`.
-/// Checks that incomplete stores never count as finished and that the result is `expected`. Returns the
-/// number of changes.
+/// Runs `make` repeatedly, as a process that is killed before every third of its changes, and resumes with
+/// `again`. Checks that incomplete stores never count as finished and that the result is `expected`.
+/// Returns the number of changes.
 pub(super) fn kill_everywhere(
     name: &str,
     expected: &BTreeMap<PathBuf, Vec<u8>>,
@@ -148,7 +148,7 @@ fn a_part_may_be_killed_anywhere() {
     assert!(TensorStore::open_part(&address).expect("opens").is_some());
 }
 
-/// Creating a store with its values again resumes it.
+/// Verifies that creating a store with its values again resumes the creation.
 #[test]
 fn a_merge_may_be_killed_anywhere() {
     let make = |path: &Path, origin: &str| {
@@ -217,7 +217,7 @@ fn a_render_goes_over_a_bad_line() {
     assert_eq!(verify(&address("flaky", "bad")).expect("a store").faults, Vec::<String>::new());
 }
 
-/// Chunks are written repeatedly, pixel by pixel.
+/// Verifies that chunks can be written repeatedly, pixel by pixel.
 #[test]
 fn pixels_are_written_into_chunks_that_are_there() {
     let write = |path: &Path| {

@@ -1,4 +1,4 @@
-//! Sharded stores are bit-identical to their source, and damage is reported.
+//! Tests that sharded stores are bit-identical to their source, and that damage is reported.
 
 use super::*;
 use crate::merge::{Options, merge};
@@ -31,7 +31,7 @@ pub(super) fn finished(path: &Path, seed: u64) {
     store.finish().expect("finishes");
 }
 
-/// Creates a store in a folder, and a sharded copy.
+/// Creates a store in a folder, and a sharded copy of the store.
 pub(super) fn both() -> (tempfile::TempDir, [PathBuf; 2]) {
     let dir = tempfile::tempdir().expect("a folder");
     let paths = ["s.zarr", "shards.zarr"].map(|name| dir.path().join(name));
@@ -99,7 +99,8 @@ fn values_are_the_same_to_the_bit() {
     assert!(message.is_err());
 }
 
-/// The same command gives the same bytes; larger limits give fewer files with the same values.
+/// Verifies that the same command gives the same bytes, and that larger limits give fewer files with the
+/// same values.
 #[test]
 fn shards_are_reproducible() {
     let (dir, [plain, sharded]) = both();
@@ -150,7 +151,8 @@ fn what_cannot_be_sharded_is_refused() {
     assert!(!out.exists());
 }
 
-/// Any changed byte is detected by `verify`, which names the file, and by reads that depend on it.
+/// Verifies that any changed byte is detected by `verify`, which names the file, and by reads that depend
+/// on the byte.
 #[test]
 fn damage_is_found_and_named() {
     let (_dir, [plain, sharded]) = both();
@@ -203,8 +205,8 @@ fn damage_is_found_and_named() {
     assert_eq!(verify(&sharded).expect("a store").faults.len(), 2);
 }
 
-/// A frame replaced by another valid one of the same size, with an unchanged index, is detected by the
-/// manifest.
+/// Verifies that the manifest detects a frame that was replaced by another valid frame of the same size,
+/// with an unchanged index.
 #[test]
 fn exchanged_frames_are_found() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -229,8 +231,8 @@ fn exchanged_frames_are_found() {
     assert_eq!(verify(&path).expect("a store").faults, ["a/c.0: was changed after it was written"]);
 }
 
-/// Measures the cost of a shard's chunks by their size: `SUNSTONE_STORE=PATH cargo test --release -p
-/// sunstone-store -- --ignored --nocapture costs`.
+/// Measures how the cost of a shard's chunks depends on the chunk size: `SUNSTONE_STORE=PATH cargo test
+/// --release -p sunstone-store -- --ignored --nocapture costs`.
 #[test]
 #[ignore = "a measurement"]
 fn costs_of_small_chunks() {

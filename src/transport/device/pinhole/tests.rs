@@ -102,7 +102,8 @@ fn many_are_as_each_alone() {
     assert!(seen > 5000, "{seen}");
 }
 
-/// The density integrates to the number of pixels: mean over uniform directions in a cone around the image.
+/// Verifies that the density integrates to the number of pixels, by the mean over uniform directions in a
+/// cone around the image.
 #[test]
 fn densities_count_the_pixels() {
     for (p, cone) in devices().into_iter().zip([0.75, 0.75, 0.7, 0.3]) {
@@ -134,7 +135,7 @@ fn count(p: &Pinhole, cone: f32) {
     assert!(error < 250.0, "{error}");
 }
 
-/// Through every point of the lens, a pixel sees the same point of the focus plane.
+/// Verifies that a pixel sees the same point of the focus plane through every point of the lens.
 #[test]
 fn the_plane_in_focus_is_sharp() {
     let mut stream = Stream::new(3, 0, 0);

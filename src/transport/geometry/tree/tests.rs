@@ -7,7 +7,7 @@ use glam::Vec3A;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Records the leaves that it visits, and stops at the first if `stop` is set.
+/// Visitor that records the leaves that it visits, and stops at the first if `stop` is set.
 struct Seen {
     met: Vec<bool>,
     stop: bool,
@@ -38,7 +38,7 @@ fn fits(run: &[u32]) -> bool {
     run.iter().all(|i| i % 5 != 0)
 }
 
-/// Returns both kinds of trees over boxes, and their leaves.
+/// Returns both kinds of trees over boxes, and the primitives of their leaves.
 fn both(bounds: &[Aabb]) -> [(Tree, Vec<Vec<u32>>); 2] {
     let at = |i: usize| bounds[i];
     let clustered = Binary::clustered(bounds.len(), &at);
@@ -57,8 +57,8 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Checks that each primitive is in one leaf, leaves are valid, boxes are tight, and rays visit all leaves
-/// they hit.
+/// Verifies that each primitive is in one leaf, that leaves are valid and boxes tight, and that rays visit
+/// all leaves that they hit.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);
@@ -140,7 +140,7 @@ fn equal_boxes_make_no_deep_tree() {
     }));
 }
 
-/// Finds the nearest hit among triangles.
+/// Visitor that finds the nearest hit among triangles.
 struct Nearest<'a> {
     triangles: &'a [[Vec3A; 3]],
     leaves: &'a [Vec<u32>],

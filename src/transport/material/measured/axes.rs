@@ -1,21 +1,22 @@
-//! The angles and wavelengths of a table's entries, and the lookup of values between them.
+//! The angles and wavelengths of a table's entries, and interpolation positions between entries.
 
 use super::error::PbsdfError;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Angles outside their range by less than this, in radians, are accepted as rounding errors.
+/// Maximum angle outside the valid range that is accepted as a rounding error, radians.
 const TOLERANCE: f32 = 1e-3;
 
-/// The axes of a table, in the order of its dimensions: radians, and vacuum wavelength in nanometres.
+/// The axes of a table, in the order of its dimensions: angles in radians, and vacuum wavelengths in
+/// nanometres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    /// Azimuth of the difference vector, -π..π.
+    /// Azimuth of the difference vector, radians in -π..π.
     pub phi_d: Vec<f32>,
-    /// Polar angle of the difference vector, 0..π/2.
+    /// Polar angle of the difference vector, radians in 0..π/2.
     pub theta_d: Vec<f32>,
-    /// Polar angle of the half vector, 0..π/2.
+    /// Polar angle of the half vector, radians in 0..π/2.
     pub theta_h: Vec<f32>,
-    /// Wavelengths, ascending.
+    /// Vacuum wavelengths in nanometres, ascending.
     pub wavelengths_nm: Vec<u16>,
 }
 
@@ -26,12 +27,13 @@ fn evenly(low: f32, high: f32, count: usize) -> Vec<f32> {
     (0..count).map(|i| (low + (high - low) * (i as f64 / last)) as f32).collect()
 }
 
-/// Names of the angular axes, each with its range.
+/// Names of the angular axes with their ranges in radians.
 pub(super) const ANGLES: [(&str, f32, f32); 3] =
     [("phi_d", -PI, PI), ("theta_d", 0.0, FRAC_PI_2), ("theta_h", 0.0, FRAC_PI_2)];
 
 impl Axes {
-    /// Returns evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and theta_h.
+    /// Creates axes of evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and
+    /// theta_h.
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
         Self { phi_d, theta_d, theta_h, wavelengths_nm }
@@ -53,7 +55,7 @@ impl Axes {
             .ok_or(PbsdfError::TooLarge)
     }
 
-    /// Checks ranges, order and lengths.
+    /// Checks ranges, order and lengths of the axes.
     ///
     /// # Errors
     /// [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`],
@@ -98,7 +100,7 @@ pub(super) type Between = (usize, usize, f32);
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     nodes: Vec<f32>,
-    /// Entries per radian if they are evenly spaced.
+    /// Number of entries per radian if the entries are evenly spaced, else `None`.
     rate: Option<f32>,
 }
 
@@ -115,7 +117,7 @@ impl Axis {
         &self.nodes
     }
 
-    /// Returns the entry at or below `x`, which is inside the axis (or outside by rounding).
+    /// Returns the index of the entry at or below `x`, which may be outside the axis by a rounding error.
     #[inline]
     fn below(&self, x: f32) -> usize {
         let last = self.nodes.len() - 2;
@@ -135,7 +137,7 @@ impl Axis {
         }
     }
 
-    /// Locates `x`, clamped to the ends of the axis.
+    /// Returns the interpolation position of `x`, clamped to the ends of the axis.
     #[inline]
     pub fn place(&self, x: f32) -> Between {
         let i = self.below(x);
@@ -143,7 +145,8 @@ impl Axis {
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// Locates the angle `x` in -π..π on a periodic axis: the last and the first entries are neighbours.
+    /// Returns the interpolation position of the angle `x` in -π..π on a periodic axis, where the last and
+    /// the first entries are neighbours.
     #[inline]
     pub fn place_around(&self, x: f32) -> Between {
         let last = self.nodes.len() - 1;
@@ -161,7 +164,8 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// The fast path agrees with a search, and interpolating the axis itself returns the value.
+    /// Verifies that the fast path agrees with a search, and that interpolation of the axis itself returns
+    /// the value.
     #[test]
     fn places_reproduce_values() {
         let even = Axis::new(even_axis(1, 91));
@@ -180,7 +184,8 @@ mod tests {
         }
     }
 
-    /// On a periodic axis without a closing entry, the gap is interpolated between its last and first entry.
+    /// Verifies that a periodic axis without a closing entry is interpolated between the last and the first
+    /// entry.
     #[test]
     fn the_circle_closes() {
         let axis = Axis::new((0..8).map(|i| -PI + PI / 8.0 + TAU / 8.0 * i as f32).collect());

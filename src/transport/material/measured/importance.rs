@@ -1,19 +1,19 @@
 //! Importance sampling of half vectors in proportion to the reflection of a measured table.
 //!
 //! For evenly spaced polar angles θ_o of the viewer, a piecewise constant density over the half vector h is
-//! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength; the
-//! last factor is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
+//! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength. The
+//! factor 4 (h·wo) is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
 //!
-//! Cells are evenly spaced in azimuth about the plane of wo and n, in which p is symmetric. In q = 1 - cosθ_h
-//! their edges are denser at small θ_h. A uniform (q, φ) within a cell is uniform in solid angle. One of the
-//! two neighbouring θ_o is sampled by its linear weight, so the density is the same blend of both. (Dupuy &
-//! Jakob 2018 also sample measured BRDFs from tables.)
+//! Cells are evenly spaced in azimuth about the plane of wo and n, which is a plane of symmetry of p. In q
+//! = 1 - cosθ_h, the edges of cells are denser at small θ_h. A uniform (q, φ) within a cell is uniform in
+//! solid angle. One of the two neighbouring values of θ_o is sampled by its linear weight, so the density
+//! is the linear interpolation of the two. (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
 
 use super::axes::Axis;
 use glam::Vec3A;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// M̄ over θ_d (rows) and θ_h.
+/// The mean M̄ of the table over θ_d (rows) and θ_h.
 pub(super) struct Mean {
     pub theta_d: Axis,
     pub theta_h: Axis,
@@ -35,21 +35,23 @@ impl Mean {
     }
 }
 
-/// Tabulated densities of half vectors. Local directions: z is the normal, wo is in the xz plane, x ≥ 0.
+/// Tabulated densities of half vectors. In the local frame, z is the normal, and wo is in the xz plane with
+/// x ≥ 0.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Importance {
-    /// Number of values of θ_o, from 0 to π/2.
+    /// Number of values of θ_o, evenly spaced from 0 to π/2.
     angles: usize,
     rows: usize,
     columns: usize,
-    /// q at the borders of rows.
+    /// Values of q at the borders of rows.
     edges: Vec<f32>,
-    /// Cumulative sums over cells for every θ_o, row by row; the last is 1.
+    /// Cumulative sums over cells for every θ_o, row by row; the last sum is 1.
     sums: Vec<f32>,
 }
 
 impl Importance {
-    /// Tabulates M̄. `entries` are the table's sizes along θ_d, θ_h and φ_d, which set those of the density.
+    /// Tabulates M̄. `entries` are the table's sizes along θ_d, θ_h and φ_d, which determine the sizes of
+    /// the density.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));
@@ -114,7 +116,8 @@ impl Importance {
         }
     }
 
-    /// Returns the index of the θ_o below `cos_o`, and the weight of the next one.
+    /// Returns the index of the largest tabulated θ_o below that of `cos_o`, and the weight of the next
+    /// θ_o.
     #[inline]
     fn angle(&self, cos_o: f32) -> (usize, f32) {
         let x = cos_o.clamp(0.0, 1.0).acos() / FRAC_PI_2 * (self.angles - 1) as f32;

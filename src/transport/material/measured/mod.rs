@@ -27,14 +27,16 @@ use table::Table;
 /// A measured surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
-    /// Index in [`Materials::tables`](super::Materials::tables).
+    /// Index of the table in [`Materials::tables`](super::Materials::tables).
     pub table: u32,
 }
 
-/// Fraction of directions sampled by cosine alone, for reflection that the averaged importance tables miss.
+/// Fraction of directions sampled by the cosine density, for reflection that the averaged importance tables
+/// miss.
 const COSINE_SHARE: f32 = 0.1;
 
-/// Returns the matrix with columns x, y, n and `wo` in the xz half plane.
+/// Returns the rotation from the local frame to the world. The local z axis is `n`, and `wo` is in the half
+/// plane y = 0, x ≥ 0.
 #[inline]
 fn frame(n: Vec3A, wo: Vec3A) -> Mat3A {
     let x = project(wo, n);
@@ -63,7 +65,8 @@ impl Measured {
         })
     }
 
-    /// Returns the density of half vectors over 4 wo·h, mixed with the cosine density.
+    /// Returns the sampling density of `wi`, 1/sr: the density of half vectors over 4 wo·h, mixed with the
+    /// cosine density.
     #[inline]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };

@@ -1,33 +1,33 @@
 //! Half-vector and difference coordinates (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
 //! representation"), with the signs of Mitsuba's `measured_polarized`.
 //!
-//! With light from `wi`, viewer at `wo`, normal n: h = (wi + wo)/|wi + wo|, θ_h = ∠(n, h), θ_d = ∠(h, wi).
-//! The azimuth φ_d of wi about h counts from t = b × h toward b = n × h/|n × h|. The material is isotropic,
-//! so the azimuth of h is ignored.
+//! With light from `wi`, the viewer at `wo` and the normal n, the half vector is h = (wi + wo)/|wi + wo|,
+//! θ_h = ∠(n, h), θ_d = ∠(h, wi). The azimuth φ_d of wi about h counts from t = b × h toward b = n × h/|n ×
+//! h|. The material is isotropic, so the azimuth of h is ignored.
 //!
 //! Stokes frames of the stored matrices: for both rays the unit vector s = wi × wo/|wi × wo|, perpendicular
-//! to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p = h × s. φ_d is
-//! computed from s, so that the two stay consistent where wi and wo nearly coincide and rounding determines
-//! both.
+//! to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p = h × s. φ_d
+//! is computed from s, so that φ_d and s remain consistent if wi and wo nearly coincide and rounding
+//! determines both.
 
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 
-/// A pair of directions up to a rotation about the normal, radians.
+/// A pair of directions up to a rotation about the normal; angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates {
-    /// -π..π.
+    /// Azimuth of the difference vector, radians in -π..π.
     pub phi_d: f32,
-    /// 0..π/2.
+    /// Polar angle of the difference vector, radians in 0..π/2.
     pub theta_d: f32,
-    /// 0..π/2.
+    /// Polar angle of the half vector, radians in 0..π/2.
     pub theta_h: f32,
 }
 
 /// Returns the coordinates of unit directions on the side of the unit normal `n`, and the frame vector s.
 ///
-/// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there). Where wi = wo, φ_d is 0 and
-/// s = -b.
+/// If n = h, t is an arbitrary tangent, because an isotropic table does not depend on φ_d there. If wi =
+/// wo, φ_d is 0 and s = -b.
 #[inline]
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
@@ -52,8 +52,8 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     (at, s)
 }
 
-/// Returns directions (`wi`, `wo`) about the normal +z with given coordinates and h in the xz half plane, and
-/// the frame vector s of both. φ_d determines s even where wi = wo. One of the directions may be below the
+/// Returns directions (`wi`, `wo`) about the normal +z with given coordinates and h in the xz half plane,
+/// and the frame vector s of both. φ_d determines s even if wi = wo. One of the directions may be below the
 /// surface.
 pub fn directions(at: Coordinates) -> (Vec3A, Vec3A, Vec3A) {
     let (sin_h, cos_h) = at.theta_h.sin_cos();
@@ -72,7 +72,8 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Mitsuba's formulas in f64, light from `i`, viewer at `o`, normal z: φ_d, θ_d, θ_h and both frames.
+    /// Computes φ_d, θ_d, θ_h and both frames by Mitsuba's formulas in f64, for light from `i`, the viewer
+    /// at `o` and the normal z.
     fn reference(i: DVec3, o: DVec3) -> ([f64; 3], [DVec3; 2]) {
         let h = (i + o).normalize();
         let b = DVec3::Z.cross(h).normalize();
@@ -93,7 +94,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..Default::default() })]
 
-        /// Coordinates → directions → coordinates, under any rotation about the normal.
+        /// Verifies that coordinates → directions → coordinates is the identity, under any rotation about
+        /// the normal.
         #[test]
         fn round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
             let at = Coordinates { phi_d, theta_d, theta_h };
@@ -108,7 +110,8 @@ mod tests {
             prop_assert!(s.dot(f * wi).abs() < 1e-5 / theta_d.sin() && (s.length() - 1.0).abs() < 1e-5);
         }
 
-        /// Directions → coordinates → directions, up to a rotation about the normal: all cosines agree.
+        /// Verifies that directions → coordinates → directions preserves all cosines (the rotation about
+        /// the normal is lost).
         #[test]
         fn directions_come_back(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
             let of = |z: f32, phi: f32| {
@@ -124,7 +127,7 @@ mod tests {
             prop_assert!((i.cross(o).z - wi.cross(wo).z).abs() < 2e-5);
         }
 
-        /// Angles and frames agree with Mitsuba's formulas.
+        /// Verifies that angles and frames agree with Mitsuba's formulas.
         #[test]
         fn signs_are_mitsubas(z in prop::array::uniform2(0.05..0.98_f32), phi in 0.3..5.9_f32) {
             let of = |z: f32, phi: f32| {
@@ -145,8 +148,8 @@ mod tests {
         }
     }
 
-    /// h = n, wi = wo, all three equal, and the horizon: angles are finite and the frame is a unit vector
-    /// perpendicular to both rays.
+    /// Verifies that angles are finite, and that the frame is a unit vector perpendicular to both rays, for
+    /// h = n, wi = wo, all three equal, and at the horizon.
     #[test]
     fn degenerate_configurations_have_coordinates() {
         let f = frame(0.3);

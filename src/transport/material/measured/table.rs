@@ -1,19 +1,19 @@
 //! A table of Mueller matrices in a file: checked when opened, interpolated in place.
 //!
-//! A file of up to 64 MiB is read completely, so that later changes to it have no effect. A larger one is
-//! mapped copy-on-write and read on demand. If another program truncates it meanwhile, access to the missing
-//! pages ends the process (SIGBUS on Unix). Replace such a file by renaming a new one over it, never in
-//! place.
+//! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger
+//! file is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to
+//! the missing pages ends the process (SIGBUS on Unix). To replace such a file, rename a new file over the
+//! old file; never overwrite a file in place.
 //!
 //! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic; the other angles and
 //! the wavelength are clamped to their ends. Entries are BRDF values (no cosine) between the s frames of
 //! [`super::rusinkiewicz`].
 //!
 //! NaN entries are holes, which measured data have where light or viewer are below the horizon. A value is
-//! interpolated from the valid corners with renormalized weights; it is 0 if there are none. Matrices are
-//! used as measured: those made slightly unphysical by noise (more polarized light out than light in) are
-//! unchanged. Interpolation is a convex sum, so it adds no other unphysical matrices. Only M00 < 0 is
-//! corrected: such a lane is set to zero, because polarization without intensity would be worse.
+//! interpolated from the valid corners with renormalized weights. If no corner is valid, the value is 0.
+//! Matrices are used as measured, including those that noise makes slightly unphysical (more polarized
+//! light out than light in). Interpolation is a convex sum, so it adds no other unphysical matrices. Only
+//! M00 < 0 is corrected: the lane is set to zero, because polarization without intensity would be worse.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -31,19 +31,19 @@ use std::sync::Arc;
 /// Options for opening a table.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Uses evenly spaced angles (ends included) for an axis that the file leaves empty.
+    /// Whether evenly spaced angles (ends included) replace an axis that the file leaves empty.
     pub even_axes: bool,
     /// The wavelengths of the render, one per lane. If `None`, the first wavelengths of the table are used.
     pub wavelengths: Option<Wavelengths>,
 }
 
-/// Elements of at least this magnitude mark a hole, like NaN.
+/// Minimum magnitude of elements that mark a hole, as NaN does.
 const LIMIT: f32 = 1e9;
 
-/// Files of up to this many bytes are read completely.
+/// Maximum size of files that are read completely, in bytes.
 const READ_WHOLE: u64 = 64 << 20;
 
-/// Bytes of one matrix.
+/// Size of one matrix in bytes.
 const CELL: usize = 64;
 
 /// The two bands between which a lane is interpolated.
@@ -51,20 +51,20 @@ const CELL: usize = 64;
 struct Band {
     low: usize,
     high: usize,
-    /// Weight of `high`.
+    /// Weight of the band `high`.
     weight: f32,
 }
 
-/// A measured table. Clones share its bytes.
+/// A measured table. Clones share the bytes of the file.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// The file: a copy in anonymous memory, or mapped.
+    /// Bytes of the file: a copy in anonymous memory, or a mapping.
     map: Arc<Mmap>,
-    /// First byte of M.
+    /// Offset of the first byte of the field M.
     start: usize,
     /// Byte ranges that describe the table: header and axes.
     heads: [Range<usize>; 5],
-    /// phi_d, theta_d, theta_h.
+    /// Axes phi_d, theta_d and theta_h.
     axes: [Axis; 3],
     wavelengths_nm: Vec<u16>,
     lanes: [Band; 4],
@@ -72,13 +72,13 @@ pub struct Table {
     importance: Importance,
 }
 
-/// Reads the little-endian numbers of a field.
+/// Decodes the little-endian numbers of a field.
 fn floats(bytes: &[u8], range: &Range<usize>) -> Vec<f32> {
     let (words, _) = bytes[range.clone()].as_chunks::<4>();
     words.iter().map(|w| f32::from_le_bytes(*w)).collect()
 }
 
-/// Reads one little-endian number.
+/// Decodes the little-endian number at a byte offset.
 #[inline]
 fn float(bytes: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
@@ -88,7 +88,7 @@ fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> P
     PbsdfError::Shape { field, found: found.shape_text(), want: want.into() }
 }
 
-/// Returns the bands around a wavelength, and true if it is outside the table's range.
+/// Returns the bands around a wavelength, and true if the wavelength is outside the table's range.
 fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
     let inside = nm.clamp(first, last);
@@ -107,8 +107,9 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 impl Table {
     /// Opens a `.pbsdf` file and checks its structure, its axes and that it contains a valid entry.
     ///
-    /// Little of a large file is read: its data stay on disk until needed (see the module documentation for
-    /// the risk). Wavelengths outside the table use its nearest band, with one warning.
+    /// Only a small part of a large file is read; the other data remain on disk until they are needed (see
+    /// the module documentation for the risk). Wavelengths outside the table use the nearest band, with one
+    /// warning.
     ///
     /// # Errors
     /// [`PbsdfError`] with the fault and the fix, without the path.
@@ -188,7 +189,7 @@ impl Table {
         [0, 1, 2].map(|k| self.axes[k].nodes())
     }
 
-    /// Returns the bands, nanometres.
+    /// Returns the vacuum wavelengths of the bands, nanometres.
     pub fn wavelengths_nm(&self) -> &[u16] {
         &self.wavelengths_nm
     }
@@ -207,8 +208,8 @@ impl Table {
         self.start + entry * self.wavelengths_nm.len() * CELL
     }
 
-    /// Returns one stored matrix, row-major with outgoing Stokes rows; `None` if it is a hole or out of
-    /// range. `at` are the indices along phi_d, theta_d and theta_h.
+    /// Returns one stored matrix, row-major with outgoing Stokes rows, or `None` if the entry is a hole or
+    /// out of range. `at` are the indices along phi_d, theta_d and theta_h.
     pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
         let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
         if !inside || band >= self.wavelengths_nm.len() {
@@ -289,11 +290,12 @@ impl Table {
         }
     }
 
-    /// Returns byte ranges of the file that identify it without reading all of it: the whole of a small file,
-    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. Changes between the pieces are
-    /// not detected.
+    /// Returns byte ranges of the file that identify its contents. For a small file, the range is the whole
+    /// file. For a large file, the ranges are the header, the axes and 64 pieces of 4 KiB spread evenly
+    /// over the data. Changes between the pieces are not detected.
     ///
-    /// Read them from the file, not from the map: accessed pages would count as memory of the process.
+    /// Read these ranges from the file and not through the mapping, because accessed pages would count as
+    /// memory of the process.
     pub fn pieces(&self) -> impl Iterator<Item = Range<usize>> {
         const PIECES: usize = 64;
         const PIECE: usize = 4096;
@@ -314,7 +316,7 @@ impl Table {
     }
 }
 
-/// Returns the bytes of a file: small files are copied to memory, large ones mapped.
+/// Returns the bytes of a file: small files are copied to memory, large files are mapped.
 fn bytes_of(path: &Path) -> io::Result<Mmap> {
     let mut file = base::input::open(path)?;
     let size = file.metadata()?.len();

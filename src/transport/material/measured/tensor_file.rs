@@ -1,8 +1,9 @@
 //! Reads Mitsuba's tensor file, a container of named arrays, in place.
 //!
-//! All little-endian: `"tensor_file\0"`, version u8 × 2 = 1.0, field count u32. For each field: name length
-//! u16, name, number of dimensions u16, type u8, offset of the data from the start of the file u64, shape u64
-//! × dimensions. Data are row-major, usually aligned to 8 bytes (the reader does not rely on it).
+//! All numbers are little-endian. The file begins with `"tensor_file\0"`, version u8 × 2 = 1.0, field count
+//! u32. Each field has: name length u16, name, number of dimensions u16, type u8, offset of the data from
+//! the start of the file u64, shape u64 × dimensions. Data are row-major, usually aligned to 8 bytes (the
+//! reader does not rely on it).
 //!
 //! Sizes in the header are not trusted: the reader allocates nothing and checks every byte range against the
 //! file size.
@@ -13,7 +14,7 @@ use std::ops::Range;
 /// The first bytes of every tensor file.
 pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 
-/// Bytes before the first field.
+/// Number of bytes before the first field.
 pub(super) const HEAD: usize = 18;
 
 /// Element types of tables.
@@ -56,7 +57,7 @@ fn type_name(code: u8) -> String {
         .map_or_else(|| format!("{code} (unknown)"), |n| (*n).to_owned())
 }
 
-/// Removes bytes from the front.
+/// Removes `count` bytes from the front of `bytes` and returns them; `None` if there are too few.
 fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     let (head, tail) = bytes.split_at_checked(count)?;
     *bytes = tail;
@@ -67,13 +68,13 @@ fn number<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     take(bytes, N)?.try_into().ok()
 }
 
-/// One unchecked field entry of the header.
+/// One field of the header, not yet checked.
 #[derive(Clone, Copy)]
 struct Entry<'a> {
     name: &'a [u8],
     code: u8,
     offset: u64,
-    /// u64 each.
+    /// Size of each dimension, as u64.
     shape: &'a [u8],
 }
 
@@ -91,7 +92,7 @@ fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
     pub dtype: Dtype,
-    /// Byte range of its data; empty if the shape contains a zero.
+    /// Byte range of the field's data; empty if the shape contains a zero.
     pub range: Range<usize>,
     shape: &'a [u8],
 }
@@ -103,7 +104,7 @@ impl Field<'_> {
         self.shape.chunks_exact(8).map(word)
     }
 
-    /// Formats the shape, truncated after 8 dimensions.
+    /// Formats the shape as text, truncated after 8 dimensions.
     pub(super) fn shape_text(&self) -> String {
         let mut parts: Vec<String> = self.shape().take(8).map(|n| n.to_string()).collect();
         if self.shape().len() > 8 {
@@ -151,7 +152,7 @@ impl<'a> TensorFile<'a> {
         Ok(self.bytes.len() - at.len())
     }
 
-    /// Returns the field of a name, after checking its type, shape and byte range.
+    /// Returns the field with this name, after checking its type, shape and byte range.
     ///
     /// # Errors
     /// [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`], [`PbsdfError::Truncated`] and

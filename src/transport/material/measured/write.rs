@@ -1,8 +1,8 @@
 //! Writes `.pbsdf` files, from numbers or from another material.
 //!
-//! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data aligned
-//! to 8 bytes. One φ_d slab at a time is in memory. The file is written next to its destination and renamed,
-//! so that it is never incomplete.
+//! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data
+//! aligned to 8 bytes. Memory holds one φ_d slab at a time. The file is written next to the destination and
+//! then renamed, so that the destination is never incomplete.
 
 use super::axes::{ANGLES, Axes};
 use super::error::PbsdfError;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Returns the header and axes: all bytes before M.
+/// Returns the header and axes of a file, that is, all bytes before the field M.
 fn head(axes: &Axes) -> Vec<u8> {
     let n = axes.angles().map(<[f32]>::len);
     let bands = axes.wavelengths_nm.len();
@@ -55,11 +55,12 @@ fn head(axes: &Axes) -> Vec<u8> {
 
 /// Writes a table.
 ///
-/// `fill` gets the index of a φ_d and its slab, initially zero. Slabs contain row-major matrices, [theta_d,
-/// theta_h, wavelength, 4, 4]: BRDF values (no cosine) between s frames. NaN marks unknown values.
+/// `fill` receives the index of a φ_d and the slab of this φ_d, initially zero. Slabs contain row-major
+/// matrices, [theta_d, theta_h, wavelength, 4, 4]: BRDF values (no cosine) between s frames. NaN marks
+/// unknown values.
 ///
 /// # Errors
-/// [`PbsdfError::Write`], and those of [`Axes::check`] and [`Axes::slab_len`].
+/// [`PbsdfError::Write`], and the errors of [`Axes::check`] and [`Axes::slab_len`].
 pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) -> Result<(), PbsdfError> {
     axes.check()?;
     let mut slab = vec![0.0_f32; axes.slab_len()?];
@@ -127,8 +128,9 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
 /// Tabulates the BRDF of a material, with holes where light or viewer are below the horizon, as in
 /// measurements.
 ///
-/// Lanes carry up to four bands, so `sources` contains the material in several tables, with its index in
-/// each: bands 0 to 3 are the lanes of the first, 4 to 7 those of the second, and so on.
+/// A material has up to four wavelength lanes, so `sources` contains the same material in several tables,
+/// with the material's index in each. Bands 0 to 3 are the lanes of the first source, bands 4 to 7 those of
+/// the second, and so on.
 ///
 /// # Errors
 /// As [`write()`]; [`PbsdfError::Sources`] if the number of sources does not match the bands.

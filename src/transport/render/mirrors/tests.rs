@@ -65,7 +65,8 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
     Mirrors::new(&geometry.build(), &materials)
 }
 
-/// Parts of one plane form one mirror, whichever side they face; diffuse and rough surfaces are not mirrors.
+/// Verifies that parts of one plane form one mirror, whichever side they face, and that diffuse and rough
+/// surfaces are not mirrors.
 #[test]
 fn a_plane_is_one_mirror() {
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
@@ -82,7 +83,8 @@ fn a_plane_is_one_mirror() {
     assert_eq!(wide, 1);
 }
 
-/// The path over a flat mirror has equal angles. There is none to the other side, nor outside the mirror.
+/// Verifies that the path over a flat mirror has equal angles. There is no path to the other side of the
+/// mirror, nor via points outside it.
 #[test]
 fn flat_ways_are_images() {
     let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
@@ -101,7 +103,7 @@ fn flat_ways_are_images() {
     assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
 }
 
-/// Two mirrors at a right angle: light may take both, in one order from most points.
+/// Verifies two mirrors at a right angle: light may be reflected by both, in one order from most points.
 #[test]
 fn pairs_are_images_of_images() {
     let all = [
@@ -126,7 +128,7 @@ fn pairs_are_images_of_images() {
     assert_eq!(pairs, 1);
 }
 
-/// Random points lie on curved mirrors, with probabilities proportional to area.
+/// Verifies that random points are on curved mirrors, with probabilities proportional to area.
 #[test]
 fn seeds_cover_curved_mirrors() {
     let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);

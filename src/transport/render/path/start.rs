@@ -10,7 +10,7 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 
 impl Paths {
-    /// Starts a path for each sample. Returns the index of each path's cell in the camera's view.
+    /// Starts a path for each sample, and returns the index of each path's cell in the camera's view.
     #[inline(always)]
     pub(super) fn start(&mut self, batch: &Batch) -> [u32; BATCH] {
         let &Batch { scene, views, pixel: [x, y], group, .. } = batch;
