@@ -385,7 +385,7 @@ impl FrameStore {
         }
         let array = ChunkedArray::<f64>::open(&self.storage, &format!("/{GROUP}/{name}"))?;
         let shape = array.shape().to_vec();
-        let damaged = |reason: String| OpenError::Damaged { path: array.path.to_owned(), reason };
+        let damaged = |reason: String| OpenError::Damaged { path: array.path.clone(), reason };
         if region::volume(&shape) != Some(expected) {
             return Err(damaged(format!("it does not contain {expected} numbers")));
         }
