@@ -1,8 +1,8 @@
-//! The interface of an application: the scenes and slices that it needs, the methods that it compares, and
-//! its metrics.
+//! The interface of an application: the scenes and slices that it needs, the methods that it
+//! compares, and its metrics.
 //!
-//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses tensors and maps only, no scene, renderer or file.
+//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An
+//! application uses only tensors and maps, and does not read scenes or files or render.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -24,12 +24,13 @@ pub struct Application {
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Returns the task of the first method, learned from training observations, if it computes a few linear
-    /// functionals of Mueller matrices. Captures can then be optimized for it.
+    /// Returns the task of the first method, learned from training observations, if it computes a
+    /// few linear functionals of Mueller matrices. Captures can then be optimized for this task.
     pub task: Option<fn(&[Observation]) -> Result<Task, ApplyError>>,
 }
 
-/// Fits every method on the first observations and tests it on the second, those of one seed each.
+/// Fits every method on the first observations and tests it on the second observations. All
+/// observations have the same seed.
 pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>;
 
 /// The renders that an application needs.
@@ -85,7 +86,7 @@ pub enum Truth {
     },
 }
 
-/// Returns the same variant, for [`Truth::Slice`].
+/// Returns the variant itself, for [`Truth::Slice`].
 pub fn itself(variant: u64) -> u64 {
     variant
 }
@@ -139,7 +140,7 @@ pub struct Score {
 }
 
 impl Score {
-    /// Returns the scores of a method on a variant, metric by metric.
+    /// Returns the scores of a method on a variant, one per metric.
     pub fn each<'a>(
         method: &'static str,
         variant: u64,
@@ -159,7 +160,7 @@ impl Score {
 #[derive(Clone, Debug)]
 pub struct Picture {
     pub method: &'static str,
-    /// Content, suitable for a file name.
+    /// Short description of the content, suitable for a file name.
     pub name: &'static str,
     /// Variant of the picture; `None` for pictures of learned quantities.
     pub variant: Option<u64>,

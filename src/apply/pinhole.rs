@@ -1,8 +1,7 @@
-//! Calibrations of camera and projector as plain numbers: pinholes without distortion (images are undistorted
-//! first).
-//!
-//! A point p in world coordinates is q = Rᵀ(p - o) in the device's frame and at pixel f·(q_x/q_z, q_y/q_z) +
-//! c (Hartley & Zisserman 2004, ch. 6).
+//! Calibrations of camera and projector as plain numbers: pinholes without distortion. The caller
+//! removes distortion from images first.
+//! / A world point p is q = Rᵀ(p - o) in the device's frame, metres. Its pixel is f·(q_x/q_z,
+//! q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -64,7 +63,7 @@ impl Pinhole {
     }
 }
 
-/// The calibrated pair of devices.
+/// The calibrated camera and projector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     pub camera: Pinhole,

@@ -1,4 +1,5 @@
-//! Failures of instruments: a small set of faults on which a session bases its reaction.
+//! Failures of instruments. A session reacts to a failure according to its [`Fault`], one of a
+//! small set.
 
 use thiserror::Error;
 

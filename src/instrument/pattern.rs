@@ -41,10 +41,9 @@ impl ProjectorLimits {
     }
 }
 
-/// Returns an entry of a projector's list of loaded patterns.
-///
-/// # Errors
-/// A message if the list has no such entry.
+/// Returns the entry `pattern` of a projector's list of loaded patterns.
+/// / # Errors
+/// / A message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
     found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))

@@ -50,7 +50,8 @@ pub struct StageReading {
     pub homed: bool,
 }
 
-/// A rotation stage. Moves are started and awaited separately, so that stages can move concurrently.
+/// A rotation stage. Starting a move and waiting for its end are separate calls, so that stages can
+/// move concurrently.
 pub trait RotationStage: Instrument {
     fn limits(&self) -> StageLimits;
 

@@ -1,8 +1,8 @@
-//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the results with
-//! the truth.
+//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the
+//! results with the truth.
 //!
-//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used, or without one the minimum-norm
-//! solution. All errors are relative to the mean T00 of the truth.
+//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used; without a prior, the
+//! minimum-norm solution. All errors are relative to the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::detector::error::DetectorError;
@@ -230,8 +230,8 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
     Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
 }
 
-/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` are those of the
-/// wavelengths, which alternate over the pixels.
+/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` holds one
+/// design matrix per wavelength; the wavelengths alternate over the pixels.
 pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
     let pixels = captured.layout.pixels();

@@ -122,7 +122,8 @@ pub struct Histograms {
     pub counts: Vec<u32>,
     pub photons: u64,
     pub left_out: LeftOut,
-    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
+    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last pixel or line of
+    /// their frame.
     pub beyond: u64,
     /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
@@ -249,11 +250,10 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
     nothing.map_or(Ok(found), Err)
 }
 
-/// Like [`histogram`], but accepts a histogram without photons, such as that of one dark pixel. The second
-/// value is then the reason.
-///
-/// # Errors
-/// Like [`histogram`], except for an empty histogram.
+/// Computes a histogram like [`histogram`], but accepts one without photons, such as that of a dark
+/// pixel. The second value is then the reason why there are no photons.
+/// / # Errors
+/// / Like [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,
     plan: &Plan,

@@ -1,4 +1,5 @@
-//! Tests of images: which pixel a photon belongs to, and how photons outside all pixels are counted.
+//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all
+//! pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};

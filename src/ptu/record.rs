@@ -10,7 +10,7 @@
 //! In the first version of the HydraHarp each overflow record means one overflow (of 33552000 in T2). In
 //! later versions a count of 0 also means one overflow.
 
-/// How photons are timed.
+/// How photons are timed: T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// By one clock. Sync pulses are separate events.
@@ -147,9 +147,9 @@ pub(super) trait Layout {
 
 pub(super) struct PicoT2;
 pub(super) struct PicoT3;
-/// `OLD` selects the HydraHarp's first version.
+/// The layout of HydraHarp T2 records. `OLD` selects the HydraHarp's first version.
 pub(super) struct HydraT2<const OLD: bool>;
-/// Like [`HydraT2`].
+/// The layout of HydraHarp T3 records. `OLD` selects the HydraHarp's first version.
 pub(super) struct HydraT3<const OLD: bool>;
 
 impl Layout for PicoT2 {
@@ -240,7 +240,8 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// A decoded record. Times since the begin, including overflows, count sync pulses (T3) or clock counts (T2).
+/// A decoded record. Times since the start, including overflows, are in sync pulses (T3) or clock
+/// counts (T2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     Photon {
@@ -279,7 +280,7 @@ fn split<L: Layout>(record: u32) -> Parts {
 }
 
 impl Decoder {
-    /// Creates a decoder for the begin of a measurement.
+    /// Creates a decoder for the start of a measurement.
     pub fn new(record: RecordType) -> Self {
         Self { record, overflow: 0 }
     }

@@ -67,8 +67,8 @@ fn refused(what: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidInput, what.into())
 }
 
-/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since the
-/// begin: sync pulses in T3.
+/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since
+/// the start of the file: sync pulses in T3.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
@@ -190,8 +190,8 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites the last
-    /// four bits of the time with them.
+    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites
+    /// the last four bits of the time with the marker bits.
     ///
     /// # Errors
     /// Like [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
@@ -207,7 +207,7 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes the number of records into the header and returns it.
+    /// Writes the number of records into the header and returns that number.
     ///
     /// # Errors
     /// Errors of the system.

@@ -1,5 +1,5 @@
-//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates what its
-//! dimensions resolve, and baselines tie where expected.
+//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates the
+//! kinds of light that its dimensions resolve, and baselines have equal scores where expected.
 
 use super::*;
 use crate::isolation::tests::{Kind, SIZE, mean, observations};

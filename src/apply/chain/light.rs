@@ -17,10 +17,11 @@ pub struct Light {
 }
 
 impl Light {
-    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
+    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and
+    /// wavelengths.
     ///
     /// # Errors
-    /// [`ChainError::Axes`] and [`ChainError::Image`]: the slice is not an image.
+    /// [`ChainError::Axes`] and [`ChainError::Image`] if the slice is not an image.
     pub fn of(slice: &Slice) -> Result<Self, ChainError> {
         let t = &slice.mean;
         let wrong = |what| ChainError::Axes { slice: t.name.clone(), what };

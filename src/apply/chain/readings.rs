@@ -28,7 +28,7 @@ pub struct Readings<'a> {
 pub struct Count {
     /// All pixels, times and wavelengths.
     pub pixels: usize,
-    /// Those with too few unsaturated readings, which were reconstructed with readings at saturation.
+    /// Pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
     pub clipped: usize,
 }
 
@@ -41,7 +41,8 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through the true elements. Only its values are light; its errors are kept.
+    /// Captures a slice through the true elements. Only the values of the slice are captured; its
+    /// standard errors are kept.
     ///
     /// # Errors
     /// [`ChainError`].

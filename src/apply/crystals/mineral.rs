@@ -23,7 +23,7 @@ const CALCITE: [Ghosh; 2] = [
 ];
 
 impl Mineral {
-    /// Returns the mineral of a name in scene files.
+    /// Returns the mineral with this name in scene files.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "quartz" => Some(Self::Quartz),

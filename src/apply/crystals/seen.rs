@@ -1,4 +1,4 @@
-//! One variant of the slab, decomposed for every kind of light.
+//! Decomposes the light of a variant of the slab, for every kind of light.
 
 use super::measured::{Decomposed, Measured, slab};
 use super::mineral::Mineral;

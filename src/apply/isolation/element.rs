@@ -1,4 +1,5 @@
-//! One element of the tensor as an image: light by space and time, element of its matrices, and sign.
+//! One element of the tensor as an image: a part of the light by space and time, an element of the
+//! Mueller matrices, and a sign.
 
 use std::fmt;
 
@@ -26,10 +27,10 @@ pub enum Time {
     At(usize),
 }
 
-/// Light selected by space and time.
+/// The part of the light selected by space and time.
 pub type Part = (Space, Time);
 
-/// An element of the matrices of a part.
+/// An element of the Mueller matrices of a part of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
     pub part: Part,
@@ -43,7 +44,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// Returns an element at all times.
+    /// Returns the element `index` of the light in `space` at all times.
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
         Self { part: (space, Time::All), index, negative: false, magnitude: false }
     }

@@ -6,11 +6,11 @@ use crate::metrics::isolation::{cosine, gain, parted, threshold};
 use crate::metrics::roc::area;
 use std::fmt;
 
-/// A detector and an image.
+/// A learned detector and a learned image of one kind of light.
 pub(super) struct Learnt {
     /// Element for detection.
     detector: Shown,
-    /// Values of at least this are classified as positive.
+    /// Threshold of the detector: values of at least `threshold` are classified as positive.
     pub threshold: f64,
     /// Element for the image of the light's share.
     image: Shown,
@@ -72,8 +72,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// Learns the best candidates for a task, the first of equal ones. `None` if no variant has such light,
-    /// or no candidate is available.
+    /// Learns the best candidates for a task, the first if several are equally good. `None` if no
+    /// variant has the task's light, or if no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
         let mut image: Option<(f64, Shown)> = None;
@@ -108,7 +108,7 @@ impl Learnt {
         Some(learnt)
     }
 
-    /// Returns the values for detection.
+    /// Returns the value of each pixel that the detector compares with the threshold.
     pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
         self.detector.values(seen).unwrap_or_default()
     }

@@ -9,15 +9,15 @@ use crate::observation::{Observation, Pixels};
 use crate::paths::Paths;
 use std::collections::BTreeMap;
 
-/// Names of the slices.
+/// Name of the slice with all light as matrices, without time bins.
 pub const POLARIMETRIC: &str = "polarimetric";
-/// Epipolar light.
+/// Name of the slice with epipolar light.
 pub const EPIPOLAR: &str = "epipolar";
-/// All light in bins of travel time: matrices or intensities.
+/// Name of the slice with all light in bins of travel time, as matrices or intensities.
 pub const TRANSIENT: &str = "transient";
-/// Epipolar light in the same bins, as matrices.
+/// Name of the slice with epipolar light in the same bins, as matrices.
 pub const GATED: &str = "gated";
-/// Ground truth: intensity by label and bounces.
+/// Name of the ground-truth slice: intensity by label and number of bounces.
 pub const PATHS: &str = "paths";
 
 /// Bins after a pixel's first light that separate early and late light.
@@ -146,7 +146,8 @@ fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
 }
 
 impl Seen {
-    /// # Errors
+    /// Reads a variant: its slices and the ground truth of the tasks.
+    /// / # Errors
     /// [`ApplyError`].
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
         let (parts, [width, height]) = match sight {
@@ -206,7 +207,7 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
-    /// Returns an image divided by the photograph; 0 where that is dark.
+    /// Returns an image divided by the photograph; 0 where the photograph is dark.
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

@@ -1,8 +1,9 @@
-//! Area under the receiver operating characteristic: the probability that a positive scores above a negative
-//! (ties count half).
+//! Area under the receiver operating characteristic: the probability that a positive scores above a
+//! negative (ties count half).
 //!
-//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from ranks (Sun &
-//! Xu 2014). For dependent scores, such as pixels of one object, it is estimated by bootstrap over groups.
+//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from
+//! ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object, the variance is
+//! estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};

@@ -1,9 +1,10 @@
-//! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published parameters.
+//! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published
+//! parameters.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 = (0.03 L)².
-//! Means and covariances use a Gaussian window of 11 × 11 pixels with a standard deviation of 1.5 and weights
-//! of sum 1 (population covariances). Pixels whose window leaves the image are ignored, as in the authors'
-//! program; channels are averaged.
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 =
+//! (0.03 L)², with the range L of values. Means and covariances use a Gaussian window of 11 × 11
+//! pixels with a standard deviation of 1.5 and weights of sum 1 (population covariances). Pixels
+//! whose window leaves the image are ignored, as in the authors' program; channels are averaged.
 
 use crate::map::Map;
 

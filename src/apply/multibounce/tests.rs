@@ -1,4 +1,4 @@
-//! Tests with rooms in which each light matches the paper's element, and rooms in which it does not.
+//! Tests with synthetic light that matches the paper's element, and with light that does not.
 
 use super::*;
 use crate::application::{Application, Outcome, Truth};

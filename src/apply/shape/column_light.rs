@@ -58,9 +58,9 @@ pub enum CodeError {
 }
 
 impl ColumnLight {
-    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (a last, smaller
-    /// one is kept). Stripes narrower than a camera pixel's footprint lose contrast in any scene, so codes
-    /// need columns about as wide as camera pixels.
+    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (the
+    /// last column may combine fewer). Stripes narrower than a camera pixel's footprint lose
+    /// contrast in any scene, so codes need columns about as wide as camera pixels.
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);

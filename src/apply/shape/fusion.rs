@@ -1,13 +1,14 @@
-//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals (Nehab et
-//! al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al. 2022; applied to scan
-//! and polarization as in Baek et al. 2018).
+//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals
+//! (Nehab et al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al.
+//! 2022; applied to scan and polarization as in Baek et al. 2018).
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log z_i =
-//! log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their two normals,
-//! which is perpendicular to the chord of a sphere and of a plane. Weights are inverse variances. That of a
-//! depth is (z/σ_z)². A normal rotated by σ_n changes a step by h σ_n/cos²α, with the angle h between the
-//! rays and the angle α between normal and ray. Outlier depths and steps across edges are suppressed by
-//! Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385, which are updated iteratively.
+//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log
+//! z_i = log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their
+//! two normals, which is perpendicular to the chord of a sphere and of a plane. Weights are inverse
+//! variances. The weight of a depth is (z/σ_z)². A normal rotated by σ_n changes a step by h
+//! σ_n/cos²α, with the angle h between the rays and the angle α between normal and ray. Outlier
+//! depths and steps across edges are suppressed by Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385,
+//! which are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -33,7 +34,7 @@ pub struct Believed {
     pub depth: Map,
     /// Standard deviation of the normals, radians.
     pub normals: f64,
-    /// Suppress outliers.
+    /// Whether outliers are suppressed by Cauchy's weights.
     pub robust: bool,
 }
 
@@ -109,8 +110,8 @@ fn reached(p: &LogDepth) -> Vec<bool> {
     }
 }
 
-/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth or a
-/// connection to one by normals.
+/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth
+/// or a connection by normals to a pixel with a known depth.
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
     let reached = reached(&plain);

@@ -1,11 +1,12 @@
-//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the column's
-//! number, and its inverse.
+//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the
+//! column's number, and its inverse.
 //!
-//! The Gray code of i is i ⊕ ⌊i/2⌋: neighbours differ in one bit. A bit is read by comparing a capture with
-//! that of the inverse pattern, so neither albedo nor a constant background affects the threshold. Its
-//! contrast |I - Ī|/(I + Ī) is a measure of reliability: if the light of a stripe spreads over many stripes,
-//! narrow codes lose contrast and bits are random. A pixel with a bit below the minimum contrast has no
-//! column (the classification of Xu & Aliaga 2007 in its simplest form).
+//! The Gray code of i is i ⊕ ⌊i/2⌋: neighbours differ in one bit. A bit is read by comparing a
+//! capture with that of the inverse pattern, so neither albedo nor a constant background affects
+//! the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of a
+//! stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a
+//! bit below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its
+//! simplest form).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;

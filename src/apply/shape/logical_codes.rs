@@ -1,13 +1,15 @@
-//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
-//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
+//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal,
+//! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global
+//! illumination").
 //!
-//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every pattern is
-//! combined by exclusive or with one fine pattern, the base, which is also projected itself. All projected
-//! patterns then have narrow stripes, under which long-range indirect light is equal to that under the
-//! inverse. Decoding combines the read bits with the read base again. The base of XOR-02 has stripes of 2
-//! columns, that of XOR-04 stripes of 4, which are more robust to short-range blur. [`consensus`] keeps
-//! columns on which two codes agree: these two long-range codes and the conventional Gray code (their
-//! ensemble without its fourth code, which has only wide stripes).
+//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every
+//! pattern is combined by exclusive or with one fine pattern, the base, which is also projected
+//! alone. All projected patterns then have narrow stripes, under which long-range indirect light is
+//! equal to that under the inverse. Decoding combines the read bits with the read base again. The
+//! base of XOR-02 has stripes of 2 columns, that of XOR-04 stripes of 4, which are more robust to
+//! short-range blur. [`consensus`] keeps columns on which two codes agree: these two long-range
+//! codes and the conventional Gray code (their ensemble without its fourth code, which has only
+//! wide stripes).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};

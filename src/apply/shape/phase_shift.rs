@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Returns periods from the image's width, each a quarter of the previous one, down to 16 columns or slightly
-/// less.
+/// Returns the periods, in projector columns: the image's width, then each a quarter of the
+/// previous one, down to 16 columns or slightly less.
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {

@@ -1,10 +1,10 @@
-//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline (Miyazaki et
-//! al. 2003; Atkinson & Hancock 2006).
+//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline
+//! (Miyazaki et al. 2003; Atkinson & Hancock 2006).
 //!
-//! At the outline of a smooth object, the normal is perpendicular to the view direction and points outward.
-//! From there, pixels are decided one by one, those of large zenith angle first, each with the candidate
-//! closest to its decided neighbours. This is correct for convex objects; normals of concave parts have the
-//! wrong sign.
+//! At the outline of a smooth object, the normal is perpendicular to the view direction and points
+//! outward. From the outline inward, pixels are decided one by one in descending order of zenith
+//! angle. Each pixel receives the candidate normal closest to those of its decided neighbours. This
+//! is correct for convex objects; normals of concave parts have the wrong sign.
 
 use super::polarization::{Cues, candidates};
 use crate::map::Map;

@@ -22,9 +22,9 @@ const LEAST: usize = 4;
 /// Options of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Pixels from the centre to the edge.
+    /// Number of pixels from the centre of the window to its edge.
     pub radius: usize,
-    /// Use robust weights; otherwise plain least squares.
+    /// Whether the fit uses robust weights; otherwise it is plain least squares.
     pub robust: bool,
 }
 

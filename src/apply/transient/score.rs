@@ -1,4 +1,4 @@
-//! Scores of places: higher values mean more light of a target.
+//! Scores of places (a pixel in one bin): a higher value means more light of the target.
 
 use super::seen::{Seen, TARGETS, Target};
 use crate::metrics::precision_recall::Counts;

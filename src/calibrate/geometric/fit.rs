@@ -31,18 +31,20 @@ impl Setup {
 pub struct Fit {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// Camera to projector, or the identity without a projector.
+    /// Pose from camera to projector, or the identity without a projector.
     pub relative: Pose,
-    /// Board to camera, by view.
+    /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
-    /// ones. With a projector, the six changes of `relative` follow ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0
+    /// for fixed parameters. With a projector, the six changes of `relative` follow
+    /// ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
     /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma: Vec<f64>,
-    /// Root mean square distance of measured and fitted points in pixels, by device, as in OpenCV.
+    /// Root mean square distance between measured and fitted points in pixels, by device, computed
+    /// as in OpenCV.
     pub rms: Vec<f64>,
     /// View and corner, from 0, of the corners that the robust fit left out.
     pub outliers: Vec<(usize, usize)>,

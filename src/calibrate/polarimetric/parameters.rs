@@ -29,7 +29,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// Returns all parameters of a scheme.
+    /// Returns all parameters of a scheme that can be fitted.
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
         for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
@@ -87,7 +87,8 @@ impl Parameter {
         }
     }
 
-    /// Returns the step of derivatives by the fitted number ([`Self::to_fit`]).
+    /// Returns the step for numerical derivatives with respect to the fitted number
+    /// ([`Self::to_fit`]).
     pub fn step(&self) -> f64 {
         match self {
             Self::Extinction(..) | Self::SensorExtinction | Self::Diattenuation(_) => 1e-5,
@@ -199,8 +200,8 @@ impl Parameter {
 
     /// Returns the fitted number of a value.
     ///
-    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values, where light would
-    /// be amplified, have other minima.
+    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values would
+    /// amplify light and have other minima.
     pub fn to_fit(&self, value: f64) -> f64 {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => value.max(1e-6).ln(),

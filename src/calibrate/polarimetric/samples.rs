@@ -14,7 +14,7 @@ use std::rc::Rc;
 pub struct Sample {
     /// Name of the sample, e.g. `air`.
     pub name: String,
-    /// Row-major Mueller matrix, up to a brightness factor.
+    /// Row-major Mueller matrix of the sample, up to a brightness factor.
     pub mueller: [f64; 16],
     /// The elements at their stages' angles, with their assumed imperfections.
     pub scheme: Scheme,
@@ -46,7 +46,7 @@ pub enum CalibrationError {
     Fit(#[from] FitError),
 }
 
-/// A fitted imperfection.
+/// A fitted imperfection of one element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub parameter: Parameter,

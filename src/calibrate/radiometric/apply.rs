@@ -50,7 +50,7 @@ pub struct Corrected {
     /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if
     /// unknown.
     pub signal: Vec<f64>,
-    /// Variance due to noise; infinite if unknown. It excludes errors of the calibration.
+    /// Variance due to noise; infinite if unknown. The variance excludes errors of the calibration.
     pub variance: Vec<f64>,
 }
 

@@ -131,7 +131,8 @@ impl Dark {
 
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
-    /// It ignores the covariance of offset and rate, an overestimate within the range of exposures.
+    /// The result ignores the covariance of offset and rate. Within the range of exposures, it is
+    /// therefore too large.
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)

@@ -3,14 +3,14 @@
 use super::dark::Dark;
 use super::stack::Stack;
 
-/// A lit stack.
+/// Statistics of one lit stack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Irradiance times exposure.
     pub light: f64,
     /// Mean signal above the dark frame in DN.
     pub signal: f64,
-    /// Mean signal of the dark current in DN, which `signal` excludes.
+    /// Mean signal of the dark current in DN, not included in `signal`.
     pub dark: f64,
     /// Mean variance between frames in DN².
     pub variance: f64,

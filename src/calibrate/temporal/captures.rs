@@ -1,4 +1,4 @@
-//! Input of a temporal calibration: histograms of a plane at known distances.
+//! The input of a temporal calibration: histograms of a plane at known distances.
 
 use instrument::Histogram;
 use polarimetry::capture::detector::spad::Mode;
@@ -19,7 +19,8 @@ pub struct Counter {
     pub period_bins: usize,
     /// Dead time in ps (free-running).
     pub dead_ps: f64,
-    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, they count as background.
+    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, afterpulses count
+    /// as background.
     pub after_pulse_ps: Option<f64>,
 }
 

@@ -25,7 +25,7 @@ pub struct Bench {
     pub projector: Directions,
 }
 
-/// The light of one pattern toward the camera, per pixel.
+/// The light of one projected pattern toward the camera, per camera pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
     /// 16 elements per pixel, row-major: the scene under a pattern with uniform illumination.

@@ -70,7 +70,7 @@ impl Coaxial {
         };
     }
 
-    /// Returns B_t.
+    /// Returns the Mueller matrix B_t of the transmitting arm at wavelength `nm`, nanometres.
     pub fn transmission(&self, nm: f64) -> Mueller {
         self.transmission.matrix(nm)
     }

@@ -24,9 +24,9 @@ impl Directions {
         Self::Pinhole { half: [half, half * height as f64 / width.max(1) as f64] }
     }
 
-    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
-    /// counter-clockwise looking toward the source, from the frame's x axis, which points to the right of the
-    /// image. Rows count from the top, that is, downward.
+    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows.
+    /// Azimuths are measured from the frame's x axis, which points to the right of the image,
+    /// counter-clockwise looking toward the source. Rows are numbered from the top.
     pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
         let Self::Pinhole { half } = self else {
             return Ray::axial(nm);

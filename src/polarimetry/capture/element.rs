@@ -57,7 +57,7 @@ impl Setting {
 pub struct Set {
     /// Angle reading of the stage, radians.
     pub angle: f64,
-    /// Nominal retardance, radians; unused for polarizers.
+    /// Nominal retardance, radians; ignored for polarizers.
     pub retardance: f64,
 }
 
@@ -133,11 +133,11 @@ pub fn retarder(delta: f64) -> Mueller {
 /// A matrix at a setting, with its derivatives for angle θ and retardance δ.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
-    /// M.
+    /// The Mueller matrix M.
     pub value: Mueller,
-    /// dM/dθ and dM/dδ.
+    /// First derivatives: dM/dθ and dM/dδ.
     pub first: [Mueller; 2],
-    /// d²M/dθ², d²M/dθdδ, d²M/dδ².
+    /// Second derivatives: d²M/dθ², d²M/dθdδ, d²M/dδ².
     pub second: [Mueller; 3],
 }
 

@@ -14,7 +14,7 @@ use super::scheme::Scheme;
 use super::simulate::{Captured, Layout, Noise, simulate};
 use tensor::axes::{Axis, AxisKind};
 
-/// Default wavelength of matrices without one, nanometres.
+/// Wavelength that is assumed for matrices without a wavelength, nanometres.
 pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

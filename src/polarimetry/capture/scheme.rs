@@ -171,10 +171,10 @@ impl Scheme {
 
     /// Returns the smallest number of captures that determines a Mueller matrix with this sensor.
     ///
-    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) = I(45°) +
-    /// I(135°): six captures. Behind a quarter-wave plate, two of the three are the same for all angles of
-    /// the plate: s0 and s3 of the light. Four captures determine these two, and each capture gives one
-    /// further number: eight captures.
+    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) =
+    /// I(45°) + I(135°). At least six captures are therefore required. Behind a quarter-wave plate,
+    /// two of the three are the same for all angles of the plate: s0 and s3 of the light. Each
+    /// capture then gives one further number. At least eight captures are required.
     pub fn least_captures(&self) -> usize {
         match self.sensor {
             Sensor::Intensity => 16,

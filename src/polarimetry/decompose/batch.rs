@@ -4,9 +4,9 @@
 //!
 //! > X ← ½(γX + X⁻ᵀ/γ),  γ = √(‖X⁻¹‖/‖X‖)
 //!
-//! (Higham 1986, "Computing the polar decomposition, with applications"). It needs no eigenvectors and
-//! converges in about seven steps. Where it is unsuitable (singular m', D = 1), [`super::lu_chipman`]
-//! decomposes the matrix.
+//! (Higham 1986, "Computing the polar decomposition, with applications"). Newton's method needs no
+//! eigenvectors and converges in about seven steps. If m' is singular or D = 1,
+//! [`super::lu_chipman`] decomposes the matrix instead.
 //!
 //! The code uses plain arrays in loops, which the compiler vectorizes for the target processor.
 
@@ -224,8 +224,9 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k`, which is `m`; `None` without a decomposition. The retarder's
-    /// axis is omitted because it is slow to compute; [`Properties::of`] returns it.
+    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no
+    /// decomposition. The retarder's axis is omitted because it is slow to compute;
+    /// [`Properties::of`] returns it.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -240,7 +241,8 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k`, which is `m`; `None` without a decomposition.
+    /// Returns the factors of matrix `k` of the batch, which is `m`; `None` if the matrix has no
+    /// decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
         if !self.regular[k] {

@@ -1,4 +1,4 @@
-//! Decomposition of images and other arrays of Mueller matrices, on all cores.
+//! Decomposes images and other arrays of Mueller matrices, on all CPU cores.
 
 use super::batch::{Batch, LANES};
 use super::cloude::{Matrix, entropy};

@@ -1,4 +1,5 @@
-//! Images with known ground truth, and with correctly stated, wrongly stated or no noise.
+//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or
+//! absent.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};

@@ -67,7 +67,7 @@ pub struct Descent {
 pub struct Learned {
     /// The template with the best settings found.
     pub scheme: Scheme,
-    /// Its expected sum of squared errors.
+    /// Expected sum of squared errors of the learned scheme.
     pub loss: f64,
     /// All descents, the template's first.
     pub descents: Vec<Descent>,
@@ -122,7 +122,7 @@ pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learn
     learn_before(template, objective, search, &())
 }
 
-/// As [`learn`], with an observer.
+/// Learns all settings like [`learn`], and reports the progress to an observer.
 pub fn learn_before(
     template: &Scheme,
     objective: &Objective,

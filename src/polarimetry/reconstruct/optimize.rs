@@ -23,8 +23,8 @@ pub struct Minimum {
     pub value: f64,
 }
 
-/// Adam (Kingma & Ba 2015) with a step that decays to zero along half a cosine period. Returns the best point
-/// found.
+/// Minimizes `f` by Adam (Kingma & Ba 2015), with a step that decays to zero along half a cosine
+/// period. Returns the best point found.
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
@@ -115,8 +115,8 @@ impl<F: Smooth> Gradient for &Remembered<'_, F> {
     }
 }
 
-/// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and Thuente. Returns the best point
-/// found.
+/// Minimizes `f` by L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and
+/// Thuente. Returns the best point found.
 pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum {
     let problem = Remembered {
         f,

@@ -32,9 +32,9 @@ pub struct Options {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     pub pixels: usize,
-    /// Pixels estimated without some of their measurements.
+    /// Number of pixels that are estimated without some of their measurements.
     pub partial: usize,
-    /// Pixels that the remaining measurements do not determine: NaN.
+    /// Number of pixels that the remaining measurements do not determine; the result is NaN.
     pub lost: usize,
 }
 

@@ -1,8 +1,8 @@
 //! The product of an estimator with whole images: a 16 × M matrix times M intensities per pixel.
 //!
-//! It is limited by memory bandwidth: every intensity is read once, and every element is written once, in f32
-//! or f64. The 16 × M matrix is rounded from f64. Pixels are processed in blocks whose intensities fit the L1
-//! cache.
+//! The product is limited by memory bandwidth: every intensity is read once, and every element is
+//! written once, in f32 or f64. The 16 × M matrix is rounded from f64. Pixels are processed in
+//! blocks whose intensities fit the L1 cache.
 
 use super::estimator::LinearEstimate;
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ impl<T: Number> Weights<T> {
         Self((0..w.ncols()).map(column).collect())
     }
 
-    /// Returns the estimate of one pixel.
+    /// Returns the Mueller matrix (16 elements, row-major) of one pixel from its intensities.
     pub fn one(&self, intensities: impl Iterator<Item = T>) -> [T; 16] {
         let mut out = [T::default(); 16];
         for (column, x) in self.0.iter().zip(intensities) {

@@ -39,7 +39,7 @@ impl SecondMoment {
     }
 }
 
-/// Returns L with L Lᵀ = S; S may be singular.
+/// Returns the root L of a second moment S, with L Lᵀ = S; S may be singular.
 pub fn root(s: &Moment) -> Moment {
     let eigen = s.symmetric_eigen();
     let mut l = eigen.eigenvectors;

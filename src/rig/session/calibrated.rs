@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 const FIX: &str = "create one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
-/// Parameters of the instruments with which a run is read and captured.
+/// Parameters of the instruments that a run uses to convert readings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Believed {
     pub(super) cmos: Cmos,
@@ -42,12 +42,13 @@ struct Detectors {
 impl Believed {
     /// Returns the parameters with those of calibration files applied.
     ///
-    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all override
-    /// the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
+    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
+    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if
+    /// present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is no calibration, has nothing for a rig or an invalid detector parameter, or
-    /// if the size of a device differs from the rig's.
+    /// [`InputError`] if a file is not a calibration, has no part for a rig, has an invalid
+    /// detector parameter, or if the size of a device differs from the rig's.
     pub(super) fn calibrated(
         self,
         rig: &Path,

@@ -1,9 +1,9 @@
-//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves that the
-//! frame is on disk.
+//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves
+//! that the frame is on disk.
 //!
-//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is ignored, and
-//! its frame is taken again. The file name is not part of the store's content, because times, retries and
-//! interruptions differ between runs.
+//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is
+//! ignored, and its frame is taken again. The journal is not part of the store's content, because
+//! times, retries and interruptions differ between runs.
 
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};

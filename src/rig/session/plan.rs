@@ -51,7 +51,7 @@ pub const MOST_FRAMES: u64 = 100_000_000;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub name: String,
-    /// The text of the plan file, which the store keeps.
+    /// Text of the plan file, which is copied to the store.
     pub text: String,
     pub rig: Option<PathBuf>,
     pub scheme: Scheme,
@@ -59,7 +59,7 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The work of every capture.
+/// The work of every capture: camera frames or a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
@@ -123,7 +123,8 @@ pub struct ScanWork {
     /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Keep the counter's time tags and compute histograms from them.
+    /// Whether the time tags of the counter are stored; the histograms are then computed from the
+    /// tags.
     pub time_tags: bool,
 }
 

@@ -64,22 +64,22 @@ pub enum Scene {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
     pub scene: Scene,
-    /// The slice to play.
+    /// Name of the slice from which the simulated sensors read.
     pub slice: String,
-    /// Factor on a sample's Mueller matrix, in the unit of radiance.
+    /// Radiance at T00 = 1: factor on a sample's Mueller matrix.
     pub brightness: f64,
     /// Wavelength in nanometers.
     pub nm: f64,
-    /// True elements. `None` means those of the plan's scheme.
+    /// True elements. `None` means the elements of the plan's scheme.
     pub optics: Option<Scheme>,
     /// Horizontal fields of view of camera (or scan) and projector in degrees. `None` means axial rays.
     pub fov_deg: [Option<f64>; 2],
     pub seed: u64,
-    /// Use real time instead of simulated time.
+    /// Whether the bench runs in real time instead of simulated time.
     pub real_time: bool,
-    /// True camera.
+    /// Settings of the true camera.
     pub cmos: Cmos,
-    /// True diode.
+    /// Settings of the true diode.
     pub spad: Spad,
     pub faults: Vec<FaultAt>,
 }

@@ -46,7 +46,7 @@ pub struct StageFile {
     pub port: Option<String>,
     /// Model (`apt`).
     pub model: Option<String>,
-    /// Overshoot in degrees with which it approaches each goal from below.
+    /// Overshoot in degrees with which the stage approaches each goal from below.
     #[serde(default = "approach")]
     pub approach_deg: f64,
     /// Backlash in degrees (simulated).

@@ -1,7 +1,7 @@
 //! The loop of a run: takes frames and hands them to the writer, which stores and journals them.
 //!
 //! Every step is a checkpoint: after a failure it restarts from moving the stages. All stages move
-//! concurrently, and while earlier frames are being saved.
+//! concurrently, while the writer saves earlier frames.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};

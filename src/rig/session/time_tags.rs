@@ -1,10 +1,11 @@
 //! Time tags of a scan: the raw T3 records of a counter, and histograms of them.
 //!
-//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point, marker 2
-//! ends it, and sync numbers continue from point to point. `sunstone ptu histogram … --pixels WIDTH,1
-//! --pixel-marker 1,2` computes the row's histograms.
+//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point,
+//! marker 2 ends it, and sync numbers continue from point to point. `sunstone ptu histogram …
+//! --pixels WIDTH,1 --pixel-marker 1,2` computes the row's histograms.
 //!
-//! Until its row is complete, a point's tags are in a log. They are therefore always in the log or in a file.
+//! Until its row is complete, a point's tags are in a log. The tags of a point are therefore always
+//! in the log or in a file.
 
 use super::sealed_log::{self, SealedLog, word};
 use crate::ptu::histogram::{Plan, possibly_empty_histogram};
@@ -23,7 +24,8 @@ const FOLDER: &str = "time_tags";
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Record type of the files: the one with the largest `dtime` range that PicoQuant's programs read.
+/// Record type of the files: of the types that PicoQuant's programs read, the one with the largest
+/// range of `dtime`.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
 /// Time tags of one point: the pulses of its dwell, and every photon.

@@ -1,6 +1,7 @@
 //! A simulated analog output card.
 //!
-//! It rounds each output to its bit depth, keeps it for one sample period, and drives its terminals.
+//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample
+//! period.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -9,7 +10,8 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Recorded outputs: the start time of every sample on the bench's clock, and the voltages of all channels.
+/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all
+/// channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
 /// The load at the terminals. It receives the voltages of all channels at every change.

@@ -1,10 +1,12 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which rough faces
-//! reflect, compared with a single reflection at the true normals and with the renderer's labels.
+//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which
+//! rough faces reflect, compared with a single reflection at the true normals and with the
+//! renderer's labels.
 //!
-//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so (3,3) is
-//! negative. A diffuse ground behind the crystal keeps none of it. Internal reflections of the faces are
-//! neither: the crystal's retardance, which differs between paths, changes them. Nothing is learned here;
-//! training variants are listed because every application has some.
+//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so
+//! (3,3) is negative. A diffuse ground behind the crystal does not preserve circular polarization.
+//! The crystal's retardance, which differs between paths, changes the light of internal
+//! reflections. The method learns nothing; training variants are listed because every application
+//! requires them.
 
 pub mod predicted;
 

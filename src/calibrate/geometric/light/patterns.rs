@@ -45,7 +45,7 @@ impl Sequence {
         Self::with_waves(size, 0, 16)
     }
 
-    /// Creates a sequence of Gray codes and waves, which give subpixel coordinates.
+    /// Creates a sequence of Gray codes and of waves, which determine subpixel coordinates.
     ///
     /// # Errors
     /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.

@@ -78,7 +78,7 @@ impl Default for Cmos {
 pub struct Reading {
     /// Digital number.
     pub dn: u32,
-    /// True from [`Cmos::saturation_dn`] on.
+    /// True if the digital number is at least [`Cmos::saturation_dn`].
     pub saturated: bool,
 }
 
@@ -149,11 +149,11 @@ impl Cmos {
         if self.shot_noise { mean } else { 0.0 }
     }
 
-    /// Returns the smallest DN that counts as saturated: the maximum of the output, or a possible reading of
-    /// a full well.
+    /// Returns the smallest DN that counts as saturated: the maximum of the output, or a possible
+    /// reading of a full well.
     ///
-    /// A few standard deviations below a full well, the only unsaturated readings are those with low noise.
-    /// The mean of their estimates would be too low by a fraction of a standard deviation.
+    /// A limit at the full well itself would keep only the readings with low noise. The mean
+    /// estimate of these readings would be too low by a fraction of a standard deviation.
     pub fn saturation_dn(&self) -> u32 {
         let noise = self.read_out().sqrt();
         let full = (self.full_well_e - CERTAIN * noise) / self.gain() + self.black_level_dn;
@@ -203,13 +203,13 @@ impl Cmos {
         }
     }
 
-    /// Combines the estimates of all exposures, in the order of `bracket`; each may be the mean of `binning`²
-    /// pixels.
+    /// Combines the estimates of all exposures, in the order of `bracket`; each may be the mean of
+    /// `binning`² pixels.
     ///
-    /// Weights are inverse variances. The variances of the single estimates would bias the mean: a low
-    /// reading has a low variance and therefore a high weight. Instead all variances are predicted from the
-    /// pooled radiance (electrons divided by electrons per unit). The weights depend little on it, and not at
-    /// all where shot noise dominates.
+    /// Weights are inverse variances. The variances of the single estimates would bias the mean: a
+    /// low reading has a low variance and therefore a high weight. Instead all variances are
+    /// predicted from the pooled radiance (electrons divided by electrons per unit). The weights
+    /// depend little on the pooled radiance, and not at all where shot noise dominates.
     pub fn combine(&self, estimates: &[Estimate], nm: f64) -> Estimate {
         let exposures = || {
             let pairs = estimates.iter().zip(&self.bracket);

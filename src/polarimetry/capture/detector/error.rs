@@ -83,7 +83,8 @@ pub(in crate::capture) fn count(
     Err(DetectorError::Count { what, expected, found })
 }
 
-/// Checks the length of an image. The size saturates on overflow, which no list can match.
+/// Checks that an image has one value per pixel. On overflow the expected size saturates, which
+/// matches no list.
 pub(super) fn area(
     what: &'static str,
     width: usize,

@@ -26,8 +26,8 @@
 pub struct Rate {
     /// The rate; NaN where the diode was never armed, or detected a photon whenever it was armed.
     pub value: f64,
-    /// An unbiased estimate of the variance. It is 0 in an empty bin and thus unsuitable as a weight of
-    /// single bins.
+    /// An unbiased estimate of the variance. The estimate is 0 in an empty bin. It is therefore
+    /// unsuitable as a weight of single bins.
     pub variance: f64,
     /// True where too much light prevents an estimate.
     pub saturated: bool,
@@ -77,8 +77,9 @@ pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     counts.iter().map(armed).collect()
 }
 
-/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with a dead
-/// time of `dead` bins was armed at each bin of the period. It is not positive where the counts are too high.
+/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with
+/// a dead time of `dead` bins was armed at each bin of the period. The number is zero or negative
+/// where the counts are too high.
 pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
     let n: Vec<_> = counts.iter().map(|n| *n as f64).collect();

@@ -2,16 +2,16 @@
 //!
 //! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2:
 //!
-//! > 90°  45°
-//! > 135°  0°
+//! > 90°  45° > 135°  0°
 //!
-//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one,
-//! column 0 the left one). Images of the four polarizers are in the order of
+//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the
+//! top one, column 0 the left one). Images of the four polarizers are in the order of
 //! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
 //!
-//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No method
-//! here avoids that (for methods that exchange it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image
-//! interpolation for division of focal plane polarimeters with intensity correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No
+//! method here avoids that (for methods that replace this error by other errors, see Zhang, Luo,
+//! Liu & Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity
+//! correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};

@@ -65,8 +65,8 @@ impl Response {
         self.tail * self.tau
     }
 
-    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins` bins;
-    /// their sum is 1. Earlier arrivals are at the end.
+    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins`
+    /// bins; their sum is 1. Arrivals before time 0 are in the last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.

@@ -31,13 +31,13 @@ pub struct Material {
     pub plain: Moments,
     /// Moments of arctan(c T / T00).
     pub mapped: Moments,
-    /// Number of valid bins, and of bins excluded for each reason.
+    /// Number of valid bins, and number of bins excluded for each reason.
     pub tally: Tally,
     /// Sampled bins, T / T00, row-major, in random order.
     pub samples: Vec<[f32; 16]>,
 }
 
-/// Materials in order of name.
+/// A set of materials, in order of name.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     pub materials: Vec<Material>,

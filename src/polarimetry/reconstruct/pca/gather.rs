@@ -22,11 +22,11 @@ const LEAST: f32 = 1e-30;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     pub valid: u64,
-    /// Not a number, infinite, or below the horizon.
+    /// Entries that are non-finite or below the horizon.
     pub holes: u64,
-    /// T00 is not positive.
+    /// Entries whose T00 is not positive.
     pub dark: u64,
-    /// A normalized element exceeds [`GREATEST`].
+    /// Entries with a normalized element above [`GREATEST`] in magnitude.
     pub unreal: u64,
 }
 
@@ -40,7 +40,8 @@ impl Tally {
     }
 }
 
-/// The map of §3.2: arctan(c v) per element. It expands small elements, in which most materials differ.
+/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials
+/// differ.
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
@@ -107,15 +108,15 @@ impl Gathered {
         }
     }
 
-    /// Creates an empty accumulator for another slab, which skips samples that cannot displace those chosen
-    /// here.
+    /// Creates an empty accumulator for another slab. The new accumulator skips samples that would
+    /// not be chosen over the samples of this one.
     pub fn beside(&self, slab: u32) -> Self {
         let mut new = Self::new(slab, self.c, self.choice.most);
         new.choice.bound = self.choice.bound;
         new
     }
 
-    /// Adds the next entry, a row-major matrix; `None` is a hole.
+    /// Adds the next entry, a row-major matrix; `None` stands for an invalid entry.
     #[inline]
     pub fn take(&mut self, m: Option<&[f32; 16]>) {
         self.next += 1;

@@ -13,21 +13,21 @@ const CHANNEL: u8 = 1;
 /// Maximum length of a message's data, in bytes.
 const LONGEST: usize = 255;
 
-/// Bits of a status.
+/// Status bits of a stage.
 pub mod bits {
-    /// A limit switch is active.
+    /// Set if a limit switch is active.
     pub const LIMITS: u32 = 0x3;
-    /// The stage is moving, in either direction.
+    /// Set if the stage is moving, in either direction.
     pub const MOVING: u32 = 0x30 | 0xC0;
-    /// The stage is homing.
+    /// Set while the stage is homing.
     pub const HOMING: u32 = 0x200;
-    /// The stage is homed: its zero is known.
+    /// Set if the stage is homed, that is, if its zero is known.
     pub const HOMED: u32 = 0x400;
-    /// The stage has settled at its goal.
+    /// Set if the stage has settled at its goal.
     pub const SETTLED: u32 = 0x2000;
-    /// Motion error: the motor cannot follow.
+    /// Set on a motion error: the motor cannot follow.
     pub const MOTION_ERROR: u32 = 0x4000;
-    /// The channel is enabled.
+    /// Set if the channel is enabled.
     pub const ENABLED: u32 = 0x8000_0000;
 }
 
@@ -36,7 +36,7 @@ pub mod bits {
 pub struct Status {
     /// Position, in encoder counts.
     pub position: i32,
-    /// Encoder counts; for DC controllers, the velocity (i16) and a reserved word.
+    /// Additional encoder counts. For DC controllers: the velocity (i16) and a reserved word.
     pub extra: u32,
     /// Status bits, see [`bits`].
     pub bits: u32,
@@ -198,7 +198,7 @@ impl Message {
     }
 }
 
-/// Parser of messages in a byte stream. It skips bytes until a valid header begins.
+/// Parser of messages in a byte stream. The parser skips bytes until a valid header begins.
 #[derive(Debug)]
 pub struct Parser {
     /// Address of the receiver; headers with other destinations are invalid.

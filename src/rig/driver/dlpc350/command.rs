@@ -39,25 +39,26 @@ pub enum Begin {
 pub struct Entry {
     /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Bit of the image: for one-bit patterns the plane, 0 to 23 from green's lowest bit, or [`Self::WHITE`].
+    /// Plane of the flash image, 0 to 23 from the lowest bit of green for one-bit patterns, or
+    /// [`Self::WHITE`].
     pub plane: u8,
     /// Bits per pixel, 1 to 8.
     pub bits: u8,
     /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
     pub leds: u8,
-    /// Inverts the pattern.
+    /// Whether the pattern is inverted.
     pub negative: bool,
-    /// Inserts 230 µs of black after the pattern.
+    /// Whether 230 µs of black follow the pattern.
     pub dark_after: bool,
-    /// Loads a new image before the pattern.
+    /// Whether a new image is loaded before the pattern.
     pub fetch: bool,
-    /// Keeps the trigger output active from the previous pattern.
+    /// Whether the trigger output stays active from the previous pattern.
     pub joined: bool,
 }
 
 impl Entry {
-    /// Plane that lights all pixels. The guide says "25, with a bit depth of 1" of numbers that it counts
-    /// from 0; this driver uses 24, as TI's own program does.
+    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although it
+    /// numbers planes from 0. This driver uses 24, as TI's own program does.
     pub const WHITE: u8 = 24;
 
     /// Encodes the entry as three bytes.

@@ -1,10 +1,9 @@
 //! Triggers: output pulses of the controller and inputs that begin patterns.
 //!
-//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the begin of the
-//! pattern. Output 1 has a rising and a falling edge, output 2 only a rising one. The delay of input 1 is at
-//! most 2¹⁹ -
-//! 1 of these
-//! steps (DLPC350 programmer's guide, DLPU010, "Trigger controls"; ranges as in TI's own program).
+//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the
+//! start of the pattern. Output 1 has a rising and a falling edge, output 2 has only a rising edge.
+//! The delay of input 1 is at most 2¹⁹ - 1 of these steps (DLPC350 programmer's guide, DLPU010,
+//! "Trigger controls"; ranges as in TI's own program).
 
 use super::command::{Begin, Command};
 use serde::Deserialize;
@@ -18,11 +17,11 @@ const LATEST: f64 = 213.0;
 /// Maximum delay, in steps.
 const LONGEST: f64 = 524_287.0;
 
-/// Edges of an output, in microseconds from the begin of the pattern.
+/// Edges of an output, in microseconds from the start of the pattern.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
-    /// Active low.
+    /// Whether the output is active low.
     pub active_low: bool,
     /// Time of the rising edge.
     pub rise_us: f64,
@@ -45,18 +44,19 @@ pub enum Edge {
 #[serde(deny_unknown_fields)]
 pub struct Input {
     pub edge: Edge,
-    /// Delay from the edge to the begin of the pattern, in microseconds.
+    /// Delay from the edge to the start of the pattern, in microseconds.
     #[serde(default)]
     pub delay_us: f64,
 }
 
-/// All triggers. Absent outputs keep the controller's settings; without an input, its clock begins patterns.
+/// All triggers. Absent outputs keep the controller's settings; without an input, the controller's
+/// clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {
     /// Output 1: a pulse per pattern.
     pub output_1: Option<Output>,
-    /// Output 2: a pulse at the begin of the sequence.
+    /// Output 2: a pulse at the start of the sequence.
     pub output_2: Option<Output>,
     /// External trigger that begins patterns.
     pub input: Option<Input>,

@@ -1,6 +1,7 @@
 //! A GenICam camera as an area camera: one frame per trigger.
 //!
-//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers: exposures start immediately.
+//! After [`AreaCamera::configure`] the camera acquires and waits for triggers. An exposure
+//! therefore starts immediately at its trigger.
 
 use super::nodes::{Control, Nodes};
 use super::stream::{Block, Frames, fault};
@@ -34,10 +35,12 @@ fn common_multiple(a: u32, b: u32) -> u32 {
 }
 
 impl GenICamCamera {
-    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which no feature reports.
+    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which the camera
+    /// does not report.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is
+    /// missing).
     pub fn new(
         name: &str,
         control: Control,

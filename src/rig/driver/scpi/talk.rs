@@ -35,7 +35,7 @@ impl Talk {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Fails with a failure of this instrument.
+    /// Returns an error with a failure of this instrument.
     pub fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure> {
         Err(self.failure(fault, what))
     }
