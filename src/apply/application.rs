@@ -55,16 +55,17 @@ pub struct Plan {
 /// The source of a ground-truth map, and its name.
 #[derive(Clone, Copy, Debug)]
 pub enum Truth {
-    /// Share of a pixel whose first surface behind smooth glass and water has one of these materials.
+    /// Share of each pixel whose first surface has one of these materials. Smooth glass and water
+    /// in front are ignored.
     Material {
         name: &'static str,
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Number of the object, from 0, at the pixel's centre, behind smooth glass and water; NaN without an
-    /// object.
+    /// Number of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass
+    /// and water in front are ignored.
     Object(&'static str),
-    /// Texture coordinates of that surface, two channels.
+    /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
     Texture(&'static str),
     /// A layer of `sunstone layers`: the value of the object that most of 4 x 4 rays per pixel hit. Without
     /// an object, NaN, or -1 for object numbers.
@@ -74,12 +75,12 @@ pub enum Truth {
         /// Whether the layer is of the surfaces behind smooth interfaces and sheets.
         through: bool,
     },
-    /// A slice of this or another variant, rendered with a separate seed. It is added to the observation's
-    /// slices under this name.
+    /// A slice of this or another variant, rendered with a separate seed. The slice is added to the
+    /// observation under its name.
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a variant; [`itself`] for the same one.
+        /// Returns the variant to render for a variant; [`itself`] for the same variant.
         of: fn(u64) -> u64,
         /// Number of samples relative to that of the other renders.
         samples: u32,

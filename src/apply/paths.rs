@@ -111,7 +111,7 @@ pub struct Paths {
     pub width: usize,
     pub height: usize,
     kinds: Vec<Path>,
-    /// `[pixel][kind]`.
+    /// The light, `[pixel][kind]`.
     light: Vec<f64>,
 }
 

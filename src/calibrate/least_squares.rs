@@ -7,9 +7,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this fraction of the largest are undetermined.
+/// Singular value, relative to the largest, below which a direction is undetermined.
 const NOTHING: f64 = 1e-6;
-/// Parameters with at least this component in a direction are named.
+/// Smallest component of a parameter in a direction for which the parameter is named.
 const NAMED: f64 = 0.1;
 const STEPS: usize = 100;
 
@@ -206,7 +206,7 @@ impl Reported {
 mod tests {
     use super::*;
 
-    /// a exp(-b t) + c with exact data and a distant start.
+    /// The fit of a exp(-b t) + c to exact data yields exact parameters from a distant start.
     #[test]
     fn exact_data_give_exact_parameters() {
         let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();

@@ -90,7 +90,8 @@ fn deviations(mean: f64, n: f64) -> f64 {
     (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
 }
 
-/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower one 1.479 (tables).
+/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower 0.1 % quantile
+/// 1.479 (tables).
 #[test]
 fn deviations_are_those_of_chi_squared() {
     assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);

@@ -15,8 +15,8 @@ use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
 
-/// A pixel is bright above this fraction of the mean T00; errors of normalized elements use bright pixels
-/// only.
+/// Fraction of the mean T00 above which a pixel is bright. Errors of normalized elements use only
+/// bright pixels.
 const BRIGHT: f64 = 0.1;
 
 #[derive(Debug, thiserror::Error)]
@@ -62,9 +62,9 @@ pub struct Trial<'a> {
 /// The estimator of the matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimateKind {
-    /// Least squares, for rank 16.
+    /// Least squares, for schemes of rank 16.
     LeastSquares,
-    /// With the second moment of a prior.
+    /// The estimator with the second moment of a prior.
     Prior,
     MinimumNorm,
 }
@@ -323,8 +323,8 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Two pixels by hand: one with an error of 0.1 in one of 16 elements, one not determined; the truth of a
-    /// third is unknown.
+    /// Errors are correct for three pixels: one with an error of 0.1 in one of 16 elements, one
+    /// that is not determined, and one of unknown truth.
     #[test]
     fn errors_are_those_of_what_was_found() {
         let mut truth = vec![0.0; 48];

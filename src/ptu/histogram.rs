@@ -12,7 +12,7 @@ use std::io::Read;
 /// Maximum number of elements of a histogram: 2 GiB.
 pub const MOST: usize = 1 << 29;
 
-/// An index beyond every histogram.
+/// A bin index beyond every histogram.
 const NOWHERE: u32 = 1 << 30;
 
 /// Binning, channels and pixels of a histogram.
@@ -47,7 +47,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Returns why the plan is invalid and how to fix it.
+    /// Returns why the plan is invalid and how to fix it; `None` if the plan is valid.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));

@@ -13,9 +13,9 @@
 /// How photons are timed: T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// By one clock. Sync pulses are separate events.
+    /// Photons are timed by one clock. Sync pulses are separate events.
     T2,
-    /// By the number of the sync pulse and the time since that pulse.
+    /// Photons are timed by the number of the sync pulse and the time since that pulse.
     T3,
 }
 
@@ -138,9 +138,9 @@ pub(super) enum Parts {
 
 /// The bit layout of a family. Each layout is a separate type so that loops over records are monomorphized.
 pub(super) trait Layout {
-    /// True for T2 records.
+    /// Whether the records are T2 records.
     const T2: bool;
-    /// Clock counts per overflow.
+    /// Number of clock counts per overflow.
     const PERIOD: u64;
     fn split(record: u32) -> Parts;
 }
@@ -246,7 +246,7 @@ pub(super) use with_layout;
 pub enum Event {
     Photon {
         time: u64,
-        /// Time since the sync pulse (T3; 0 in T2).
+        /// Time since the sync pulse in counts of `dtime` (T3; 0 in T2).
         dtime: u16,
         /// Detector channel, from 0.
         channel: u8,

@@ -15,7 +15,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Returns the first time count since the begin of the line in column `x` of `width`.
+    /// Returns the first time count since the start of the line in column `x` of `width`.
     fn edge(&self, x: u64, width: u64) -> u64 {
         let line = self.pixel_time.saturating_mul(width);
         let Some(sine) = self.sine.filter(|_| x > 0 && x < width) else {
@@ -27,7 +27,8 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the begin of the line, and its time range; `None` after the line.
+    /// Returns the column at a time since the start of the line, and its time range; `None` after
+    /// the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {

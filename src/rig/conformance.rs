@@ -82,7 +82,7 @@ impl Report {
     }
 }
 
-/// A deadline that exceeds the duration of every checked operation.
+/// Deadline for the checks, longer than the duration of every checked operation.
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 

@@ -5,7 +5,7 @@ use super::*;
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::observation::tests::slice;
 
-/// Diagonals of one mirror, which reverses handedness, and of two.
+/// Diagonals of the Mueller matrices of one mirror, which reverses handedness, and of two mirrors.
 const ONE: &[(usize, f64)] = &[(5, 0.9), (10, -0.8), (15, -0.8)];
 const TWO: &[(usize, f64)] = &[(5, 0.9), (10, 0.8), (15, 0.8)];
 

@@ -64,7 +64,7 @@ pub struct Laboratory {
 pub struct Detectors {
     camera: Option<Cmos>,
     counter: Option<Spad>,
-    /// Metered T00, and the mean reading relative to it.
+    /// Metered T00, and the mean reading relative to this T00.
     level: [f64; 2],
     exposure: Exposure,
 }

@@ -67,8 +67,8 @@ fn is_stokes(kind: AxisKind) -> bool {
     matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn)
 }
 
-/// Returns the position among matrices of a value of a slice whose last axes are Stokes elements and
-/// wavelengths.
+/// Returns the index in the matrices of value `i` of a slice whose last axes are Stokes elements
+/// and wavelengths.
 fn place(i: usize, elements: usize, lanes: usize) -> usize {
     let (lane, rest) = (i % lanes, i / lanes);
     (rest / elements * lanes + lane) * 16 + rest % elements

@@ -23,9 +23,9 @@ pub struct Tolerances {
 /// The true elements of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Optics {
-    /// Drawn at random within tolerances.
+    /// Elements drawn at random within tolerances.
     Drawn(Tolerances),
-    /// Those of a scheme, whose settings are ignored.
+    /// Elements of a scheme, whose settings are ignored.
     Known(Box<Scheme>),
 }
 

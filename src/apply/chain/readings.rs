@@ -32,7 +32,7 @@ pub struct Count {
     pub clipped: usize,
 }
 
-/// Returns the scheme of a camera that reads intensities: a pane of glass.
+/// Returns the scheme of a camera that reads intensities without polarizing elements.
 fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
     glass.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(1.0) };

@@ -23,11 +23,12 @@ use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
 use rayon::prelude::*;
 
-/// Number of captures in the paper, and number of captures of its pseudo truth.
+/// Number of captures in the paper. `PSEUDO` is the number of captures of the paper's pseudo truth.
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
-/// The paper's figure 10 shows -(2,3); the mirror is object 0 of the scene.
+/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of
+/// the scene.
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 

@@ -6,24 +6,24 @@ use std::fmt;
 /// Light by origin: from all projector pixels, near the epipolar line of each camera pixel, or elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
-    /// From all projector pixels.
+    /// Light from all projector pixels.
     All,
-    /// From pixels on the epipolar line.
+    /// Light from projector pixels near the epipolar line.
     Epipolar,
-    /// From all other pixels.
+    /// Light from all other projector pixels.
     NonEpipolar,
 }
 
 /// Light by travel time: in bins after the pixel's first light, or after emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
-    /// At all times.
+    /// Light at all times.
     All,
-    /// At most this many bins after the first light.
+    /// Light at most this many bins after the pixel's first light.
     Early(usize),
-    /// More than this many bins after the first light.
+    /// Light more than this many bins after the pixel's first light.
     Late(usize),
-    /// In one bin of travel time, the same for all pixels.
+    /// Light in one bin of travel time, the same for all pixels.
     At(usize),
 }
 

@@ -16,7 +16,7 @@ pub(super) struct Learnt {
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
-    /// Area under the curve and cosine on the training variants.
+    /// Area under the curve and cosine that the method reached on the training variants.
     reached: [f64; 2],
 }
 
@@ -51,7 +51,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Keeps a candidate, or with `either` its opposite sign, if it is better than the best so far.
+/// Keeps a candidate if it is better than the best so far. With `either`, also tries the opposite
+/// sign.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };

@@ -23,14 +23,15 @@ pub const PATHS: &str = "paths";
 /// Bins after a pixel's first light that separate early and late light.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// The first light is the first bin with at least this share of the pixel's brightest bin.
+/// Share of a pixel's brightest bin at which the first light begins.
 const FIRST: f64 = 0.1;
 
 pub struct Seen {
     pub variant: u64,
     pub width: usize,
     pub height: usize,
-    /// `[element 4 i + j][pixel]`, a single image for intensities; summed over wavelengths.
+    /// Images by part of the light: `[element 4 i + j][pixel]`, or a single image for intensities;
+    /// summed over wavelengths.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
     /// Ground truth of each task.
     pub truth: Vec<Truth>,
@@ -53,10 +54,10 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
     Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
 }
 
-/// Whether a pixel keeps a bin.
+/// Returns whether a pixel includes a bin.
 type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
 
-/// Returns `[element][pixel]`, summed over the bins that a pixel keeps.
+/// Returns `[element][pixel]`, summed over the bins that `keep` selects.
 fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
         let value = |pixel: usize| {
@@ -88,17 +89,17 @@ fn first_light(p: &Pixels) -> Vec<usize> {
 /// The available slices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// [`POLARIMETRIC`] and [`EPIPOLAR`], and [`TRANSIENT`] of all light.
+    /// The slices [`POLARIMETRIC`], [`EPIPOLAR`] and [`TRANSIENT`] of all light.
     Space,
-    /// Those of `Space`, and [`GATED`].
+    /// The slices of `Space`, and [`GATED`].
     SpaceAndTime,
-    /// Only [`TRANSIENT`], as matrices, for a coaxial rig.
+    /// Only the slice [`TRANSIENT`], as matrices, for a coaxial rig.
     Coaxial,
 }
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
-/// Returns the parts of a rig of camera and projector, and the image size.
+/// Returns the parts of the light for a rig with camera and projector, and the image size.
 fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];

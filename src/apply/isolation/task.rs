@@ -37,8 +37,8 @@ impl Task {
     }
 }
 
-/// Returns a task by its name, its light and the minimum share. Its metrics are area under the curve, F1,
-/// precision, recall, correlation, error.
+/// Returns a task by its name, its light and the minimum share. The metrics are area under the
+/// curve, F1, precision, recall, correlation, error.
 macro_rules! task {
     ($name:literal, $light:expr, $share:expr) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {

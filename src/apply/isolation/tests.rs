@@ -117,8 +117,9 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
-/// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013;
-/// the best of many uninformative candidates is uninformative on other variants.
+/// Range of areas of methods that cannot separate the kinds. For 4 variants with 240 pixels of
+/// either kind, an area of one half has an error of √(1/12 · 2/960) = 0.013; the best of many
+/// uninformative candidates is uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
 /// Asserts that the methods in `tell` have areas above `least`, and all others areas in `none`.

@@ -12,7 +12,7 @@ use super::precision_recall::Counts;
 pub enum Class {
     Positive,
     Negative,
-    /// Too dark for either.
+    /// The pixel is too dark to be positive or negative.
     Dark,
 }
 
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Light of 2 in every second of 8 columns, over a background.
+    /// Returns an image and its light: light of 2 in every second of 8 columns, over a background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();

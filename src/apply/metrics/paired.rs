@@ -67,7 +67,7 @@ mod tests {
         assert!(estimate(&[vec![1.0]]).error.is_nan() && estimate(&[]).mean.is_nan());
     }
 
-    /// Crossed effects with known variances: the estimated variance is unbiased.
+    /// The estimated variance is unbiased for crossed effects with known variances.
     #[test]
     fn crossed_effects_are_covered() {
         let (variants, seeds) = (6, 5);

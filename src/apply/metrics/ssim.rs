@@ -112,8 +112,8 @@ mod tests {
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
 
-    /// `structural_similarity(.., gaussian_weights=True, sigma=1.5, use_sample_covariance=False)` of
-    /// scikit-image 0.26.0 for the same images.
+    /// SSIM equals `structural_similarity(.., gaussian_weights=True, sigma=1.5,
+    /// use_sample_covariance=False)` of scikit-image 0.26.0.
     #[test]
     fn scikit_image_gives_the_same() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));

@@ -5,10 +5,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Added share of the diagonal.
+/// Share of the diagonal that is added to the covariance.
 const RIDGE: f64 = 1e-6;
 
-/// A variance below this share of the squared mean is rounding.
+/// Variance relative to the squared mean below which it is a rounding error.
 const ROUNDING: f64 = 1e-13;
 
 /// A direction along which one kind has larger values than the other.

@@ -16,13 +16,14 @@ use nalgebra::{DMatrix, DVector};
 /// weight.
 const LOADING: f64 = 1e-10;
 
-/// A variance below this share of the squared mean is rounding.
+/// Variance relative to the squared mean below which it is a rounding error.
 const ROUNDING: f64 = 1e-13;
 
-/// Subtracted share of the largest noise that leaves covariances positive definite.
+/// Share of noise that is subtracted, relative to the largest share for which covariances stay
+/// positive definite.
 const TAKEN: f64 = 0.95;
 
-/// Bisection steps for that largest noise.
+/// Number of bisection steps for the largest share of noise.
 const HALVINGS: usize = 30;
 
 /// Fits by least squares; for dependent features, standardized weights of least norm.
@@ -122,7 +123,7 @@ pub(crate) mod tests {
         Pcg64Mcg::seed_from_u64(seed)
     }
 
-    /// Examples of y = 2 a - 3 b + 1, where a and b are measured with noise.
+    /// Returns the moments of examples of y = 2 a - 3 b + 1, where a and b are measured with noise.
     fn examples(n: usize, noise: f64) -> Moments {
         let mut r = random(1);
         let (mut x, mut y) = (vec![], vec![]);

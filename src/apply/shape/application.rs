@@ -54,7 +54,7 @@ pub(super) const METHODS: [(Method, Route); 9] = [
     ),
 ];
 
-/// Returns the number of a variant's sprayed twin ([`Truth::Slice`]).
+/// Returns the number of the variant with the sprayed object ([`Truth::Slice`]).
 fn sprayed(variant: u64) -> u64 {
     variant + 1
 }

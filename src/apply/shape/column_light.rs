@@ -47,9 +47,9 @@ pub enum CodeError {
     /// The number of captures does not match the code.
     #[error("got {got} captures, but the code has {want}: capture all of its patterns")]
     Captures {
-        /// Given number.
+        /// Number of captures given.
         got: usize,
-        /// Required number.
+        /// Number of captures that the code requires.
         want: usize,
     },
     /// The periods are invalid for the code.

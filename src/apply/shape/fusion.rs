@@ -18,10 +18,10 @@ use nalgebra::Vector3;
 /// Cauchy's constant for 95 % efficiency under normal errors.
 const CAUCHY: f64 = 2.385;
 
-/// Number of weight updates.
+/// Number of updates of the robust weights.
 const ROUNDS: usize = 10;
 
-/// Residual of the solver.
+/// Relative residual at which the solver stops.
 const TOLERANCE: f64 = 1e-9;
 
 /// Minimum cosine between normal and view direction: a normal at grazing angle does not determine the step.
@@ -157,8 +157,8 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// Exact normals of a plane leave one unknown, the scale: noise of σ in N depths becomes σ/√N (its mean
-    /// square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
+    /// With exact normals of a plane only the scale is unknown. Noise of σ in N depths becomes σ/√N
+    /// (its mean square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn exact_normals_of_a_plane_leave_one_unknown() {
@@ -178,8 +178,8 @@ mod tests {
         assert!(mean > 0.05);
     }
 
-    /// A sphere with depth noise of 1 mm and exact normals: the noise decreases to a tenth; without normals
-    /// it stays.
+    /// Exact normals reduce depth noise of 1 mm on a sphere to a tenth; without normals the noise
+    /// stays the same.
     #[test]
     fn normals_take_the_noise_off_a_sphere() {
         let camera = rig(64, 256).camera;
@@ -195,8 +195,9 @@ mod tests {
         assert!(rms(&alone, &noisy) < 1e-12);
     }
 
-    /// A tenth of the depths have an error of 3 cm: robust weights find the surface, plain least squares does
-    /// not. Pixels without a depth are filled in by normals; those without both stay unknown.
+    /// With errors of 3 cm in a tenth of the depths, robust weights find the surface and plain
+    /// least squares does not. Normals fill in pixels without a depth. Pixels without depth and
+    /// normal stay unknown.
     #[test]
     fn outliers_are_taken_out_and_holes_filled() {
         let camera = rig(40, 256).camera;

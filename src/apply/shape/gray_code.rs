@@ -98,8 +98,8 @@ mod tests {
         }
     }
 
-    /// Light from half the image away is brighter than the direct light: exactly the bits in which the two
-    /// columns differ are wrong, so the decoded column is the other one.
+    /// Light from half the image away is brighter than the direct light: exactly the bits in which
+    /// the two columns differ are wrong, so the decoded column is that of the indirect light.
     #[test]
     fn brighter_indirect_light_is_taken_for_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);

@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 /// Maximum number of iterations.
 const ROUNDS: usize = 10;
 
-/// Search range and step of indices: 1.15 to 2.5.
+/// Minimum, maximum and step of the search for the refractive index.
 const INDICES: [f64; 3] = [1.15, 2.5, 0.05];
 
 #[derive(Clone, Debug, PartialEq)]
@@ -79,8 +79,8 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
-/// Returns the mean of normals weighted by inverse variances, as unit vectors; one of them if the other is
-/// unknown.
+/// Returns the mean of normals weighted by inverse variances, as unit vectors; if one normal is
+/// unknown, the other is returned.
 fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     Map::from_fn(a.width, a.height, 3, |x, y, out| {
         let weighted = |map: &Map, sigma: f64| {

@@ -112,7 +112,8 @@ mod tests {
         LogDepth { width: w, values: list(), right: list(), down: list() }
     }
 
-    /// Random weights and steps: equal to Cholesky's solution of the dense normal equations.
+    /// Conjugate gradients agree with Cholesky's solution of the dense normal equations, for random
+    /// weights and steps.
     #[test]
     fn conjugate_gradients_agree_with_cholesky() {
         let mut stream = Stream::new(3, 1, 4);

@@ -18,9 +18,9 @@ use crate::map::Map;
 /// The stripes that are combined with all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// Stripes of 2 columns.
+    /// XOR-02: stripes of 2 columns.
     Xor02,
-    /// Stripes of 4 columns.
+    /// XOR-04: stripes of 4 columns.
     Xor04,
 }
 
@@ -96,7 +96,7 @@ mod tests {
         }
     }
 
-    /// Every projected pattern has stripes of at most twice the base's columns.
+    /// Every projected pattern has stripes of at most twice the columns of the base's stripes.
     #[test]
     fn all_stripes_are_narrow() {
         for (base, widest) in [(Base::Xor02, 4), (Base::Xor04, 8)] {

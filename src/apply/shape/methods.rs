@@ -107,7 +107,8 @@ pub struct Parameters {
 }
 
 impl Default for Parameters {
-    /// The parameters of the fusion were chosen for a sphere and a marble doll, 5 cm high in 64 × 64 pixels.
+    /// Returns the default parameters. Those of the fusion were chosen for a sphere and a marble
+    /// doll, 5 cm high in 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -261,7 +262,7 @@ pub(super) mod tests {
     use crate::shape::synthetic::{Shape, rig};
 
     const COLUMNS: usize = 512;
-    /// Pixels along an edge of the camera image.
+    /// Side length of the camera image, pixels.
     const SIDE: usize = 32;
 
     /// A sphere of diffuse glass. Direct light comes from one or two columns per pixel; other pixels are

@@ -153,7 +153,8 @@ pub(super) mod tests {
         }
     }
 
-    /// Tests the handedness of the azimuth: the frame's second axis is up, so s2 > 0 is upper right.
+    /// Tests the handedness of the azimuth: the second axis of the frame points up, so s2 > 0 for a
+    /// normal to the upper right.
     #[test]
     fn a_normal_to_the_upper_right_has_positive_s2() {
         let camera = rig(64, 256).camera;

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Tukey's constant for 95 % efficiency under normal errors.
 const TUKEY: f64 = 4.685;
 
-/// Number of weight updates.
+/// Number of updates of the robust weights.
 const ROUNDS: usize = 5;
 
 /// Minimum number of known depths in a window.

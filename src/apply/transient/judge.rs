@@ -4,7 +4,7 @@ use super::score::{Scoring, counts};
 use super::seen::{Seen, Target};
 use crate::metrics::roc;
 
-/// Minimum number of places of each kind in a bin for a separate area.
+/// Minimum number of positives and of negatives in a bin for a separate area.
 const FEW: usize = 5;
 
 /// Returns the area under the curve over all lit pixels and bins.

@@ -106,7 +106,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Draws values of lit places, summed over bins.
+/// Draws the values of lit pixels and bins, summed over bins.
 fn picture(
     method: &'static str,
     shared: bool,

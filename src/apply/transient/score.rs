@@ -37,7 +37,7 @@ impl Measure {
         }
     }
 
-    /// Returns the sign that physics determines for a target; `None` if it must be learned.
+    /// Returns the sign that physics determines for a target; `None` if the sign must be learned.
     fn sign(self, target: Target) -> Option<f64> {
         match self {
             Self::LinearPair | Self::Intensity => None,

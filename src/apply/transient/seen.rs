@@ -32,7 +32,8 @@ pub(super) struct Seen {
     pub pixels: Pixels,
     /// Lit places, by the labels.
     pub lit: Vec<usize>,
-    /// Light with odd and with even numbers of specular reflections, and all light; W/(m² sr nm).
+    /// Light with an odd number and with an even number of specular reflections, and all light;
+    /// W/(m² sr nm).
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }

@@ -15,7 +15,7 @@ pub struct Board {
     pub square: f64,
 }
 
-/// Maximum number of corners along a side. More are an input error.
+/// Maximum number of corners along a side. A larger number is an input error.
 const MOST: usize = 1000;
 
 impl Board {

@@ -6,11 +6,12 @@ use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
 /// Square root of the information matrix, with the poses of the views eliminated.
 pub struct Root {
-    /// RᵀR is the information about the shared parameters if the poses are unknown.
+    /// The factor R: RᵀR is the information about the shared parameters if the poses are unknown.
     shared: DMatrix<f64>,
     /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
-    /// By view: the factor of its pose, the coupling to the shared parameters, and the transformed residuals.
+    /// By view: the factor of the view's pose, the coupling to the shared parameters, and the
+    /// transformed residuals.
     own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
     /// Transformed residuals of the shared parameters.
     right: DVector<f64>,

@@ -12,14 +12,14 @@ use optics::distortion::opencv::Opencv;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
     Pinhole,
-    /// k1, k2, p1, p2, k3: Brown–Conrady.
+    /// Brown–Conrady lens: k1, k2, p1, p2, k3.
     #[default]
     Five,
-    /// Also k4, k5, k6: rational.
+    /// Rational lens: also k4, k5, k6.
     Eight,
-    /// Also s1 to s4: thin prism.
+    /// Thin-prism lens: also s1 to s4.
     Twelve,
-    /// k1 to k4 of a fisheye lens.
+    /// Fisheye lens: k1 to k4.
     Fisheye,
 }
 

@@ -133,8 +133,8 @@ mod tests {
     }
 
     proptest! {
-        /// A point has the same plane in both devices, and its projector pixel lights its camera pixel's
-        /// line.
+        /// A point is on the same epipolar plane in both devices, and its projector pixel
+        /// illuminates the epipolar line of its camera pixel.
         #[test]
         fn both_devices_name_a_point_alike(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
             let planes = planes();

@@ -52,7 +52,8 @@ pub struct Fit {
     pub notes: Vec<String>,
 }
 
-/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds it.
+/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds
+/// this threshold.
 const OUTLIER: f64 = 4.5;
 /// Huber's threshold in standard deviations.
 const HUBER: f64 = 1.5;

@@ -244,7 +244,8 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// A smooth image, which compression changes little. All of its corners differ.
+    /// Returns the value of a smooth image, which compression changes little and whose corners all
+    /// differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
@@ -290,7 +291,8 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): places of the stored first row and column.
+    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274) place the stored first row and column
+    /// correctly.
     #[test]
     fn images_are_rotated_as_exif_says() {
         for orientation in 1..=8 {

@@ -75,7 +75,8 @@ fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }
 
-/// One Newton–Schulz step, which squares the deviation from orthogonality due to rounding.
+/// Removes rounding errors from a rotation by one Newton–Schulz step, which squares the deviation
+/// from orthogonality.
 fn nearest_rotation(r: Matrix3<f64>) -> Matrix3<f64> {
     r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
 }

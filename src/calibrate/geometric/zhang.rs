@@ -5,8 +5,8 @@ use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Returns initial devices, the most likely first. The candidates have the principal point in the
-/// center; the focal length is estimated for all intrinsics, or is one of three guesses.
+/// Returns initial devices, the most likely first: focal lengths with the principal point in the
+/// center, all intrinsics, then three guessed focal lengths.
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;

@@ -14,17 +14,18 @@ pub enum Parameter {
     Retardance(Side, usize),
     /// Minimum over maximum transmittance of a polarizer.
     Extinction(Side, usize),
-    /// Extinction of the polarizers on a sensor.
+    /// Minimum over maximum transmittance of the polarizers on a sensor.
     SensorExtinction,
-    /// Axis offset of one of them in degrees. The one at 0° defines the frame and has no offset.
+    /// Axis offset of one of the sensor's polarizers in degrees. The polarizer at 0° defines the
+    /// frame and has no offset.
     SensorOffset(usize),
     /// Diattenuation of a beamsplitter's arm (true: transmission, false: reflection).
     Diattenuation(bool),
-    /// Retardance of the arm in degrees.
+    /// Retardance of a beamsplitter's arm in degrees (true: transmission, false: reflection).
     ArmRetardance(bool),
     /// Refractive index of the galvo mirrors' metal.
     GalvoIndex,
-    /// Extinction coefficient of that metal.
+    /// Extinction coefficient of the galvo mirrors' metal.
     GalvoAbsorption,
 }
 

@@ -73,7 +73,7 @@ pub struct Calibrated {
     pub fit: Fit,
 }
 
-/// A number of the fit: an imperfection at one wavelength or at all.
+/// A number of the fit: an imperfection at one wavelength, or at all wavelengths.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,

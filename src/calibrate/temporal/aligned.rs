@@ -69,11 +69,11 @@ pub fn aligned(
 /// Sums for a straight-line fit around a grid point.
 #[derive(Clone, Default)]
 struct Line {
-    /// Σ w, Σ w d, Σ w d².
+    /// Sums of the weights: Σ w, Σ w d, Σ w d².
     weights: [f64; 3],
-    /// Σ w v, Σ w d v.
+    /// Sums of the weighted values: Σ w v, Σ w d v.
     values: [f64; 2],
-    /// Σ w² σ², Σ w² d σ², Σ w² d² σ².
+    /// Sums of the weighted variances: Σ w² σ², Σ w² d σ², Σ w² d² σ².
     variances: [f64; 3],
 }
 
@@ -88,8 +88,8 @@ impl Line {
         self.values[1] += w * d * value;
     }
 
-    /// Returns the line's value at the grid point and its standard error. If all values have the same
-    /// distance, it is their mean. NaN without values.
+    /// Returns the line's value at the grid point and its standard error. If all values have the
+    /// same distance, returns their mean. Returns NaN without values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
         let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 { (s2, -s1) } else { (1.0, 0.0) };

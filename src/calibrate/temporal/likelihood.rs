@@ -19,7 +19,7 @@ const TAUS: f64 = 24.0;
 /// Minimum significance of a pulse in standard deviations. Noise exceeds it in one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
-/// Keeps logarithms finite.
+/// Minimum rate, which keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
 /// The known response: parameters or a template.

@@ -107,7 +107,7 @@ impl Temporal {
     }
 }
 
-/// A capture's time zero, its variance due to the counts, and its derivative by the response.
+/// The time zero of a capture, its variance due to the counts, and its derivative by the response.
 struct One {
     pixel: usize,
     travel_ps: f64,

@@ -28,9 +28,11 @@ pub struct Bench {
 /// The light of one projected pattern toward the camera, per camera pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
-    /// 16 elements per pixel, row-major: the scene under a pattern with uniform illumination.
+    /// Mueller matrices of the scene under a pattern: 16 elements per pixel, row-major. [`Bench`]
+    /// applies the illumination.
     Mueller(&'a [f32]),
-    /// The returning Stokes vector, with the illumination ([`Bench::lighting`]) already applied.
+    /// Stokes vectors of the returning light per pixel, with the illumination ([`Bench::lighting`])
+    /// already applied.
     Stokes(&'a [[f64; 4]]),
 }
 

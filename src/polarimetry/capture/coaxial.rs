@@ -95,7 +95,7 @@ impl Coaxial {
     }
 }
 
-/// A reflection swaps the handedness and ±45°.
+/// Returns the Mueller matrix of a mirror image: it reverses handedness and exchanges ±45°.
 fn mirror_image() -> Mueller {
     Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0))
 }
@@ -110,7 +110,7 @@ pub struct Galvo {
     pub k: SpectralValue,
 }
 
-/// A ray with the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
+/// A ray and the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
 #[derive(Clone, Copy, Debug)]
 struct Framed {
     direction: Vector3<f64>,
@@ -163,7 +163,7 @@ impl Galvo {
         turned(&ray, end_x) * m
     }
 
-    /// Fresnel reflection between s frames.
+    /// Returns the Fresnel reflection between s frames at cosine `cos` of incidence.
     fn reflection(&self, nm: f64, cos: f64) -> Mueller {
         let lane = |v: f64| Spectral::splat(v as f32);
         let block = fresnel::conductor(cos as f32, lane(self.n.at(nm)), lane(self.k.at(nm)));

@@ -235,8 +235,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig includes beamsplitter and galvo on both paths, in the order of eqs. 12 and 14, for an
-    /// off-axis direction.
+    /// A coaxial rig applies beamsplitter and galvo on both paths, in the order of eqs. 12 and 14,
+    /// for an off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
@@ -289,7 +289,7 @@ mod tests {
         }
     }
 
-    /// The stated minimum number of captures suffices, and one fewer does not.
+    /// The stated minimum number of captures suffices, and one capture fewer does not.
     #[test]
     fn the_least_captures_are() {
         for (array, least) in [(false, 16), (true, 8)] {

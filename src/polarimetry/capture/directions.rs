@@ -7,12 +7,12 @@ use super::simulate::Layout;
 /// Viewing directions of the pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Directions {
-    /// All along the optical axis, as with a telecentric lens.
+    /// All light is parallel to the optical axis, as with a telecentric lens.
     Axial,
-    /// Through a pinhole on the axis.
+    /// Light passes through a pinhole on the axis.
     Pinhole {
-        /// Half of the image's width and height at distance one: tangents of the angles to the image's edges
-        /// in x and y.
+        /// Half of the image's width and height at unit distance: tangents of the angles to the
+        /// image's edges in x and y.
         half: [f64; 2],
     },
 }

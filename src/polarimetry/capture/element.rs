@@ -24,7 +24,7 @@ pub enum ElementKind {
         retardance: Setting,
         /// Difference from the nominal retardance at a wavelength, radians.
         error: SpectralValue,
-        /// Number of additional whole waves, which also change for an oblique ray.
+        /// Number of additional whole waves, whose retardance also changes for an oblique ray.
         order: u32,
         /// Mean refractive index, for oblique rays.
         index: f64,
@@ -98,7 +98,7 @@ impl Ray {
     }
 }
 
-/// The generator of rotations: R(θ) = exp(2θG).
+/// Returns the generator G of rotations: R(θ) = exp(2θG).
 fn generator() -> Mueller {
     let mut g = Mueller::zeros();
     g[(1, 2)] = 1.0;
@@ -144,9 +144,9 @@ pub struct Jet {
 /// A property of an element that changes between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Angle of the stage.
+    /// Angle of the stage, radians.
     Angle,
-    /// Retardance, for liquid crystals.
+    /// Retardance of a liquid crystal, radians.
     Retardance,
 }
 

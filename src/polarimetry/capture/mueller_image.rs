@@ -28,7 +28,7 @@ pub enum ImageError {
         shape: Vec<usize>,
         wavelengths: usize,
     },
-    /// Light is resolved along an axis that no sensor distinguishes.
+    /// The slice has an axis that no sensor can resolve.
     #[error(
         "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice summed over it"
     )]
@@ -58,7 +58,7 @@ pub enum ImageError {
         cause: DetectorError,
         /// Number of time bins of the image.
         bins: usize,
-        /// Their width, ps.
+        /// Width of the image's time bins, ps.
         bin_ps: f64,
     },
 }

@@ -52,9 +52,9 @@ pub enum SchemeError {
     #[error("`{name}` has {found} settings, but `{other}` has {want}; list one setting per capture")]
     Lengths {
         name: String,
-        /// Number of its settings.
+        /// Number of settings of the element.
         found: usize,
-        /// Name of the other element.
+        /// Name of the element with which the settings are compared.
         other: String,
         /// Number of the other element's settings.
         want: usize,
@@ -71,9 +71,9 @@ pub enum SchemeError {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Before the scene.
+    /// Elements before the scene.
     Generator,
-    /// Behind the scene.
+    /// Elements behind the scene.
     Analyzer,
 }
 

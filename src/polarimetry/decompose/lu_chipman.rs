@@ -194,7 +194,7 @@ mod tests {
         rows
     }
 
-    /// A polarizer, rotated, before or behind a retarder: D = 1.
+    /// The decomposition reproduces a rotated polarizer before or behind a retarder (D = 1).
     #[test]
     fn polarizers_rebuild() {
         let (c, s) = (0.6, 0.8);

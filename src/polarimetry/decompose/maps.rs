@@ -16,10 +16,10 @@ pub trait Real: Number {
     /// Relative rounding of matrices of this type.
     const ROUNDING: f64;
 
-    /// See [`maps`].
+    /// Computes [`maps`] for this number type.
     fn maps(elements: &[Self], quantities: &[Quantity]) -> (Vec<Vec<Self>>, usize);
 
-    /// See [`errors`].
+    /// Computes [`errors`] for this number type.
     fn errors(elements: &[Self], sigmas: &[Self]) -> Vec<Vec<Self>>;
 }
 
@@ -49,9 +49,10 @@ real!(f64, DOUBLE);
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.
     Polarizance,
-    /// (largest - least transmittance) / (their sum), 0..1.
+    /// Diattenuation, 0..1: difference of the largest and the smallest transmittance over their
+    /// sum.
     Diattenuation,
-    /// Radians, 0..π.
+    /// Retardance, radians, 0..π.
     Retardance,
     /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 preserves all polarization, 1 none.
     Depolarization,
@@ -132,8 +133,8 @@ impl Quantity {
         }
     }
 
-    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do not need
-    /// the factors. Dispatches on the quantity once for all of them.
+    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do
+    /// not need the factors. Selects the quantity once for all matrices.
     #[inline(always)]
     fn write_scalars<T: Real>(self, m: &[Matrix; LANES], found: &[Option<Properties>; LANES], out: &mut [T]) {
         let fill = |out: &mut [T], f: fn(&Properties) -> f64| {

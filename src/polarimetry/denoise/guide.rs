@@ -10,9 +10,8 @@ use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// If more than this fraction of a pixel's neighbours received light, over all renders, the pixel is assumed
-/// to be lit too. In dark regions, where few pixels receive a path, a mean would spread such a path into a
-/// blotch.
+/// Fraction of neighbours with light, over all renders, above which a pixel is assumed to be lit.
+/// In dark regions few pixels receive a path, and a mean would spread such a path into a blotch.
 const LIT: f64 = 0.25;
 
 /// Maximum number of groups of a profile.
@@ -51,7 +50,8 @@ pub struct GuideBuilder {
 struct Plan {
     kinds: Vec<AxisKind>,
     shape: Vec<usize>,
-    /// Channels of the matrix or intensity, and groups of the profile.
+    /// Number of channels of the matrix or intensity. `groups` is the number of groups of the
+    /// profile.
     matrix: usize,
     groups: usize,
     /// Number of entries that are summed or grouped.

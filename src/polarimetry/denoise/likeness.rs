@@ -36,7 +36,7 @@ pub const MIDDLE: usize = WINDOW / 2;
 /// Largest d² of one element.
 const FAR: f32 = 1e6;
 
-/// Smallest variance of an element relative to that of M00.
+/// Smallest variance of an element relative to the variance of M00.
 const QUIET: f32 = 1e-4;
 
 /// Returns the rows and columns from a pixel to the neighbour at offset `o`.
@@ -115,7 +115,7 @@ impl Likeness {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     d2: f32,
-    /// Number of elements with light or noise, or the summed variances of a profile.
+    /// Denominator: number of elements with light or noise, or the summed variances of a profile.
     under: f32,
     slopes: [f32; 2],
 }

@@ -42,8 +42,7 @@ const PATCH: usize = 1;
 /// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Rows beyond a pixel that affect whether it is an outlier, plus those beyond its neighbours that affect its
-/// replacement.
+/// Number of rows around a pixel that affect whether it is an outlier and how it is replaced.
 const SPOT: usize = 2;
 
 /// Rows beyond a pixel that its value and error can depend on.

@@ -16,9 +16,9 @@
 
 use super::{Size, Values};
 
-/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions make up
-/// most of the light. A factor of three removed more of the highlights in a mirror room than it improved
-/// (`tests/suite/denoise.rs`); a factor of five removes none there.
+/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions
+/// make up most of the light. A factor of three removed correct highlights in a scene of a room
+/// with a mirror (`tests/suite/denoise.rs`); a factor of five removes none.
 const ABOVE: f32 = 5.0;
 
 /// Smallest standard error relative to the value: that of sixteen equal contributions among many samples
@@ -92,7 +92,7 @@ mod tests {
     const SIZE: Size = [5, 5];
     const SPOT: usize = 12;
 
-    /// A grey image with one bright pixel of a given value and error.
+    /// Returns a grey image with one bright pixel of the given value and error.
     fn spot(value: f32, error: f32) -> Values {
         let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
         (mean[SPOT], errors[SPOT]) = (value, error);

@@ -19,7 +19,7 @@ use super::variance::{squares, variances};
 use super::{CALM, PATCH, STRENGTHS, Size, Values};
 use rayon::prelude::*;
 
-/// Weights below this are set to zero.
+/// Threshold below which weights are set to zero.
 const LEAST: f32 = 0.003;
 
 const KINDS: usize = STRENGTHS.len();
@@ -163,7 +163,7 @@ impl Sums {
     }
 }
 
-/// Returns the fractions of the strengths in each pixel's weights.
+/// Returns the fraction of each strength in the weights of each pixel.
 fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
     let channels = guide.renders[0].channels;
     let n = moved.len() * channels;

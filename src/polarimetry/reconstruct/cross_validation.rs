@@ -12,11 +12,11 @@ use crate::capture::scheme::Scheme;
 /// The frames of the expected matrices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
-    /// Rotated by any angle, as the frames of a camera and a projector are relative to the plane of
-    /// scattering.
+    /// Frames rotated by any angle, as the frames of camera and projector are rotated relative to
+    /// the plane of scattering.
     #[default]
     Any,
-    /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
+    /// Frames of the plane of scattering, as in tables and in the learning of Baek & Heide.
     Plane,
 }
 

@@ -49,7 +49,7 @@ pub trait Onlooker: Sync {
     }
 }
 
-/// No observer.
+/// Observes nothing.
 impl Onlooker for () {}
 
 /// A descent: its start and its result.
@@ -79,7 +79,7 @@ struct Settings<'a> {
     template: &'a Scheme,
     objective: &'a Objective,
     onlooker: &'a dyn Onlooker,
-    /// The values so far.
+    /// The values of the objective so far.
     history: Mutex<Vec<f64>>,
 }
 
@@ -178,7 +178,7 @@ pub fn learn_before(
     Learned { loss: objective.loss(&scheme), scheme, descents }
 }
 
-/// Maps angles to 0 to 180°, their period, and retardances to 0 to one wave.
+/// Maps angles to their period, 0 to 180°, and retardances to 0 to one wave.
 fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
     let motors = template.motors();
     let captures = template.captures();

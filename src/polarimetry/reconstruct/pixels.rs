@@ -56,9 +56,9 @@ const FIRST: i32 = -48;
 /// The estimators of one wavelength.
 struct Lane<T> {
     a: DesignMatrix,
-    /// Least squares; `None` below rank 16.
+    /// Least-squares estimator; `None` below rank 16.
     least: Option<(Weights<T>, LinearEstimate)>,
-    /// With the prior, by noise over brightness.
+    /// Estimators with the prior, by noise relative to brightness.
     priors: Vec<(Weights<T>, LinearEstimate)>,
     /// tr A S Aᵀ: expected sum of squared intensities at brightness 1.
     expected: f64,
@@ -80,7 +80,7 @@ struct Solved {
 /// A number type of images. Its loops over pixels are compiled in this crate, together with the product that
 /// they call. In the caller's crate the compiler would not merge them into one loop.
 pub trait PixelNumber: Number {
-    /// See [`Reconstruction::apply`].
+    /// Computes [`Reconstruction::apply`] for this number type.
     fn reconstruct(
         estimates: &Reconstruction<Self>,
         intensities: &[Self],

@@ -68,9 +68,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// For noise that differs between captures, the estimate is unbiased, its covariance is the stated one,
-    /// and it is at most that of plain least squares. Uses 20 000 draws and chi-squared of all 16 elements
-    /// together.
+    /// For noise that differs between captures, the estimate is unbiased, its covariance is the
+    /// stated one, and this covariance is at most that of plain least squares. Uses 20 000 draws
+    /// and chi-squared of all 16 elements together.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));

@@ -99,7 +99,7 @@ impl Believed {
     }
 }
 
-/// Returns parameters with the found ones in place of the given ones, and checks them.
+/// Returns parameters with those of the calibration in place of the given values, and checks them.
 fn overlaid<T: Serialize + DeserializeOwned>(
     given: &T,
     found: &Value,
@@ -157,7 +157,8 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// One file contains everything: detectors and geometry are read, and the scheme is ignored.
+    /// A calibration file can contain everything: detectors and geometry are read, and the scheme
+    /// is ignored.
     #[test]
     fn one_file_has_all() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");

@@ -182,7 +182,8 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space project to ideal pixels with p'ᵀ F p = 0, with camera distortion too.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also with distortion of the
+    /// camera's lens.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");

@@ -16,9 +16,9 @@ pub const FILE: &str = ".session.jsonl";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// A run starts or resumes.
+    /// The run starts or resumes.
     Begin {
-        /// The first frame to take.
+        /// The first frame to capture.
         frame: u32,
         wall_s: f64,
     },
@@ -33,7 +33,8 @@ pub enum Event {
     },
     /// The run waits for a condition.
     Suspend { frame: u32, why: String, run_s: f64 },
-    /// The wall clock jumped: wall times before and after are not comparable, run times are.
+    /// The wall clock jumped. Wall times before and after the jump are not comparable, but run
+    /// times are.
     ClockJump {
         /// Size of the jump in seconds.
         by_s: f64,

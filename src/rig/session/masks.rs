@@ -171,7 +171,8 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// F of two parallel devices next to each other: epipolar lines are rows.
+    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are
+    /// rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),

@@ -78,15 +78,15 @@ pub struct CameraWork {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MaskPlan {
-    /// All pixels on.
+    /// A mask with all pixels on.
     Full,
-    /// All pixels off: stray light and dark signal.
+    /// A mask with all pixels off, which measures stray light and dark signal.
     Dark,
-    /// Stripes of epipolar lines.
+    /// A set of stripes of epipolar lines.
     Stripes {
         name: String,
         count: u32,
-        /// Show the stripe if true, everything but the stripe if false.
+        /// Whether a frame shows its stripe; otherwise it shows everything except the stripe.
         inside: bool,
     },
 }

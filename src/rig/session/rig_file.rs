@@ -52,11 +52,11 @@ use std::time::Duration;
 /// The scene of a simulated bench.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scene {
-    /// A finished store.
+    /// A tensor in a finished store.
     Tensor(PathBuf),
-    /// A scene to render first: file and samples per pixel.
+    /// A scene to render first: scene file and samples per pixel.
     Scene(PathBuf, Option<u32>),
-    /// A uniform sample.
+    /// A uniform sample with this row-major Mueller matrix.
     Sample([f32; 16]),
 }
 
@@ -311,7 +311,7 @@ fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
     spad.check().map_err(|e| wrong("spad", e))
 }
 
-/// Returns library and settings of a TimeHarp 260, if the counter is one.
+/// Returns library and settings of a TimeHarp 260, or `None` if the counter is a different device.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {

@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 
 /// File name of the log of an incomplete row.
 const LOG: &str = ".session.tags";
-/// The rows' folder in the store.
+/// Folder of the rows' files in the store.
 const FOLDER: &str = "time_tags";
-/// Markers of a row's file.
+/// Marker that begins a point in a row's file.
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
@@ -32,7 +32,8 @@ pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
     pub pulses: u64,
-    /// Pulse since the start of the dwell (43 bits), time since it in bins (15 bits), channel (6 bits).
+    /// The photons: pulse since the start of the dwell (43 bits), time since the pulse in bins (15
+    /// bits), channel (6 bits).
     photons: Vec<u64>,
 }
 

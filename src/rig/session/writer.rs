@@ -16,7 +16,7 @@ use store::zarr::frames::FrameStore;
 
 /// File name of the log of an incomplete chunk.
 const LOG: &str = ".session.frames";
-/// Maximum number of queued frames, which a power cut can lose.
+/// Maximum number of queued frames. A power cut can lose the queued frames.
 const WAITING: usize = 64;
 
 enum Item {
@@ -46,7 +46,7 @@ struct Work {
     journal: Journal,
     log: SealedLog,
     tags: Option<TagLog>,
-    /// Numbers of the incomplete chunk.
+    /// Pixel values or counts of the incomplete chunk.
     part: Vec<u32>,
     /// Chunks that are written but possibly not on disk.
     unsynced: Vec<usize>,

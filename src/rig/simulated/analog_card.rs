@@ -24,7 +24,7 @@ pub struct SimulatedCard {
     terminals: Terminals,
     settings: Option<AnalogSettings>,
     buffer: Vec<Vec<f64>>,
-    /// Start time of the buffer, and the number of its samples that have been output.
+    /// Start time of the buffer, and the number of samples that have been output.
     running: Option<(Duration, usize)>,
     /// Present voltages of all channels.
     standing: Vec<f64>,
@@ -55,7 +55,7 @@ impl SimulatedCard {
         recording
     }
 
-    /// Returns the time from the start to the begin of a sample, or to the end of the last sample.
+    /// Returns the time from the start to the start of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)

@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mishap {
-    /// A frame or an acquisition never arrives.
+    /// A frame or the result of an acquisition never arrives.
     DroppedFrame,
-    /// One answer misses its deadline.
+    /// One reply misses its deadline.
     Timeout,
     /// A stage stops before its goal.
     Stall,
-    /// The cable comes off. Reconnecting succeeds.
+    /// The instrument is disconnected, and reconnecting succeeds.
     CableOut,
-    /// The cable comes off. Reconnecting fails.
+    /// The instrument is disconnected, and reconnecting fails.
     CableGone,
     /// Stray light saturates one frame.
     Saturation,

@@ -31,9 +31,9 @@ pub enum Scenery {
         /// Buffer of the sample's image, 16 elements per pixel.
         image: Vec<f32>,
     },
-    /// T(s, s', p, p') in memory.
+    /// A tensor T(s, s', p, p') in memory.
     Tensor(PlayedTensor),
-    /// T(s, s' = s, p, p', t), read by rows of scan points.
+    /// A scan T(s, s' = s, p, p', t), read by rows of scan points.
     Scan(PlayedScan),
 }
 
@@ -43,7 +43,7 @@ pub struct PlayedTensor {
     pub camera: [usize; 2],
     /// Columns and rows of the projector axis s'.
     pub projector: [usize; 2],
-    /// Elements by camera pixel, projector pixel and Mueller element.
+    /// Tensor elements by camera pixel, projector pixel and Mueller element.
     data: Vec<f32>,
     /// Cached pairs of pattern and image, oldest first.
     kept: Vec<(Vec<f32>, Vec<f32>)>,

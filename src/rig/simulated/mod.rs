@@ -22,7 +22,7 @@ use world::Shared;
 
 /// A kind of simulated instrument, with its state.
 pub(crate) trait Device: Send {
-    /// Model in the identity.
+    /// Model name in the instrument's identity.
     const MODEL: &'static str;
     /// Reported temperature, in degrees Celsius.
     const TEMPERATURE_C: Option<f64> = None;

@@ -30,7 +30,7 @@ const METRICS: [Metric; 5] = [
     Metric::new("edges of faces, area under the curve", "", true),
 ];
 
-/// An image to test.
+/// An image that is compared with the surface profile.
 #[derive(Clone, Copy)]
 enum Image {
     /// An element 4 i + j of epipolar light, times a sign.
@@ -107,7 +107,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Returns the pixels of the crystal whose normals equal those of all their neighbours on it.
+/// Returns the pixels of the crystal whose normals equal those of all neighbouring crystal pixels.
 fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) -> Vec<usize> {
     let equal = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > SAME_FACE_COS;
     let inner = |i: usize| {
@@ -128,7 +128,8 @@ struct Seen {
     epipolar: Pixels,
     /// Whether the crystal covers the whole pixel.
     is_face: Vec<bool>,
-    /// Pixels within one face; at other pixels, the mean normal is not that of a face.
+    /// Pixels whose neighbours are on the same face. At other pixels, the mean normal is not the
+    /// normal of a face.
     faces: Vec<usize>,
     normal: Vec<Vector3<f64>>,
     /// −(3,3) by the closed form; 0 outside the crystal.
@@ -213,8 +214,8 @@ impl Seen {
         ]
     }
 
-    /// Returns the area under the curve of differences between two pixels, one apart, across an edge against
-    /// those within a face.
+    /// Returns the area under the curve of the differences of two pixels at distance two: pairs
+    /// across an edge against pairs within a face.
     fn edges(&self, image: &[f64]) -> f64 {
         let [w, h] = self.size;
         let (mut across, mut within) = (vec![], vec![]);

@@ -70,7 +70,7 @@ pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     Err(seen)
 }
 
-/// Removes duplicate saddles.
+/// Removes saddles that are duplicates of another saddle.
 fn apart(all: &mut Vec<Saddle>) {
     let mut kept: Vec<Saddle> = vec![];
     for s in all.drain(..) {

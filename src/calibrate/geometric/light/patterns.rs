@@ -6,18 +6,18 @@ use std::f64::consts::TAU;
 /// A coordinate axis of the projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Columns, u.
+    /// The column coordinate u.
     Column,
-    /// Rows, v.
+    /// The row coordinate v.
     Row,
 }
 
 /// One pattern of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// All pixels on.
+    /// A pattern with all pixels on.
     White,
-    /// All pixels off.
+    /// A pattern with all pixels off.
     Black,
     /// A bit of an axis' Gray code (0 is the lowest), and whether it is inverted.
     Bit(Axis, u32, bool),

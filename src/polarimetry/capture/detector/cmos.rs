@@ -19,7 +19,8 @@ use super::random::{normal, poisson, stream};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
-/// A full well is assumed if the reading is at most this many standard deviations of the read-out below it.
+/// Largest distance of a reading below the full well, in standard deviations of the read-out, at
+/// which a full well is assumed.
 const CERTAIN: f64 = 4.0;
 
 /// The settings of a camera. The defaults are close to the data sheets of cameras with Sony's IMX250 (12
@@ -122,12 +123,12 @@ impl Cmos {
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }
 
-    /// The largest output, DN.
+    /// Returns the largest output, DN.
     fn top(&self) -> f64 {
         ((1_u64 << self.bit_depth.min(32)) - 1) as f64
     }
 
-    /// Gain, e⁻/DN.
+    /// Returns the gain, e⁻/DN.
     fn gain(&self) -> f64 {
         self.gain_e_per_dn.unwrap_or(self.full_well_e / self.top())
     }
@@ -314,7 +315,7 @@ impl Cmos {
     }
 }
 
-/// Returns the mean of independent estimates; saturated if one of them is.
+/// Returns the mean of independent estimates; the mean is saturated if any estimate is.
 fn mean(estimates: impl Iterator<Item = Estimate>) -> Estimate {
     let (mut n, mut sum, mut variance, mut saturated) = (0.0, 0.0, 0.0, false);
     for e in estimates {

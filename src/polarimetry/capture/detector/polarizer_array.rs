@@ -27,9 +27,11 @@ pub fn polarizer(x: usize, y: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Each 2×2 block becomes one pixel with four polarizers; an odd last row or column is dropped.
+    /// Each 2×2 block becomes one pixel with the values of four polarizers; an odd last row or
+    /// column is dropped.
     Superpixel,
-    /// Every pixel gets all polarizers: means of the two or four nearest.
+    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest
+    /// pixels.
     Bilinear,
 }
 
@@ -187,7 +189,8 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Averages of one, two or four equal variances, and of fewer at the borders.
+    /// Variances of means of one, two or four pixels of equal variance are correct, also at the
+    /// borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");

@@ -8,7 +8,7 @@
 use super::moments::{MatrixRow, Moments};
 use nalgebra::{SMatrix, SymmetricEigen};
 
-/// Maximum number of steps of the eigenvalue iteration; a few per value suffice.
+/// Maximum number of steps of the eigenvalue iteration; a few steps per eigenvalue suffice.
 const MOST_STEPS: usize = 10_000;
 
 /// Principal components in descending order. Matrices are row-major, Stokes out first.

@@ -91,7 +91,7 @@ mod tests {
         assert!(split(0, 5).is_empty());
     }
 
-    /// Materials with equal weights have the mean of their means.
+    /// Materials with equal weights have pooled moments that are the mean of their moments.
     #[test]
     fn materials_can_count_alike() {
         let data = data(4);

@@ -15,7 +15,7 @@ use optics::sampling::mix::mix;
 
 /// Largest valid magnitude of a normalized element: 1, plus 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
-/// Below this T00 the other elements lose digits in single precision, so the entry counts as dark.
+/// Smallest T00 of a valid entry. Below it, the other elements lose digits in single precision.
 const LEAST: f32 = 1e-30;
 
 /// Number of entries of each kind.
@@ -50,7 +50,7 @@ pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
 #[derive(Clone, Debug)]
 struct Choice {
     most: usize,
-    /// Keys from here on are not among the smallest.
+    /// Upper bound of keys: greater or equal keys are not among the smallest.
     bound: u64,
     kept: Vec<(u64, [f32; 16])>,
 }
@@ -91,7 +91,7 @@ pub struct Gathered {
     pub tally: Tally,
     c: f64,
     choice: Choice,
-    /// Index of the next entry; the upper half contains the slab.
+    /// Index of the next entry, with the slab in the upper half.
     next: u64,
 }
 

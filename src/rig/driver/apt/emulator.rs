@@ -31,7 +31,7 @@ impl Trouble {
     }
 }
 
-/// A motion: start, goal, start time, duration.
+/// A motion of the stage: start, goal, start time, duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,
@@ -52,7 +52,8 @@ struct Controller {
 }
 
 impl Controller {
-    /// Advances time; returns the message that reports the end of a motion.
+    /// Advances the simulated stage to the current time; returns the message that reports the end
+    /// of a motion.
     fn pass(&mut self) -> Option<Message> {
         let motion = self.motion?;
         let share = motion.begun.elapsed().as_secs_f64() / motion.time.as_secs_f64().max(1e-6);

@@ -44,7 +44,7 @@ pub struct Status {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Message {
-    /// MGMSG_HW_REQ_INFO.
+    /// MGMSG_HW_REQ_INFO: requests [`Self::Info`].
     RequestInfo,
     /// MGMSG_HW_GET_INFO: serial number, model, type, firmware (minor, interim, major, unused), hardware
     /// version, modification, channels.
@@ -57,15 +57,15 @@ pub enum Message {
     },
     /// MGMSG_MOD_IDENTIFY: flash the front panel.
     Identify,
-    /// MGMSG_MOD_SET_CHANENABLESTATE.
+    /// MGMSG_MOD_SET_CHANENABLESTATE: enables or disables the channel.
     Enable(bool),
     /// MGMSG_HW_STOP_UPDATEMSGS: send a status only on request.
     StopUpdates,
     /// MGMSG_MOT_SET_VELPARAMS: acceleration and maximum velocity in the controller's units.
     SetVelocity { acceleration: i32, velocity: i32 },
-    /// MGMSG_MOT_MOVE_HOME.
+    /// MGMSG_MOT_MOVE_HOME: homes the stage.
     Home,
-    /// MGMSG_MOT_MOVE_HOMED.
+    /// MGMSG_MOT_MOVE_HOMED: the stage has been homed.
     Homed,
     /// MGMSG_MOT_MOVE_ABSOLUTE with the position in counts.
     MoveAbsolute(i32),
@@ -73,16 +73,16 @@ pub enum Message {
     MoveCompleted(Option<Status>),
     /// MGMSG_MOT_MOVE_STOP: immediate or with a ramp.
     Stop {
-        /// Stop without a ramp.
+        /// Whether the stage stops without a ramp.
         abrupt: bool,
     },
     /// MGMSG_MOT_MOVE_STOPPED, with or without a status.
     MoveStopped(Option<Status>),
-    /// MGMSG_MOT_REQ_STATUSUPDATE.
+    /// MGMSG_MOT_REQ_STATUSUPDATE: requests [`Self::Status`].
     RequestStatus,
     /// MGMSG_MOT_GET_STATUSUPDATE.
     Status(Status),
-    /// MGMSG_MOT_REQ_DCSTATUSUPDATE.
+    /// MGMSG_MOT_REQ_DCSTATUSUPDATE: requests [`Self::DcStatus`].
     RequestDcStatus,
     /// MGMSG_MOT_GET_DCSTATUSUPDATE.
     DcStatus(Status),

@@ -7,7 +7,7 @@ use std::time::Duration;
 pub const REPORT: usize = 64;
 /// Longest accepted message, in bytes after its header.
 const LONGEST: usize = 512;
-/// Bits of the first byte.
+/// Bits of the first byte of a message.
 const READ: u8 = 0x80;
 const REPLY: u8 = 0x40;
 const NACK: u8 = 0x20;

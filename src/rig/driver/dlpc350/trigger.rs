@@ -10,11 +10,11 @@ use serde::Deserialize;
 
 /// Time step, in microseconds.
 const STEP_US: f64 = 0.1072;
-/// Earliest edge relative to the begin of the pattern, in microseconds.
+/// Earliest edge relative to the start of the pattern, in microseconds.
 const EARLIEST_US: f64 = -20.05;
 /// Number of steps from the earliest to the latest edge.
 const LATEST: f64 = 213.0;
-/// Maximum delay, in steps.
+/// Maximum delay, in steps of [`STEP_US`].
 const LONGEST: f64 = 524_287.0;
 
 /// Edges of an output, in microseconds from the start of the pattern.
@@ -33,9 +33,9 @@ pub struct Output {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
-    /// From low to high.
+    /// An edge from low to high.
     Rising,
-    /// From high to low.
+    /// An edge from high to low.
     Falling,
 }
 

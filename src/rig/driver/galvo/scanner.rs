@@ -19,7 +19,7 @@ pub struct AnalogGalvo {
     wiring: Wiring,
     limits: AnalogLimits,
     configured: bool,
-    /// A buffer may still be playing.
+    /// Whether a buffer may still be playing.
     running: bool,
     /// Present output in volts, if known.
     at: Option<[f64; 2]>,

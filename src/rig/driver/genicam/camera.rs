@@ -20,9 +20,10 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// The camera acquires or may acquire: an earlier program or connection may not have stopped it.
+    /// Whether the camera acquires or may acquire: an earlier program or connection may not have
+    /// stopped it.
     acquiring: bool,
-    /// An exposure was started whose frame has not arrived.
+    /// Whether an exposure was started whose frame has not arrived.
     pending: bool,
 }
 

@@ -93,7 +93,7 @@ impl Nodes {
         ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
-    /// Accesses a feature; `f` returns `None` if the feature has another type.
+    /// Calls `f` with a feature. `f` returns `None` if the feature has another type.
     fn with<T>(
         &mut self,
         feature: &str,

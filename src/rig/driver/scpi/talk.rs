@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// A late reply may be pending, which would be mistaken for the reply to another query.
+    /// Whether a late reply may be pending, which would be mistaken for the reply to another query.
     out_of_step: bool,
 }
 
