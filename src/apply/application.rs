@@ -104,7 +104,7 @@ pub struct Size {
 pub struct Method {
     /// Name in tables.
     pub name: &'static str,
-    /// Publication, or a note that it is new.
+    /// Publication of the method, or a note that the method is new.
     pub source: &'static str,
 }
 
@@ -119,7 +119,7 @@ impl Method {
 pub struct Metric {
     /// Name in tables.
     pub name: &'static str,
-    /// Unit, empty if it has none.
+    /// Unit of the metric; empty for a number without unit.
     pub unit: &'static str,
     pub more_is_better: bool,
 }
@@ -165,7 +165,8 @@ pub struct Picture {
     pub name: &'static str,
     /// Variant of the picture; `None` for pictures of learned quantities.
     pub variant: Option<u64>,
-    /// Whether its unit is common to all methods, so that they are drawn side by side with one scale.
+    /// Whether the unit is common to all methods, so that the pictures are drawn side by side with
+    /// one scale.
     pub shared: bool,
     pub map: Map,
 }

@@ -51,8 +51,8 @@ impl Path {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// Returns whether the path is one mirror and one matte surface, in any order: light from a mirror on a
-    /// wall, or a wall seen in a mirror.
+    /// Returns whether the path is one mirror and one matte surface, in any order: light from a
+    /// mirror on a wall, or light from a wall reflected by a mirror.
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }

@@ -1,6 +1,7 @@
 //! Calibrations of camera and projector as plain numbers: pinholes without distortion. The caller
 //! removes distortion from images first.
-//! / A world point p is q = Rᵀ(p - o) in the device's frame, metres. Its pixel is f·(q_x/q_z,
+//!
+//! A world point p is q = Rᵀ(p - o) in the device's frame, metres. Its pixel is f·(q_x/q_z,
 //! q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
@@ -50,7 +51,8 @@ impl Pinhole {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Returns the pixel coordinate of a world point; `None` if it is not in front of the device.
+    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the
+    /// device.
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];

@@ -40,7 +40,8 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
+    /// Returns the standard deviation of a parameter, or `None` if the parameter is part of an
+    /// undetermined direction.
     pub fn sigma(&self, i: usize) -> Option<f64> {
         let message = self.untold.iter().all(|d| d[i].abs() < NAMED);
         message.then(|| self.covariance[(i, i)].max(0.0).sqrt())

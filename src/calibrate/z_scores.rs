@@ -42,7 +42,8 @@ impl ZScores {
         class.independent += 1.0;
     }
 
-    /// Adds correlated errors of one repeat. They count as one independent value, which is conservative.
+    /// Adds correlated errors of one repeat. The errors count as one independent value, which is
+    /// conservative.
     pub fn add_together(&mut self, class: &str, errors: impl IntoIterator<Item = (f64, f64)>) {
         let before = self.0.get(class).map_or(0.0, |c| c.independent);
         for (error, sigma) in errors {

@@ -1,6 +1,7 @@
 //! An analog output card that outputs voltages at its own sample clock, for example to galvo
 //! mirrors.
-//! / Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
+//!
+//! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
 //! buffer, the card holds the voltage of the last sample.
 
 use super::failure::Failure;

@@ -42,8 +42,10 @@ impl ProjectorLimits {
 }
 
 /// Returns the entry `pattern` of a projector's list of loaded patterns.
-/// / # Errors
-/// / A message if the list has no such entry.
+///
+/// # Errors
+///
+/// A message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
     found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))

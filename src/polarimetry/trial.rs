@@ -114,7 +114,7 @@ pub struct ErrorImage {
 /// Errors of reconstructed matrices relative to the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean T00 of the truth where it is finite.
+    /// Mean T00 of the truth over pixels with a finite truth.
     pub mean: f64,
     /// Root mean square error of all 16 elements over `mean`, for finite results.
     pub rmse: f64,

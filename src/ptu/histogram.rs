@@ -252,8 +252,10 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
 
 /// Computes a histogram like [`histogram`], but accepts one without photons, such as that of a dark
 /// pixel. The second value is then the reason why there are no photons.
-/// / # Errors
-/// / Like [`histogram`], except for an empty histogram.
+///
+/// # Errors
+///
+/// Like [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,
     plan: &Plan,

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A clock. All parts of a rig share one.
+/// A clock, which all parts of a rig share.
 #[derive(Clone, Debug)]
 pub enum Clock {
     /// The machine's clock, with the instant of its creation.

@@ -38,7 +38,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Computes the statistics of a slice of whole matrices. They include the render's noise.
+    /// Computes the statistics of a slice of whole matrices. The statistics include the render's
+    /// noise.
     ///
     /// # Errors
     /// [`ApplyError`] if the slice is missing or contains no light.

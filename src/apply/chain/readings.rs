@@ -57,9 +57,9 @@ impl<'a> Readings<'a> {
         Ok(Self { slice, light, noise, captured })
     }
 
-    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine it.
-    /// Standard errors combine those of the slice and of the captures. Believed elements have the same
-    /// positions as the real ones.
+    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not
+    /// determine a matrix. Standard errors combine those of the slice and of the captures. Believed
+    /// elements have the same positions as the real ones.
     ///
     /// # Errors
     /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.

@@ -1,5 +1,5 @@
-//! One variant as detectors see it: images of all elements of every part of its light, and the ground truth
-//! of each task.
+//! The data of one variant for detectors: images of all elements of every part of the light, and
+//! the ground truth of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -148,7 +148,8 @@ fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
 
 impl Seen {
     /// Reads a variant: its slices and the ground truth of the tasks.
-    /// / # Errors
+    ///
+    /// # Errors
     /// [`ApplyError`].
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
         let (parts, [width, height]) = match sight {
@@ -190,7 +191,7 @@ impl Seen {
         self.images.iter().map(|(part, images)| (*part, images.len()))
     }
 
-    /// Returns an element as a signed image; `None` if it is not available.
+    /// Returns an element as a signed image; `None` if the element is not available.
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };

@@ -1,4 +1,4 @@
-//! One variant of the fruits, and the interface of scores.
+//! The slices and fruit pixels of one variant, and the interface of scores.
 
 use crate::error::ApplyError;
 use crate::isolation::seen::within;

@@ -19,8 +19,8 @@ pub struct Discriminant {
 }
 
 impl Discriminant {
-    /// Computes the discriminant from examples of both kinds, each a vector of features. `None` if there are
-    /// fewer than two of a kind, or if they cannot be separated.
+    /// Computes the discriminant from examples of both kinds, each a vector of features. Returns
+    /// `None` if a kind has fewer than two examples, or if the kinds cannot be separated.
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {

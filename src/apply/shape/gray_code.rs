@@ -48,7 +48,8 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     (bits.collect(), least)
 }
 
-/// Returns the column's centre, or NaN if it is outside or the contrast is too low.
+/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is
+/// too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
     if column < columns && contrast > 0.0 && contrast >= least { column as f64 + 0.5 } else { f64::NAN }
 }

@@ -46,7 +46,7 @@ pub struct Joint {
 /// Options of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Refractive index of the object; `None` to fit it.
+    /// Refractive index of the object; `None` to fit the index.
     pub index: Option<f64>,
     /// Window for the normals of the scan.
     pub coarse: Window,
@@ -58,7 +58,8 @@ pub struct Options {
     pub sigma_surface: f64,
 }
 
-/// Returns the index for which polarization's zenith angles are closest to those of a coarse surface.
+/// Returns the refractive index for which polarization's zenith angles are closest to those of a
+/// coarse surface.
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
     let count = ((last - first) / step).round() as usize;

@@ -23,9 +23,9 @@ pub struct LogDepth {
     pub width: usize,
     /// v and its weight, row by row.
     pub values: Vec<Step>,
-    /// Steps to the right neighbour; those of the last column are ignored.
+    /// Steps to the right neighbour; steps of the last column are ignored.
     pub right: Vec<Step>,
-    /// Steps to the lower neighbour; those of the last row are ignored.
+    /// Steps to the lower neighbour; steps of the last row are ignored.
     pub down: Vec<Step>,
 }
 

@@ -59,8 +59,9 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     })
 }
 
-/// Returns the mean of columns on which at least two codes agree to within one column; otherwise NaN. The
-/// confidence is the larger of the two.
+/// Returns per pixel the mean column of two codes that agree to within one column; otherwise NaN.
+/// If several pairs agree, the pair with the largest confidence counts. The confidence is the larger
+/// of the pair's two.
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {

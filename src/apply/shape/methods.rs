@@ -265,9 +265,9 @@ pub(super) mod tests {
     /// Side length of the camera image, pixels.
     const SIDE: usize = 32;
 
-    /// A sphere of diffuse glass. Direct light comes from one or two columns per pixel; other pixels are
-    /// dark. In all light, the share `blurred` comes uniformly from 36 columns to the left and is not
-    /// epipolar.
+    /// Returns the inputs and the true shape of a sphere of diffuse glass. Direct light comes from
+    /// one or two columns per pixel; other pixels are dark. In all light, the share `blurred` comes
+    /// uniformly from 36 columns to the left and is not epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);

@@ -48,8 +48,8 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
     0.5 * (from + to)
 }
 
-/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree exceeds the
-/// maximum, NaN if it is invalid.
+/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree
+/// exceeds the maximum, NaN if the degree is invalid.
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;

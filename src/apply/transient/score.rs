@@ -79,7 +79,8 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Returns the scores of lit places of the target, and of others, among those that pass `counts`.
+    /// Returns the scores of lit places of the target, and of others, among the places that pass
+    /// `counts`.
     pub(super) fn groups<'a>(
         &self,
         all: impl IntoIterator<Item = &'a Seen>,

@@ -30,7 +30,7 @@ pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 pub(super) struct Seen {
     pub variant: u64,
     pub pixels: Pixels,
-    /// Lit places, by the labels.
+    /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
     /// Light with an odd number and with an even number of specular reflections, and all light;
     /// W/(m² sr nm).

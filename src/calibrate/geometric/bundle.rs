@@ -105,7 +105,8 @@ impl State {
         next
     }
 
-    /// Returns Huber's cost, or half the sum of squares. It is infinite if a corner is behind a device.
+    /// Returns Huber's cost, or half the sum of squares. The cost is infinite if a corner is behind
+    /// a device.
     pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
         let mut sum = 0.0;
         for (v, corners) in views.iter().enumerate() {
@@ -267,7 +268,8 @@ impl Normal {
     }
 }
 
-/// Minimizes the cost with at most `most` steps, until a step reduces it by less than the fraction `least`.
+/// Minimizes the cost with at most `most` steps, until a step reduces the cost by less than the
+/// fraction `least`.
 ///
 /// Returns `None` if a corner is behind a device at the start.
 pub fn minimize(

@@ -202,8 +202,10 @@ impl Calibration {
 
     /// Serializes the calibration to TOML, as [`base::calibration_file::Part::Devices`] of a
     /// calibration file.
-    /// / # Errors
-    /// / An error if a number cannot be written.
+    ///
+    /// # Errors
+    ///
+    /// An error if a number cannot be written.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
@@ -242,10 +244,10 @@ impl Calibration {
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
     }
 
-    /// Reads a calibration file. Other tables in it are ignored.
+    /// Reads a calibration file. Other tables of the file are ignored.
     ///
     /// # Errors
-    /// [`InputError`] if the file is no calibration or has no valid device.
+    /// [`InputError`] if the file is not a calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;

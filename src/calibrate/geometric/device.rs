@@ -50,7 +50,8 @@ impl Model {
 }
 
 /// A device that maps the point p of the plane z = 1 to the pixel focal · lens(p) + centre.
-/// / Pixel coordinates are continuous, and the first pixel covers 0 to 1. OpenCV's coordinates are
+///
+/// Pixel coordinates are continuous, and the first pixel covers 0 to 1. OpenCV's coordinates are
 /// smaller by half a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {

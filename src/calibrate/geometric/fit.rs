@@ -66,7 +66,8 @@ const FINE: f64 = 1e-10;
 /// Maximum RMS of a valid fit relative to the image width.
 const HOPELESS: f64 = 0.02;
 
-/// Fits a camera to corners by view. With a second setup it also fits a projector and its pose.
+/// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
+/// camera to projector.
 ///
 /// With `robust`, outliers are detected (Huber's loss) and left out.
 ///

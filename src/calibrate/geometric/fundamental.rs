@@ -1,6 +1,7 @@
 //! Estimates the fundamental matrix from points (Hartley's normalized eight-point algorithm,
 //! refined by Sampson's distance) or computes it from a calibration.
-//! / Pixels are those of devices without distortion; see [`undistorted`].
+//!
+//! Pixels are those of devices without distortion; see [`undistorted`].
 
 use super::device::Device;
 use super::homography::{apply, normalization, null_vector};

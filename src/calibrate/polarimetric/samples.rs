@@ -25,7 +25,7 @@ pub struct Sample {
     pub sigmas: Vec<f64>,
     /// Number of readings of all measurements.
     pub readings: usize,
-    /// Number of readings that are not in the means because they are saturated or unknown.
+    /// Number of readings that the means exclude as saturated or unknown.
     pub left_out: usize,
 }
 

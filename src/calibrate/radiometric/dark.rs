@@ -19,7 +19,8 @@ pub struct Dark {
     pub noisy: Vec<u32>,
     /// Pixels that never change.
     pub stuck: Vec<u32>,
-    /// Offset at zero exposure in DN, or at the exposure of the dark frames if there is only one.
+    /// Offset at zero exposure in DN, or at the exposure of the dark frames if all dark frames have
+    /// the same exposure.
     pub offset: PixelMap,
     pub offset_sigma: PixelMap,
     /// Variance between frames at the shortest exposure in DN².

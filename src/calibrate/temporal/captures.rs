@@ -30,7 +30,8 @@ pub struct Capture<'a> {
     pub pixel: usize,
     /// Travel time of light to the plane and back in ps: optical path over c.
     pub travel_ps: f64,
-    /// Counts by bin from the start of the period. In free-running mode they must cover the whole period.
+    /// Counts by bin from the start of the period. In free-running mode the counts must cover the
+    /// whole period.
     pub counts: &'a [u32],
     pub pulses: u64,
 }

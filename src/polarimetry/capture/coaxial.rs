@@ -11,7 +11,7 @@ use optics::polarization::fresnel;
 use optics::spectrum::Spectral;
 use serde::{Deserialize, Serialize};
 
-/// One arm of a beamsplitter. Its axes are those of the frame.
+/// One arm of a beamsplitter. The axes of the arm are the x and y axes of the frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -118,12 +118,12 @@ struct Framed {
 }
 
 impl Galvo {
-    /// Returns G for a direction (x and y angles from the undeflected axis, radians). It maps from the frame
-    /// before the mirrors to the frame of the beam behind them.
+    /// Returns G for a direction (x and y angles from the undeflected axis, radians). G maps from
+    /// the frame before the mirrors to the frame of the beam behind them.
     ///
-    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to +Z. The x
-    /// axis of a frame is an axis projected onto the plane perpendicular to the beam: Y before the mirrors, X
-    /// behind them.
+    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to
+    /// +Z. The x axis of a frame is an axis projected onto the plane perpendicular to the beam: Y
+    /// before the mirrors, X behind them.
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
         let start = Framed { direction: Vector3::x(), x: Vector3::y() };

@@ -125,12 +125,13 @@ impl MuellerImage {
         Self::new(matrices, frame, nm)
     }
 
-    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an axis.
-    /// `wavelengths_nm` holds the wavelengths of that axis, or the single one of the slice. `bin_ps` is the
-    /// width of its time bins.
+    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an
+    /// axis. `wavelengths_nm` holds the wavelengths of that axis, or the single wavelength of the
+    /// slice. `bin_ps` is the width of the slice's time bins, ps.
     ///
     /// # Errors
-    /// As [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
+    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or
+    /// labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -208,7 +209,7 @@ impl MuellerImage {
         self
     }
 
-    /// Returns the wavelengths, one per lane.
+    /// Returns the wavelengths, nanometres, one per lane.
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
@@ -247,7 +248,7 @@ impl MuellerImage {
         }
     }
 
-    /// Returns whether the image has time bins, so that a photon counter can read it.
+    /// Returns whether the image has time bins, as a photon counter requires.
     pub fn is_timed(&self) -> bool {
         self.bin_ps.is_some()
     }
@@ -255,7 +256,7 @@ impl MuellerImage {
     /// Simulates all captures of a scheme; see [`simulate`].
     ///
     /// # Errors
-    /// As [`simulate`].
+    /// Same as [`simulate`].
     pub fn capture(&self, scheme: &Scheme, noise: &Noise, seed: u64) -> Result<Captured, DetectorError> {
         simulate(&self.matrices, self.layout, scheme, &self.rays, noise, seed)
     }

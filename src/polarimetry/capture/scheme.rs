@@ -277,9 +277,10 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are those of
-    /// [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no two captures are
-    /// equal. This is a starting point for learning, not a scheme for measurements.
+    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are
+    /// those of [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no
+    /// two captures are equal. Use the scheme as a starting point for learning, not for
+    /// measurements.
     ///
     /// # Errors
     /// If `captures` is 0.

@@ -75,8 +75,8 @@ pub struct Captured {
 }
 
 impl Captured {
-    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices; `None`
-    /// where it is unknown, as for a diode.
+    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices;
+    /// `None` if the standard deviation is unknown, as for a diode.
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
             (Noise::None, _) => Some(0.0),

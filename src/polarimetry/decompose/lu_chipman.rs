@@ -31,7 +31,7 @@ pub const DOUBLE: f64 = 1e-12;
 /// Relative rounding of single-precision matrices.
 pub const SINGLE: f64 = 1e-6;
 
-/// The three factors of a Mueller matrix. Light passes the last one first.
+/// The three factors of a Mueller matrix. Light passes the last factor, the diattenuator, first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
     /// M_Δ, with m00 = 1.

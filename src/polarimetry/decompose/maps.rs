@@ -10,8 +10,8 @@ use tensor::number::Number;
 /// Number of matrices per work unit; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
-/// A number type of arrays. Its loops over matrices are compiled in this crate, together with the functions
-/// that they call, and not in the caller's crate.
+/// A number type of arrays. Loops over matrices of this type are compiled in this crate, together
+/// with the called functions, and not in the caller's crate.
 pub trait Real: Number {
     /// Relative rounding of matrices of this type.
     const ROUNDING: f64;
@@ -243,11 +243,13 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed
+/// independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// Differences are taken over the errors themselves, so they remain valid where the quantity is nonlinear.
+/// Each difference spans the error of an element, so the result remains valid for a nonlinear
+/// quantity.
 ///
 /// # Panics
 /// If the numbers of errors and elements differ, or are not a multiple of 16.

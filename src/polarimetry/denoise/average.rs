@@ -18,8 +18,8 @@ use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
 use rayon::prelude::*;
 
-/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep their
-/// values; with two renders they keep the mean of both.
+/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep
+/// their values, or the mean of the values of two renders.
 ///
 /// # Panics
 /// If the number of renders or pixels differs from that of the weights.

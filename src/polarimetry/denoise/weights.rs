@@ -29,8 +29,8 @@ pub struct Weights {
     pub size: Size,
     /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight for one standard error of the pixel, in the render that the weights come
-    /// from.
+    /// The increase of each weight for one standard error of the pixel, in the render from which
+    /// the weights are computed.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
     pub shares: Vec<f32>,

@@ -35,7 +35,7 @@ impl Default for Search {
     }
 }
 
-/// Observes the progress of learning and can stop it.
+/// An observer, which is informed of the progress of learning and can stop it.
 pub trait Onlooker: Sync {
     /// Announces the number of additional descents.
     fn begins(&self, descents: usize) {
@@ -59,7 +59,7 @@ pub struct Descent {
     pub name: String,
     /// Expected sum of squared errors (see [`Objective`]).
     pub loss: f64,
-    /// The loss at every evaluation, in order; infinite where it is undefined.
+    /// The loss at every evaluation, in order; infinite where the loss is undefined.
     pub history: Vec<f64>,
 }
 

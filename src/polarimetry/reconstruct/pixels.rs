@@ -22,7 +22,7 @@ pub struct Options {
     pub noise: Option<f64>,
     /// Intensities from this value on are saturated and ignored, per pixel.
     pub saturation: Option<f64>,
-    /// Replace each matrix by the nearest realizable one (Cloude).
+    /// Whether each matrix is replaced by the nearest realizable matrix (Cloude).
     pub realizable: bool,
     /// Second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
@@ -77,8 +77,8 @@ struct Solved {
     partial: bool,
 }
 
-/// A number type of images. Its loops over pixels are compiled in this crate, together with the product that
-/// they call. In the caller's crate the compiler would not merge them into one loop.
+/// A number type of images. Loops over pixels of this type are compiled in this crate, together
+/// with the matrix product, so that the compiler can merge both into one loop.
 pub trait PixelNumber: Number {
     /// Computes [`Reconstruction::apply`] for this number type.
     fn reconstruct(

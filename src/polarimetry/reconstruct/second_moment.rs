@@ -106,7 +106,8 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Returns why a matrix is not a second moment, as a phrase that follows its name; `None` if it is one.
+/// Returns why a matrix is not a second moment, as a phrase that follows the matrix's name in a
+/// message; `None` if the matrix is a second moment.
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {

@@ -141,7 +141,7 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
 /// `keep` limits memory: a run can have half a million frames.
 ///
 /// # Errors
-/// Like [`read`].
+/// Same as [`read`].
 pub fn frames<T>(store: &Path, keep: impl Fn(FrameRecord) -> T) -> io::Result<Vec<T>> {
     let mut found = vec![];
     read(store, |event| {

@@ -140,7 +140,7 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Parses a plan from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// Like [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
         "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \

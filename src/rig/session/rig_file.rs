@@ -130,7 +130,7 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
 /// Parses a rig from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// Like [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
         "expected [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], [geometry], \

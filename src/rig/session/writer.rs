@@ -200,7 +200,7 @@ impl Writer {
     /// Queues an event for the journal.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn event(&mut self, event: Event) -> Result<(), DiskError> {
         self.send(Item::Event(event))
     }
@@ -208,7 +208,7 @@ impl Writer {
     /// Waits until all queued items are on disk.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
@@ -218,7 +218,7 @@ impl Writer {
     /// Waits until all queued items are on disk, and closes the store.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn close(&mut self) -> Result<(), DiskError> {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {

@@ -47,8 +47,8 @@ pub struct Cmos {
     pub bit_depth: u32,
     /// Electrons per DN; by default the full well divided by the output's range.
     pub gain_e_per_dn: Option<f64>,
-    /// Output without electrons, DN. It should be several times the read noise; otherwise dark readings are
-    /// clipped at 0 and biased.
+    /// Output without electrons, DN. Choose a level of several times the read noise. Otherwise dark
+    /// readings are clipped at 0 and biased.
     pub black_level_dn: f64,
     /// 1, or 2 to average 2×2 pixels after read-out.
     pub binning: u32,
@@ -163,9 +163,9 @@ impl Cmos {
 
     /// Returns a random reading of one pixel.
     ///
-    /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum wavelength, and
-    /// `factor` is the one of `bracket`. Photoelectrons and dark electrons are drawn as one number: the sum
-    /// of Poisson numbers is a Poisson number.
+    /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum
+    /// wavelength, and `factor` is an entry of `bracket`. Photoelectrons and dark electrons are
+    /// drawn as one number: the sum of Poisson numbers is a Poisson number.
     pub fn sample(&self, radiance: f64, nm: f64, factor: f64, stream: &mut Stream) -> Reading {
         let (per_unit, dark) = self.electrons(nm, factor);
         let mean = (per_unit * radiance).max(0.0) + dark;
@@ -243,7 +243,7 @@ impl Cmos {
     /// same values as the full sensor.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Radiance`] if `image` contains non-finite values.
+    /// Same as [`Self::check`]; [`DetectorError::Radiance`] if `image` contains non-finite values.
     pub fn frame(
         &self,
         image: &[f64],

@@ -97,7 +97,7 @@ pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
 /// Parses a detector from TOML text; `path` is used in messages.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
     let error = |span, message: String, help: &str| InputError::new(path, text, span, message, help);
     let file: DetectorFile = document::parse(path, text, |_| {

@@ -24,7 +24,8 @@
 /// Detections per pulse and bin of a diode that is always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN where the diode was never armed, or detected a photon whenever it was armed.
+    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was
+    /// armed.
     pub value: f64,
     /// An unbiased estimate of the variance. The estimate is 0 in an empty bin. It is therefore
     /// unsuitable as a weight of single bins.

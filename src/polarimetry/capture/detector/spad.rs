@@ -68,7 +68,7 @@ pub struct Spad {
     pub dark_counts_per_s: f64,
     /// Time without detections after a detection, ps (free-running).
     pub dead_time_ps: f64,
-    /// Probability that a detection causes another one (free-running).
+    /// Probability that a detection causes an after-pulse (free-running).
     pub after_pulsing: f64,
     /// Mean time from the end of the dead time to an after-pulse, ps.
     pub after_pulse_time_ps: f64,
@@ -173,7 +173,7 @@ impl Spad {
     /// sum is 1.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Same as [`Self::check`].
     pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
         self.check()?;
         Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
@@ -186,7 +186,7 @@ impl Spad {
     /// 0.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
+    /// Same as [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
     pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
         finite(histogram)?;
         let response = self.response()?;
@@ -220,7 +220,7 @@ impl Spad {
     /// [`Self::rates`].
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
+    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
     /// [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸ detections.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
@@ -244,7 +244,7 @@ impl Spad {
     /// of single bins.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
+    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
         count("the counts of a period", self.period_bins(), counts.len())?;

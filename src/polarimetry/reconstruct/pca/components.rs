@@ -18,10 +18,10 @@ pub struct Components {
     pub count: f64,
     /// Mean of the rows.
     pub mean: MatrixRow,
-    /// Singular values of X - mean in descending order; they grow with √n.
+    /// Singular values of X - mean in descending order. Singular values are proportional to √n.
     pub spectrum: MatrixRow,
-    /// Fraction of the total variance of each component, σ²
-    /// Σ σ²; all 0 for a set without variance.
+    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set
+    /// without variance.
     pub share: MatrixRow,
     /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
     /// positive.

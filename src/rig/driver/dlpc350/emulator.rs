@@ -92,7 +92,7 @@ impl Emulator {
         self.state().triggers.get(&code).cloned()
     }
 
-    /// Returns the light that the controller projects, or `None` if it is dark.
+    /// Returns the light that the controller projects, or `None` if it projects no light.
     pub fn light(&self) -> Option<Light> {
         let state = self.state();
         let entry = state.table.first_chunk::<3>().map(|b| Entry::read(*b))?;

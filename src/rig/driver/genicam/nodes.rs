@@ -178,8 +178,10 @@ impl Nodes {
     }
 
     /// Selects an entry of an enumeration feature.
-    /// / # Errors
-    /// / [`Failure`]: limit (no such entry), and errors of the line.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`]: limit (no such entry), and errors of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {
