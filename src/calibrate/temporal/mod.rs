@@ -13,8 +13,9 @@
 //! - A_i: number of pulses for which the diode is armed
 //!   ([`polarimetry::capture::detector::pile_up`]). A_i makes pile-up part of the likelihood:
 //!
-//! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i > > free-running: ln L = Σ n_i
-//! ln λ_i - A_i λ_i
+//! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i
+//! >
+//! > free-running: ln L = Σ n_i ln λ_i - A_i λ_i
 //!
 //! The synchronous formula is exact. The free-running formula is the likelihood of a point process,
 //! and assumes that bins are short compared with the dead time. Fisher scoring finds the maximum.

@@ -1,8 +1,7 @@
 //! Detectors: readings of instruments for a known radiance, and radiance estimates from such
 //! readings.
 //!
-//! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its
-//! variance
+//! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its variance
 //!
 //! Simulated measurements of a render are therefore processed like laboratory measurements.
 //! [`cmos`] is a camera (linear model of EMVA 1288), [`polarizer_array`] the mosaic of polarizers

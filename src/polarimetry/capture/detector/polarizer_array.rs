@@ -2,7 +2,8 @@
 //!
 //! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2:
 //!
-//! > 90°  45° > 135°  0°
+//! > 90°  45°
+//! > 135°  0°
 //!
 //! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the
 //! top one, column 0 the left one). Images of the four polarizers are in the order of
