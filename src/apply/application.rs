@@ -1,8 +1,8 @@
-//! The interface of an application: the scenes and slices that it needs, the methods that it compares, and
-//! its metrics.
+//! The interface of an application: the scenes and slices that it needs, the methods that it
+//! compares, and its metrics.
 //!
-//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses tensors and maps only, no scene, renderer or file.
+//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An
+//! application uses only tensors and maps, and does not read scenes or files or render.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -24,12 +24,13 @@ pub struct Application {
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Returns the task of the first method, learned from training observations, if it computes a few linear
-    /// functionals of Mueller matrices. Captures can then be optimized for it.
+    /// Returns the task of the first method, learned from training observations, if it computes a
+    /// few linear functionals of Mueller matrices. Captures can then be optimized for this task.
     pub task: Option<fn(&[Observation]) -> Result<Task, ApplyError>>,
 }
 
-/// Fits every method on the first observations and tests it on the second, those of one seed each.
+/// Fits every method on the first observations and tests it on the second observations. All
+/// observations have the same seed.
 pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>;
 
 /// The renders that an application needs.
@@ -54,16 +55,17 @@ pub struct Plan {
 /// The source of a ground-truth map, and its name.
 #[derive(Clone, Copy, Debug)]
 pub enum Truth {
-    /// Share of a pixel whose first surface behind smooth glass and water has one of these materials.
+    /// Share of each pixel whose first surface has one of these materials. Smooth glass and water
+    /// in front are ignored.
     Material {
         name: &'static str,
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Number of the object, from 0, at the pixel's centre, behind smooth glass and water; NaN without an
-    /// object.
+    /// Number of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass
+    /// and water in front are ignored.
     Object(&'static str),
-    /// Texture coordinates of that surface, two channels.
+    /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
     Texture(&'static str),
     /// A layer of `sunstone layers`: the value of the object that most of 4 x 4 rays per pixel hit. Without
     /// an object, NaN, or -1 for object numbers.
@@ -73,19 +75,19 @@ pub enum Truth {
         /// Whether the layer is of the surfaces behind smooth interfaces and sheets.
         through: bool,
     },
-    /// A slice of this or another variant, rendered with a separate seed. It is added to the observation's
-    /// slices under this name.
+    /// A slice of this or another variant, rendered with a separate seed. The slice is added to the
+    /// observation under its name.
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a variant; [`itself`] for the same one.
+        /// Returns the variant to render for a variant; [`itself`] for the same variant.
         of: fn(u64) -> u64,
         /// Number of samples relative to that of the other renders.
         samples: u32,
     },
 }
 
-/// Returns the same variant, for [`Truth::Slice`].
+/// Returns the variant itself, for [`Truth::Slice`].
 pub fn itself(variant: u64) -> u64 {
     variant
 }
@@ -102,7 +104,7 @@ pub struct Size {
 pub struct Method {
     /// Name in tables.
     pub name: &'static str,
-    /// Publication, or a note that it is new.
+    /// Publication of the method, or a note that the method is new.
     pub source: &'static str,
 }
 
@@ -117,7 +119,7 @@ impl Method {
 pub struct Metric {
     /// Name in tables.
     pub name: &'static str,
-    /// Unit, empty if it has none.
+    /// Unit of the metric; empty for a number without unit.
     pub unit: &'static str,
     pub more_is_better: bool,
 }
@@ -139,7 +141,7 @@ pub struct Score {
 }
 
 impl Score {
-    /// Returns the scores of a method on a variant, metric by metric.
+    /// Returns the scores of a method on a variant, one per metric.
     pub fn each<'a>(
         method: &'static str,
         variant: u64,
@@ -159,11 +161,12 @@ impl Score {
 #[derive(Clone, Debug)]
 pub struct Picture {
     pub method: &'static str,
-    /// Content, suitable for a file name.
+    /// Short description of the content, suitable for a file name.
     pub name: &'static str,
     /// Variant of the picture; `None` for pictures of learned quantities.
     pub variant: Option<u64>,
-    /// Whether its unit is common to all methods, so that they are drawn side by side with one scale.
+    /// Whether the unit is common to all methods, so that the pictures are drawn side by side with
+    /// one scale.
     pub shared: bool,
     pub map: Map,
 }

@@ -1,16 +1,18 @@
-//! Tables of an application: the score of each method, and its difference from the first.
+//! Tables of an application: the score of each method, and its difference from the score of the
+//! first method.
 
 use crate::application::{Application, Method, Metric, Score};
 use crate::metrics::paired::{Estimate, difference, estimate};
 
-/// One method by one metric.
+/// The result of one method for one metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     pub method: Method,
     pub metric: Metric,
     /// Mean over variants and seeds.
     pub value: Estimate,
-    /// Difference of the first method and this one on the same renders; `None` for the first.
+    /// Score of the first method minus the score of this method on the same renders; `None` for the
+    /// first method.
     pub ours_less_this: Option<Estimate>,
 }
 
@@ -32,8 +34,8 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
     variants.iter().map(|v| seeds.iter().map(|s| value(*v, *s)).collect()).collect()
 }
 
-/// Returns the rows of all methods and metrics from scores with their seeds: metrics one after the other,
-/// methods in their order.
+/// Returns the rows of all methods and metrics from scores with their seeds: by metric, then by
+/// method, in the order of the application.
 pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = &application.methods;
     let mut rows = vec![];

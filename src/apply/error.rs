@@ -21,7 +21,7 @@ pub enum ApplyError {
         /// The missing axis.
         axis: &'static str,
     },
-    /// Maps of different sizes, or variants with different wavelengths.
+    /// Maps have different sizes, or variants have different wavelengths.
     #[error("variant {variant}: {what} differ in size; render all variants with the same settings")]
     Sizes { variant: u64, what: String },
     /// There is no data for training or testing.

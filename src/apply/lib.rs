@@ -1,8 +1,8 @@
-//! Applications of the tensor: those of Baek & Heide (2021, sections 6 and 8) and their published baselines
-//! on the same data, evaluated against exact ground truth.
+//! Applications of the tensor: those of Baek & Heide (2021, sections 6 and 8) and their published
+//! baselines on the same data, evaluated against exact ground truth.
 //!
-//! Methods are functions of images ([`map::Map`]) and tensors; they use no scene, renderer or file. An
-//! [`application::Application`] defines the renders that it needs, its methods and its metrics;
+//! Methods are functions of images ([`map::Map`]) and tensors, and use no scene, renderer or file.
+//! An [`application::Application`] defines the renders that it needs, its methods and its metrics;
 //! [`catalog::all`] lists all applications.
 
 pub mod analysis;

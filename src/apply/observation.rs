@@ -26,7 +26,7 @@ pub struct Observation {
 #[derive(Clone, Debug)]
 pub struct Slice {
     pub mean: Tensor,
-    /// Standard errors of `mean`.
+    /// Standard errors of `mean`, in the same unit.
     pub error: Tensor,
 }
 
@@ -134,7 +134,7 @@ impl Observation {
         ApplyError::Sizes { variant: self.variant, what: what.into() }
     }
 
-    /// Returns the error of a variant without a pixel that shows only `what`.
+    /// Returns the error for a variant in which no pixel shows only `what`.
     pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
         let variant = self.variant;
         let cause = format!("variant {variant} has no pixel that shows {what}");
@@ -182,8 +182,8 @@ impl Pixels {
         self.width * self.height
     }
 
-    /// Returns the map of the means weighted by element (`[element]`) and summed over bins and elements, the
-    /// result of a linear analysis of polarization.
+    /// Returns the map of the means weighted by element (`weights[element]`) and summed over bins
+    /// and elements, the result of a linear analysis of polarization.
     pub fn weighed(&self, weights: &[f64]) -> Map {
         Map::from_fn(self.width, self.height, self.wavelengths, |x, y, out| {
             let pixel = y * self.width + x;
@@ -210,7 +210,7 @@ pub(crate) mod tests {
         Tensor::zeros(name, axes.collect())
     }
 
-    /// Returns the error of an application for an observation after a change.
+    /// Runs an application on an observation after `change`, and returns its error.
     pub(crate) fn failed(run: Run, whole: &Observation, change: &dyn Fn(&mut Observation)) -> ApplyError {
         let mut o = whole.clone();
         change(&mut o);

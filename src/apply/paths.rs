@@ -1,8 +1,8 @@
-//! Light by path type: sums of a slice that keeps labels ([`tensor::label`]) and numbers of surface
-//! interactions.
+//! Light by path type: sums over a slice with axes for labels ([`tensor::label`]) and for numbers
+//! of surface interactions.
 //!
-//! Kinds of light are sets of (label, bounces). A label does not contain the order of interactions: light
-//! from a mirror to a wall and from a wall to a mirror are one kind.
+//! Kinds of light are sets of (label, bounces). A label does not contain the order of interactions:
+//! light from a mirror to a wall and from a wall to a mirror are one kind.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -51,8 +51,8 @@ impl Path {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// Returns whether the path is one mirror and one matte surface, in any order: light from a mirror on a
-    /// wall, or a wall seen in a mirror.
+    /// Returns whether the path is one mirror and one matte surface, in any order: light from a
+    /// mirror on a wall, or light from a wall reflected by a mirror.
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }
@@ -61,7 +61,7 @@ impl Path {
 /// A slice that keeps labels and numbers of bounces.
 pub struct Labelled<'a> {
     pub tensor: &'a Tensor,
-    /// All paths that it distinguishes.
+    /// All path types of the slice.
     pub kinds: Vec<Path>,
     camera: [usize; 2],
     bin: Option<usize>,
@@ -88,8 +88,8 @@ impl<'a> Labelled<'a> {
         Ok(Self { tensor, kinds, camera, bin: tensor.find(AxisKind::T), path: [bounces, label] })
     }
 
-    /// Calls `f` for each value with pixel, bin of travel time (0 without a time axis), index of the path in
-    /// `kinds`, and light. For matrices, the light is M00.
+    /// Calls `f` for each value with pixel index, bin of travel time (0 without a time axis), index
+    /// of the path in `kinds`, and light. For matrices, the light is M00.
     pub fn walk(&self, mut f: impl FnMut(usize, usize, usize, f64)) {
         let t = self.tensor;
         let ([y, x], [bounces, label]) = (self.camera, self.path);
@@ -111,7 +111,7 @@ pub struct Paths {
     pub width: usize,
     pub height: usize,
     kinds: Vec<Path>,
-    /// `[pixel][kind]`.
+    /// The light, `[pixel][kind]`.
     light: Vec<f64>,
 }
 
@@ -129,7 +129,7 @@ impl Paths {
         Ok(Self { width, height, kinds: slice.kinds, light })
     }
 
-    /// Returns the light of all paths of a kind.
+    /// Returns the light of all paths that satisfy `is`.
     pub fn of(&self, is: impl Fn(Path) -> bool) -> Map {
         let chosen: Vec<usize> = (0..self.kinds.len()).filter(|k| is(self.kinds[*k])).collect();
         Map::from_fn(self.width, self.height, 1, |x, y, out| {

@@ -1,8 +1,8 @@
-//! Calibrations of camera and projector as plain numbers: pinholes without distortion (images are undistorted
-//! first).
+//! Calibrations of camera and projector as plain numbers: pinholes without distortion. The caller
+//! removes distortion from images first.
 //!
-//! A point p in world coordinates is q = Rᵀ(p - o) in the device's frame and at pixel f·(q_x/q_z, q_y/q_z) +
-//! c (Hartley & Zisserman 2004, ch. 6).
+//! A world point p is q = Rᵀ(p - o) in the device's frame, metres. Its pixel is f·(q_x/q_z,
+//! q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -51,7 +51,8 @@ impl Pinhole {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Returns the pixel coordinate of a world point; `None` if it is not in front of the device.
+    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the
+    /// device.
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];
@@ -64,7 +65,7 @@ impl Pinhole {
     }
 }
 
-/// The calibrated pair of devices.
+/// The calibrated camera and projector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     pub camera: Pinhole,

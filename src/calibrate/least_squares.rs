@@ -1,14 +1,15 @@
 //! Nonlinear least squares that reports undetermined parameters.
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
-//! deviations. Directions of the parameters that affect no residual keep their initial values and are
-//! reported. They are found from the singular values of the Jacobian with normalized columns.
+//! deviations. Directions of the parameters that affect no residual keep their initial values and
+//! are reported. These directions are found from the singular values of the Jacobian with
+//! normalized columns.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this fraction of the largest are undetermined.
+/// Singular value, relative to the largest, below which a direction is undetermined.
 const NOTHING: f64 = 1e-6;
-/// Parameters with at least this component in a direction are named.
+/// Smallest component of a parameter in a direction for which the parameter is named.
 const NAMED: f64 = 0.1;
 const STEPS: usize = 100;
 
@@ -39,7 +40,8 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
+    /// Returns the standard deviation of a parameter, or `None` if the parameter is part of an
+    /// undetermined direction.
     pub fn sigma(&self, i: usize) -> Option<f64> {
         let message = self.untold.iter().all(|d| d[i].abs() < NAMED);
         message.then(|| self.covariance[(i, i)].max(0.0).sqrt())
@@ -205,7 +207,7 @@ impl Reported {
 mod tests {
     use super::*;
 
-    /// a exp(-b t) + c with exact data and a distant start.
+    /// The fit of a exp(-b t) + c to exact data yields exact parameters from a distant start.
     #[test]
     fn exact_data_give_exact_parameters() {
         let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();

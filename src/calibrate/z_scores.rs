@@ -1,9 +1,10 @@
 //! Compares errors of many repeats with their stated standard errors, to test covariances.
 //!
-//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a standard
-//! deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8 to 1.25 once in six
-//! times, and 1024 values once in 100,000. The bounds are therefore those of χ² for the number of independent
-//! values (Wilson and Hilferty 1931). No test depends on its seeds.
+//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a
+//! standard deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8
+//! to 1.25 once in six times, and 1024 values once in 100,000. The bounds are therefore those of χ²
+//! for the number of independent values (Wilson and Hilferty 1931). Test results do not depend on
+//! the seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -41,7 +42,8 @@ impl ZScores {
         class.independent += 1.0;
     }
 
-    /// Adds correlated errors of one repeat. They count as one independent value, which is conservative.
+    /// Adds correlated errors of one repeat. The errors count as one independent value, which is
+    /// conservative.
     pub fn add_together(&mut self, class: &str, errors: impl IntoIterator<Item = (f64, f64)>) {
         let before = self.0.get(class).map_or(0.0, |c| c.independent);
         for (error, sigma) in errors {
@@ -61,8 +63,8 @@ impl ZScores {
         z.iter().for_each(|z| self.add(class, *z, 1.0));
     }
 
-    /// Prints all classes, then asserts that each variance is consistent with 1. Classes with at least a
-    /// thousand independent values must be within 0.8 to 1.25.
+    /// Prints all classes, then asserts that the mean square of each class is consistent with 1. A
+    /// class with at least a thousand independent values must be within 0.8 to 1.25.
     pub fn hold(&self, what: &str) {
         for (name, c) in &self.0 {
             let v = c.squares / c.values;
@@ -89,7 +91,8 @@ fn deviations(mean: f64, n: f64) -> f64 {
     (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
 }
 
-/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower one 1.479 (tables).
+/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower 0.1 % quantile
+/// 1.479 (tables).
 #[test]
 fn deviations_are_those_of_chi_squared() {
     assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);

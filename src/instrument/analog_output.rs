@@ -1,6 +1,8 @@
-//! An analog output card that outputs voltages at its own sample clock, used to drive galvo mirrors.
+//! An analog output card that outputs voltages at its own sample clock, for example to galvo
+//! mirrors.
 //!
-//! Buffers are written, started and awaited separately. The card holds the last sample's voltage.
+//! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
+//! buffer, the card holds the voltage of the last sample.
 
 use super::failure::Failure;
 use super::identity::Instrument;
@@ -27,7 +29,8 @@ impl AnalogLimits {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// Returns the output voltage for a requested voltage: the nearest possible one.
+    /// Returns the output voltage for a requested voltage: the nearest voltage that the card can
+    /// output.
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();

@@ -63,9 +63,9 @@ pub struct Region {
 /// Event that starts an exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// A call of [`AreaCamera::expose`].
+    /// A call of [`AreaCamera::expose`] starts the exposure.
     Software,
-    /// The projector's trigger line.
+    /// The projector's trigger line starts the exposure.
     Line,
 }
 

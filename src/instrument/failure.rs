@@ -1,21 +1,26 @@
-//! Failures of instruments: a small set of faults on which a session bases its reaction.
+//! Failures of instruments. A session reacts to a failure according to its [`Fault`], one of a
+//! small set.
 
 use thiserror::Error;
 
 /// Kind of a failure. Each variant's description includes the session's reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Fault {
-    /// No reply or frame before the deadline: retried a limited number of times.
+    /// No reply or frame arrived before the deadline. The session retries a limited number of
+    /// times.
     Timeout,
-    /// Request outside the instrument's limits, or a limit switch was hit: the plan is wrong, no retry.
+    /// The request was outside the instrument's limits, or a limit switch was hit. The plan is
+    /// wrong, and the session does not retry.
     Limit,
-    /// Motion stopped short of its goal: the stage is homed, then the request is retried.
+    /// The motion stopped short of its goal. The session homes the stage, then retries the request.
     Stalled,
-    /// Line disconnected or invalid replies: reconnected, then the request is retried.
+    /// The line was disconnected or replies were invalid. The session reconnects, then retries the
+    /// request.
     Disconnected,
-    /// The sensor or counter saturated: a plan may suspend on this condition.
+    /// The sensor or counter saturated. A plan may suspend on this condition.
     Saturated,
-    /// The instrument refused the request (busy, interlock, wrong state): reported to the user.
+    /// The instrument refused the request (busy, interlock, wrong state). The session reports this
+    /// to the user.
     Refused,
 }
 

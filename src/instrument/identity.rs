@@ -18,7 +18,7 @@ pub trait Instrument: Send {
     /// Returns the name in the rig file, which messages contain.
     fn name(&self) -> &str;
 
-    /// Queries the identity, which also proves that the line works.
+    /// Queries the identity. A reply also proves that the line works.
     ///
     /// # Errors
     /// [`Failure`], at the latest after `within`.
@@ -38,7 +38,7 @@ pub trait Instrument: Send {
         Failure::new(fault, self.name(), what)
     }
 
-    /// Fails with a failure of this instrument.
+    /// Returns an error with a failure of this instrument.
     ///
     /// # Errors
     /// Always, with this [`Failure`].

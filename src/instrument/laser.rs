@@ -34,7 +34,8 @@ pub struct LaserState {
     pub emitting: bool,
     /// Pulses per second.
     pub rate_hz: f64,
-    /// Mean power relative to nominal; 1 is normal. Plans suspend below a limit.
+    /// Mean power relative to nominal, where 1 is nominal. Sessions wait while the power is below
+    /// the plan's limit.
     pub power: f64,
 }
 

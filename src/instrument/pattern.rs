@@ -41,9 +41,10 @@ impl ProjectorLimits {
     }
 }
 
-/// Returns an entry of a projector's list of loaded patterns.
+/// Returns the entry `pattern` of a projector's list of loaded patterns.
 ///
 /// # Errors
+///
 /// A message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
@@ -53,13 +54,14 @@ pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
 pub trait PatternProjector: Instrument {
     fn limits(&self) -> ProjectorLimits;
 
-    /// Loads patterns, numbered from 0; they replace those loaded before.
+    /// Loads patterns, numbered from 0, which replace all earlier patterns.
     ///
     /// # Errors
-    /// [`Failure`]: limit (number, size, or gray levels on a binary projector), timeout, disconnected.
+    /// [`Failure`]: limit (number, size, or gray levels on a binary projector), timeout,
+    /// disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
-    /// Displays a loaded pattern until the next call, and returns when its light is stable.
+    /// Displays a loaded pattern until the next call, and returns when the light is stable.
     ///
     /// # Errors
     /// [`Failure`]: limit (no such pattern), timeout, disconnected, refused.

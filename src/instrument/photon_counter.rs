@@ -31,7 +31,8 @@ pub struct CounterSettings {
     pub dwell: Duration,
     /// Offset added to the sync time, in picoseconds.
     pub offset_ps: f64,
-    /// Returns time tags instead of a histogram: every photon with its pulse and its bin.
+    /// Whether the counter returns time tags (every photon with its pulse and its bin) instead of a
+    /// histogram.
     pub tags: bool,
 }
 
@@ -45,7 +46,7 @@ pub struct Histogram {
     pub records: Vec<u32>,
     /// Number of laser pulses during the acquisition.
     pub pulses: u64,
-    /// The counter's number of the acquisition.
+    /// Number of the acquisition, as counted by the counter.
     pub number: u64,
     /// Counter clock at the start of the acquisition, in nanoseconds.
     pub timestamp_ns: u64,

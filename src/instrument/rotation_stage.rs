@@ -50,17 +50,19 @@ pub struct StageReading {
     pub homed: bool,
 }
 
-/// A rotation stage. Moves are started and awaited separately, so that stages can move concurrently.
+/// A rotation stage. Starting a move and waiting for its end are separate calls, so that stages can
+/// move concurrently.
 pub trait RotationStage: Instrument {
     fn limits(&self) -> StageLimits;
 
-    /// Homes the stage and waits for the end.
+    /// Homes the stage and waits for the end of homing.
     ///
     /// # Errors
     /// [`Failure`]: timeout, stalled, disconnected.
     fn home(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Starts a move to an angle of the scale and returns immediately. It replaces a move in progress.
+    /// Starts a move to an angle of the scale and returns immediately. The new move replaces a move
+    /// in progress.
     ///
     /// # Errors
     /// [`Failure`]: limit (outside [`StageLimits::range_deg`]), refused (not homed), disconnected.

@@ -1,8 +1,8 @@
-//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the results with
-//! the truth.
+//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the
+//! results with the truth.
 //!
-//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used, or without one the minimum-norm
-//! solution. All errors are relative to the mean T00 of the truth.
+//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used; without a prior, the
+//! minimum-norm solution. All errors are relative to the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::detector::error::DetectorError;
@@ -15,8 +15,8 @@ use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
 
-/// A pixel is bright above this fraction of the mean T00; errors of normalized elements use bright pixels
-/// only.
+/// Fraction of the mean T00 above which a pixel is bright. Errors of normalized elements use only
+/// bright pixels.
 const BRIGHT: f64 = 0.1;
 
 #[derive(Debug, thiserror::Error)]
@@ -62,9 +62,9 @@ pub struct Trial<'a> {
 /// The estimator of the matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimateKind {
-    /// Least squares, for rank 16.
+    /// Least squares, for schemes of rank 16.
     LeastSquares,
-    /// With the second moment of a prior.
+    /// The estimator with the second moment of a prior.
     Prior,
     MinimumNorm,
 }
@@ -114,7 +114,7 @@ pub struct ErrorImage {
 /// Errors of reconstructed matrices relative to the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean T00 of the truth where it is finite.
+    /// Mean T00 of the truth over pixels with a finite truth.
     pub mean: f64,
     /// Root mean square error of all 16 elements over `mean`, for finite results.
     pub rmse: f64,
@@ -230,8 +230,8 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
     Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
 }
 
-/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` are those of the
-/// wavelengths, which alternate over the pixels.
+/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` holds one
+/// design matrix per wavelength; the wavelengths alternate over the pixels.
 pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
     let pixels = captured.layout.pixels();
@@ -323,8 +323,8 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Two pixels by hand: one with an error of 0.1 in one of 16 elements, one not determined; the truth of a
-    /// third is unknown.
+    /// Errors are correct for three pixels: one with an error of 0.1 in one of 16 elements, one
+    /// that is not determined, and one of unknown truth.
     #[test]
     fn errors_are_those_of_what_was_found() {
         let mut truth = vec![0.0; 48];

@@ -8,11 +8,11 @@ use thiserror::Error;
 #[error("{}: {}{what}; {fix}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
 pub struct PtuError {
     pub file: PathBuf,
-    /// Offset in bytes from the begin of the file, or `None` if the error has no single position.
+    /// Offset in bytes from the start of the file, or `None` if the error has no single position.
     pub offset: Option<u64>,
     pub what: String,
     pub fix: String,
-    /// True if the operating system caused the error, not the file.
+    /// Whether the operating system caused the error, rather than the file.
     pub of_system: bool,
 }
 

@@ -45,7 +45,8 @@ impl<R: Read> Bytes<'_, R> {
     }
 }
 
-/// Reads a header from the begin of a file of `length` bytes. Returns it with the offset of the first record.
+/// Reads a header from the start of a file of `length` bytes. Returns the header and the offset of
+/// the first record in bytes.
 ///
 /// Nothing is allocated for sizes that the file cannot contain.
 ///
@@ -109,17 +110,17 @@ fn ascii(bytes: &[u8]) -> String {
 }
 
 impl Header {
-    /// Returns the value of the first tag of a name.
+    /// Returns the value of the first tag named `name`.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.tags.iter().find(|t| t.name == name).map(|t| &t.value)
     }
 
-    /// Returns the values of all tags of a name, in file order.
+    /// Returns the values of all tags named `name`, in file order.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Value> {
         self.tags.iter().filter(move |t| t.name == name).map(|t| &t.value)
     }
 
-    /// Returns an integer or flags.
+    /// Returns the value of a tag of integer or flags type; `None` for other types.
     pub fn int(&self, name: &str) -> Option<i64> {
         match self.get(name)? {
             Value::Int(i) => Some(*i),
@@ -128,8 +129,8 @@ impl Header {
         }
     }
 
-    /// Returns an integer, flags, float or boolean (1 or 0) as a number. Programs disagree on the types of
-    /// tags.
+    /// Returns an integer, flags, float or boolean (1 or 0) as a number. Several types are accepted
+    /// because programs write the same tag with different types.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
             Value::Int(i) => Some(*i as f64),
@@ -140,7 +141,7 @@ impl Header {
         }
     }
 
-    /// Returns a text of either type.
+    /// Returns the value of a tag of either text type.
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.get(name)? {
             Value::Text(t) | Value::Wide(t) => Some(t),
@@ -157,7 +158,8 @@ impl Header {
         self.number(name).filter(|s| s.is_finite() && *s > 0.0)
     }
 
-    /// Returns the duration of a count of the time tag in seconds, if positive; in T3 the laser's period.
+    /// Returns the duration of a count of the time tag in seconds, if positive; in T3, a count is
+    /// one laser period.
     pub fn global_resolution_s(&self) -> Option<f64> {
         self.resolution_s(Mode::T2)
     }

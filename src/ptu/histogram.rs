@@ -12,7 +12,7 @@ use std::io::Read;
 /// Maximum number of elements of a histogram: 2 GiB.
 pub const MOST: usize = 1 << 29;
 
-/// An index beyond every histogram.
+/// A bin index beyond every histogram.
 const NOWHERE: u32 = 1 << 30;
 
 /// Binning, channels and pixels of a histogram.
@@ -47,7 +47,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Returns why the plan is invalid and how to fix it.
+    /// Returns why the plan is invalid and how to fix it; `None` if the plan is valid.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
@@ -122,7 +122,8 @@ pub struct Histograms {
     pub counts: Vec<u32>,
     pub photons: u64,
     pub left_out: LeftOut,
-    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
+    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last pixel or line of
+    /// their frame.
     pub beyond: u64,
     /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
@@ -249,10 +250,11 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
     nothing.map_or(Ok(found), Err)
 }
 
-/// Like [`histogram`], but accepts a histogram without photons, such as that of one dark pixel. The second
-/// value is then the reason.
+/// Computes a histogram like [`histogram`], but accepts one without photons, such as that of a dark
+/// pixel. The second value is then the reason why there are no photons.
 ///
 /// # Errors
+///
 /// Like [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,

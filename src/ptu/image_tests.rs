@@ -1,4 +1,5 @@
-//! Tests of images: which pixel a photon belongs to, and how photons outside all pixels are counted.
+//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all
+//! pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};
@@ -8,7 +9,8 @@ use super::scan::{Clock, Scan};
 use super::tag::{Tag, Value};
 use super::tests::{bytes_of, counted, even, open};
 
-/// Photons of a scan belong to the pixel of its markers, and between pixels to none.
+/// Photons of a scan belong to the pixel whose markers enclose them. Photons between pixels belong
+/// to no pixel.
 #[test]
 fn markers_make_pixels() {
     let plan = |clock| plan(8, Some(Scan { width: 2, height: 2, bidirectional: false, clock }));
@@ -225,7 +227,8 @@ fn histograms_of_nothing_are_refused() {
     }
 }
 
-/// Lines before the first frame marker are left out if too few for a frame. An incomplete last frame is kept.
+/// Lines before the first frame marker are left out if they are too few for a frame. An incomplete
+/// last frame is kept.
 #[test]
 fn torn_frames_are_left_out_at_the_beginning_alone() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");

@@ -64,7 +64,7 @@ impl<R: Read> Reader<R> {
     /// Reads the header from a source of `length` bytes. Errors name `file`.
     ///
     /// # Errors
-    /// Like [`Reader::open`].
+    /// Same as [`Reader::open`].
     pub fn new(mut source: R, length: u64, file: &Path) -> Result<Self, PtuError> {
         let (header, begin) = header::read(&mut source, length, file)?;
         let record = header.record_type(file)?;
@@ -124,7 +124,7 @@ impl<R: Read> Reader<R> {
     /// Calls a function with every event, in order.
     ///
     /// # Errors
-    /// Like [`Self::block`].
+    /// Same as [`Self::block`].
     pub fn events(&mut self, mut take: impl FnMut(Event)) -> Result<(), PtuError> {
         let mut decoder = Decoder::new(self.record);
         loop {

@@ -10,12 +10,12 @@
 //! In the first version of the HydraHarp each overflow record means one overflow (of 33552000 in T2). In
 //! later versions a count of 0 also means one overflow.
 
-/// How photons are timed.
+/// How photons are timed: T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// By one clock. Sync pulses are separate events.
+    /// Photons are timed by one clock. Sync pulses are separate events.
     T2,
-    /// By the number of the sync pulse and the time since that pulse.
+    /// Photons are timed by the number of the sync pulse and the time since that pulse.
     T3,
 }
 
@@ -138,18 +138,18 @@ pub(super) enum Parts {
 
 /// The bit layout of a family. Each layout is a separate type so that loops over records are monomorphized.
 pub(super) trait Layout {
-    /// True for T2 records.
+    /// Whether the records are T2 records.
     const T2: bool;
-    /// Clock counts per overflow.
+    /// Number of clock counts per overflow.
     const PERIOD: u64;
     fn split(record: u32) -> Parts;
 }
 
 pub(super) struct PicoT2;
 pub(super) struct PicoT3;
-/// `OLD` selects the HydraHarp's first version.
+/// The layout of HydraHarp T2 records. `OLD` selects the HydraHarp's first version.
 pub(super) struct HydraT2<const OLD: bool>;
-/// Like [`HydraT2`].
+/// The layout of HydraHarp T3 records. `OLD` selects the HydraHarp's first version.
 pub(super) struct HydraT3<const OLD: bool>;
 
 impl Layout for PicoT2 {
@@ -240,12 +240,13 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// A decoded record. Times since the begin, including overflows, count sync pulses (T3) or clock counts (T2).
+/// A decoded record. Times since the start, including overflows, are in sync pulses (T3) or clock
+/// counts (T2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     Photon {
         time: u64,
-        /// Time since the sync pulse (T3; 0 in T2).
+        /// Time since the sync pulse in counts of `dtime` (T3; 0 in T2).
         dtime: u16,
         /// Detector channel, from 0.
         channel: u8,
@@ -279,7 +280,7 @@ fn split<L: Layout>(record: u32) -> Parts {
 }
 
 impl Decoder {
-    /// Creates a decoder for the begin of a measurement.
+    /// Creates a decoder for the start of a measurement.
     pub fn new(record: RecordType) -> Self {
         Self { record, overflow: 0 }
     }

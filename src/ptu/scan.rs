@@ -15,7 +15,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Returns the first time count since the begin of the line in column `x` of `width`.
+    /// Returns the first time count since the start of the line in column `x` of `width`.
     fn edge(&self, x: u64, width: u64) -> u64 {
         let line = self.pixel_time.saturating_mul(width);
         let Some(sine) = self.sine.filter(|_| x > 0 && x < width) else {
@@ -27,7 +27,8 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the begin of the line, and its time range; `None` after the line.
+    /// Returns the column at a time since the start of the line, and its time range; `None` after
+    /// the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {
@@ -54,17 +55,20 @@ impl Sweep {
 /// Meaning of the markers. Markers are bits: 1 is the first input, 8 the fourth, 0 none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
-    /// Begins the next line or, without a sweep, the next pixel.
+    /// Marker that begins the next line or, without a sweep, the next pixel.
     pub begin: u8,
-    /// Ends the line or the pixel. If 0, the line's last pixel or the next begin ends it.
+    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker
+    /// ends it.
     pub end: u8,
-    /// Restarts at the first line or pixel.
+    /// Marker that restarts at the first line or pixel.
     pub frame: u8,
-    /// Motion of the beam along a line. Without it, the beam rests at a point, then moves to the next.
+    /// Motion of the beam along a line. Without a sweep, the beam rests at one point, then moves to
+    /// the next point.
     pub sweep: Option<Sweep>,
 }
 
-/// Returns whether every second row runs backwards by the header (`ImgHdr_BiDirect`).
+/// Returns whether the header states that every second row is scanned backwards
+/// (`ImgHdr_BiDirect`).
 pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }
@@ -76,7 +80,7 @@ pub struct Scan {
     pub width: usize,
     /// Number of rows.
     pub height: usize,
-    /// Every second row of a frame runs from its last pixel to its first.
+    /// Whether every second row of a frame is scanned from its last pixel to its first.
     pub bidirectional: bool,
     pub clock: Clock,
 }
@@ -84,7 +88,7 @@ pub struct Scan {
 impl Scan {
     /// Returns the scan by lines that a file's header describes (`ImgHdr_…`).
     ///
-    /// A line scan (`ImgHdr_Dimensions` 2) has one row, to which every line adds.
+    /// A line scan (`ImgHdr_Dimensions` 2) has one row, in which all lines are accumulated.
     ///
     /// # Errors
     /// A message that names the missing or invalid tag.
@@ -179,15 +183,15 @@ pub(super) struct Beam {
     pub during: [u64; 2],
     /// Start time and number of the current line.
     line: Option<(u64, usize)>,
-    /// Pixels or lines that have begun in the file.
+    /// Number of pixels or lines that have begun in the file.
     pub begins: u64,
-    /// Those of them after the last one of a frame.
+    /// Number of pixels or lines that began after the last one of a frame.
     pub beyond: u64,
     /// Number of frame markers.
     pub frames: u64,
     /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
-    /// True if the first frame marker has just ended a frame whose beginning is missing.
+    /// Whether the first frame marker has just ended a frame whose beginning is missing.
     pub torn: bool,
 }
 

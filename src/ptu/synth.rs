@@ -1,16 +1,17 @@
 //! Synthesizes time stamps from the bin counts of a simulated diode.
 //!
-//! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are equivalent.
-//! Given the counts of all bins, every assignment to distinct pulses is equally likely. A random assignment
-//! of the counts of a simulated diode therefore has exactly the distribution of a loop over pulses. Its cost is
-//! proportional to the detections.
+//! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are
+//! equivalent. Given the counts of all bins, every assignment to distinct pulses is equally likely.
+//! A random assignment of the counts of a simulated diode therefore has exactly the distribution of
+//! a loop over pulses. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighboring detections. Its counts are assigned to pulses
-//! independently, which preserves histograms but not this correlation.
+//! The dead time of a free-running diode correlates neighboring detections. The counts of such a
+//! diode are assigned to pulses independently. This assignment preserves histograms but not the
+//! correlation.
 
 use optics::sampling::stream::Stream;
 
-/// A detection.
+/// A detection: its pulse and its bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stamp {
     /// Number of the pulse, from 0.

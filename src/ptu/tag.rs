@@ -17,7 +17,7 @@ pub enum Value {
     Empty,
     Bool(bool),
     Int(i64),
-    /// 64 flags.
+    /// A set of 64 flags.
     Bits(u64),
     Color(u64),
     Float(f64),

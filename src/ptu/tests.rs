@@ -98,7 +98,7 @@ fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
     draws.iter().map(event).collect()
 }
 
-/// Time gaps with zero, one and many overflows of every clock.
+/// Generates time gaps with zero, one and many overflows of every clock.
 fn gap() -> impl Strategy<Value = u64> {
     prop_oneof![0..3u64, 0..2000u64, 0..300_000u64, 0..500_000_000u64]
 }
@@ -185,7 +185,7 @@ pub(super) fn counted(bytes: &[u8], plan: &Plan) -> Histograms {
     histogram(&mut open(bytes).expect("opens"), plan).expect("counts")
 }
 
-/// Histograms equal those of a plain loop over decoded events, for all types, bins and channels.
+/// Histograms equal those of a simple loop over decoded events, for all types, bins and channels.
 #[test]
 fn histograms_are_those_of_a_plain_loop() {
     let mut stream = Stream::new(5, 0, 0);

@@ -67,8 +67,8 @@ fn refused(what: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidInput, what.into())
 }
 
-/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since the
-/// begin: sync pulses in T3.
+/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since
+/// the start of the file: sync pulses in T3.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
@@ -178,7 +178,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a sync pulse (T2).
     ///
     /// # Errors
-    /// Like [`Self::photon`]; also in T3, which has no sync records.
+    /// Same as [`Self::photon`]; also in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
             return Err(refused("T3 has no sync records"));
@@ -190,11 +190,11 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites the last
-    /// four bits of the time with them.
+    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites
+    /// the last four bits of the time with the marker bits.
     ///
     /// # Errors
-    /// Like [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
+    /// Same as [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!("markers {bits:#b}: expected at least one of the four markers")));
@@ -207,7 +207,7 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes the number of records into the header and returns it.
+    /// Writes the number of records into the header and returns that number.
     ///
     /// # Errors
     /// Errors of the system.
@@ -231,7 +231,7 @@ impl Records {
     /// Appends a photon like [`Writer::photon`].
     ///
     /// # Errors
-    /// Like [`Writer::photon`].
+    /// Same as [`Writer::photon`].
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         self.0.photon(time, dtime, channel)
     }
@@ -245,7 +245,7 @@ impl Records {
 /// Writes a file atomically and returns its number of records. `fill` writes the records.
 ///
 /// # Errors
-/// Like [`Writer::begin`] and [`Writer::photon`], and those that `fill` returns.
+/// Same as [`Writer::begin`] and [`Writer::photon`], and those that `fill` returns.
 pub fn write(
     path: &Path,
     description: &Description,

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A clock. All parts of a rig share one.
+/// A clock, which all parts of a rig share.
 #[derive(Clone, Debug)]
 pub enum Clock {
     /// The machine's clock, with the instant of its creation.
@@ -37,7 +37,7 @@ impl Clock {
         })))
     }
 
-    /// Returns the time since the clock was created. It is monotonic.
+    /// Returns the time since the clock was created, which is monotonic.
     pub fn now(&self) -> Duration {
         match self {
             Self::Real(begun) => begun.elapsed(),
@@ -45,7 +45,7 @@ impl Clock {
         }
     }
 
-    /// Returns the wall time in seconds since 1970. It can jump.
+    /// Returns the wall time in seconds since 1970. The wall time can jump.
     pub fn wall_s(&self) -> f64 {
         match self {
             Self::Real(_) => SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64()),
@@ -72,7 +72,8 @@ impl Clock {
         self.sleep(then.saturating_sub(self.now()));
     }
 
-    /// Moves the wall time of a simulated clock, as if its user had set it. Has no effect on a real clock.
+    /// Moves the wall time of a simulated clock, as if a user had set the clock. Has no effect on a
+    /// real clock.
     pub fn jump(&self, seconds: f64) {
         if let Self::Simulated(state) = self {
             locked(state).wall_offset_s += seconds;
@@ -80,7 +81,7 @@ impl Clock {
     }
 }
 
-/// Locks a mutex and ignores poisoning: no holder leaves its data inconsistent.
+/// Locks a mutex and ignores poisoning, because no holder leaves the data inconsistent.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

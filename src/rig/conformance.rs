@@ -1,7 +1,9 @@
-//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its trait.
+//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its
+//! trait.
 //!
-//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run it against their
-//! emulator. Each check has a name and an optional fault. Instruments move and emit light during the checks.
+//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite
+//! against an emulator. Each check has a name and an optional fault. Instruments move and emit
+//! light during the checks.
 
 pub mod analog_output;
 pub mod photon_counter;
@@ -65,12 +67,13 @@ impl Report {
         self.check(name, steps());
     }
 
-    /// Returns the failed checks.
+    /// Returns the checks that failed.
     pub fn faults(&self) -> impl Iterator<Item = &Check> {
         self.0.iter().filter(|c| c.fault.is_some())
     }
 
-    /// Prints the number of checks, at least `least`, and panics if one failed.
+    /// Prints the number of checks and panics if a check failed or if there are fewer than `least`
+    /// checks.
     #[cfg(test)]
     pub(crate) fn assert_passed(&self, instrument: &str, least: usize) {
         println!("{instrument}: {} checks", self.0.len());
@@ -79,7 +82,7 @@ impl Report {
     }
 }
 
-/// A deadline that exceeds the duration of every checked operation.
+/// Deadline for the checks, longer than the duration of every checked operation.
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 

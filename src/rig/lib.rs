@@ -1,7 +1,8 @@
-//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and calibration.
+//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and
+//! calibration.
 //!
-//! Sensors of simulated instruments play rendered tensors. Sessions resume after a crash. This crate uses
-//! tensors and polarimetry, but never the renderer.
+//! The sensors of simulated instruments read rendered tensors. Sessions resume after a crash. This
+//! crate uses tensors and polarimetry, but not the renderer.
 
 pub use {calibrate, instrument, ptu};
 

@@ -9,7 +9,7 @@ use crate::observation::Observation;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// Name of the slice of one camera row by projector column.
+/// Name of the slice by camera column and projector column, for one camera row.
 pub(super) const SPACE: &str = "ss";
 
 /// Row of the time scanline as a fraction of the image's height: the row of [`SPACE`] in the scene file.

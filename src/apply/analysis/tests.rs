@@ -1,11 +1,11 @@
-//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates what its
-//! dimensions resolve, and baselines tie where expected.
+//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates the
+//! kinds of light that its dimensions resolve, and baselines have equal scores where expected.
 
 use super::*;
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::observation::tests::slice;
 
-/// Diagonals of one mirror, which reverses handedness, and of two.
+/// Diagonals of the Mueller matrices of one mirror, which reverses handedness, and of two mirrors.
 const ONE: &[(usize, f64)] = &[(5, 0.9), (10, -0.8), (15, -0.8)];
 const TWO: &[(usize, f64)] = &[(5, 0.9), (10, 0.8), (15, 0.8)];
 

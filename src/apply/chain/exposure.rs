@@ -1,10 +1,11 @@
 //! Automatic exposure from a photograph.
 //!
-//! The photograph is T00, summed over wavelengths, of the brightest slice of whole matrices without time
-//! bins. For a variant without such a slice, it is that of the brightest slice with time bins, summed over
-//! them. The exposure gives the requested number of electrons, averaged over captures, where the photograph
-//! has its metered value (mean or percentile). All slices of the variant are captured with this exposure. A
-//! photon counter runs until the same place has given the requested number of counts in all bins.
+//! The photograph is T00, summed over wavelengths, of the brightest slice of whole matrices without
+//! time bins. For a variant without such a slice, the photograph is the brightest slice with time
+//! bins, summed over the bins. The exposure gives the requested number of electrons, averaged over
+//! captures, where the photograph has its metered value (mean or percentile). All slices of the
+//! variant are captured with this exposure. A photon counter runs until a pixel of the metered
+//! value has the requested number of counts, summed over all bins.
 
 use super::error::ChainError;
 use super::light::Light;
@@ -63,7 +64,7 @@ pub struct Laboratory {
 pub struct Detectors {
     camera: Option<Cmos>,
     counter: Option<Spad>,
-    /// Metered T00, and the mean reading relative to it.
+    /// Metered T00, and the mean reading relative to this T00.
     level: [f64; 2],
     exposure: Exposure,
 }
@@ -72,7 +73,7 @@ impl Exposure {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// A message that names the first invalid one.
+    /// An error that names the first invalid number.
     pub fn check(&self) -> Result<(), ChainError> {
         let demand = |field, value: f64, holds, need| {
             let bad = DetectorError::Field { field, value, need };
@@ -134,11 +135,12 @@ pub fn mean_reading(scheme: &Scheme) -> f64 {
 }
 
 impl Laboratory {
-    /// Returns the detectors at the exposure for the photograph of `lights`. `scheme` is the one through
-    /// which it is taken.
+    /// Returns the detectors at the exposure for the photograph of `lights`. The photograph is
+    /// captured through `scheme`.
     ///
     /// # Errors
-    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid settings.
+    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid
+    /// settings.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {
@@ -162,8 +164,9 @@ impl Laboratory {
 }
 
 impl Detectors {
-    /// Returns the detectors' noise for some light: that of the counter for time bins, otherwise that of the
-    /// camera. Intensities are read as if behind the same elements, with the same loss of light.
+    /// Returns the detectors' noise for some light: that of the counter for time bins, otherwise
+    /// that of the camera. For a slice of intensities, the noise assumes the same elements with the
+    /// same loss of light.
     ///
     /// # Errors
     /// [`ChainError::Detector`] if the counter's settings do not match the bins.

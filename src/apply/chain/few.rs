@@ -38,10 +38,11 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Computes the statistics of a slice of whole matrices. They include the render's noise.
+    /// Computes the statistics of a slice of whole matrices. The statistics include the render's
+    /// noise.
     ///
     /// # Errors
-    /// [`ApplyError`]: the slice is missing, or contains no light.
+    /// [`ApplyError`] if the slice is missing or contains no light.
     pub fn of(train: &[Observation], slice: &str) -> Result<Self, ApplyError> {
         let mut sum = Moment::zeros();
         let mut count = 0.0;
@@ -101,11 +102,11 @@ fn search(seed: u64) -> Search {
     Search { starts: 8, iterations: 120, adam_steps: 0, seed }
 }
 
-/// Chooses a scheme of `captures` captures for the expected matrices, with a reading's noise `sigma` relative
-/// to T00. All elements are ideal and rotate.
+/// Chooses a scheme of `captures` captures for the expected matrices, with a reading's noise
+/// `sigma` relative to T00. All elements are ideal and rotate.
 ///
 /// # Errors
-/// [`SchemeError`] without a capture.
+/// [`SchemeError`] if `captures` is 0.
 pub fn chosen(
     choice: Choice,
     captures: usize,
@@ -134,11 +135,11 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
     }
 }
 
-/// Returns L-QRPR, or with an array L-QRPR-P: angles optimized for least squares of all elements (Baek &
-/// Heide 2021, sec. 4).
+/// Returns L-QRPR, or with an array L-QRPR-P: angles optimized for least squares of all elements
+/// (Baek & Heide 2021, sec. 4).
 ///
 /// # Errors
-/// [`SchemeError`] without a capture.
+/// [`SchemeError`] if `captures` is 0.
 pub fn learned(captures: usize, array: bool) -> Result<Scheme, SchemeError> {
     let objective = Objective {
         sigma: 5e-3,

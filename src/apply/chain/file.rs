@@ -151,10 +151,10 @@ pub fn load(path: &Path) -> Result<Chain, InputError> {
     from_toml(path, &text)
 }
 
-/// Parses a chain from TOML. Files that it names are relative to the folder of `path`.
+/// Parses a chain from TOML. Files that the chain names are relative to the folder of `path`.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let file: ChainFile = document::parse(path, text, |_| FIX.to_owned())?;
     let fault = |span: Range<usize>, message: String, fix: &str| {

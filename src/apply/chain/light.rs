@@ -17,10 +17,11 @@ pub struct Light {
 }
 
 impl Light {
-    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
+    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and
+    /// wavelengths.
     ///
     /// # Errors
-    /// [`ChainError::Axes`] and [`ChainError::Image`]: the slice is not an image.
+    /// [`ChainError::Axes`] and [`ChainError::Image`] if the slice is not an image.
     pub fn of(slice: &Slice) -> Result<Self, ChainError> {
         let t = &slice.mean;
         let wrong = |what| ChainError::Axes { slice: t.name.clone(), what };
@@ -66,8 +67,8 @@ fn is_stokes(kind: AxisKind) -> bool {
     matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn)
 }
 
-/// Returns the position among matrices of a value of a slice whose last axes are Stokes elements and
-/// wavelengths.
+/// Returns the index in the matrices of value `i` of a slice whose last axes are Stokes elements
+/// and wavelengths.
 fn place(i: usize, elements: usize, lanes: usize) -> usize {
     let (lane, rest) = (i % lanes, i / lanes);
     (rest / elements * lanes + lane) * 16 + rest % elements

@@ -23,15 +23,15 @@ pub struct Tolerances {
 /// The true elements of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Optics {
-    /// Drawn at random within tolerances.
+    /// Elements drawn at random within tolerances.
     Drawn(Tolerances),
-    /// Those of a scheme, whose settings are ignored.
+    /// Elements of a scheme, whose settings are ignored.
     Known(Box<Scheme>),
 }
 
 impl Optics {
-    /// Returns a scheme with these elements and the nominal settings. Rigs of one number have the same parts
-    /// for all settings.
+    /// Returns a scheme with these elements and the nominal settings. The same rig number `rig`
+    /// gives the same elements for all settings.
     pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
         match self {
             Self::Known(optics) => with_elements(nominal, optics),

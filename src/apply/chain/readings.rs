@@ -28,11 +28,11 @@ pub struct Readings<'a> {
 pub struct Count {
     /// All pixels, times and wavelengths.
     pub pixels: usize,
-    /// Those with too few unsaturated readings, which were reconstructed with readings at saturation.
+    /// Pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
     pub clipped: usize,
 }
 
-/// Returns the scheme of a camera that reads intensities: a pane of glass.
+/// Returns the scheme of a camera that reads intensities without polarizing elements.
 fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
     glass.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(1.0) };
@@ -41,7 +41,8 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through the true elements. Only its values are light; its errors are kept.
+    /// Captures a slice through the true elements. Only the values of the slice are captured; its
+    /// standard errors are kept.
     ///
     /// # Errors
     /// [`ChainError`].
@@ -56,9 +57,9 @@ impl<'a> Readings<'a> {
         Ok(Self { slice, light, noise, captured })
     }
 
-    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine it.
-    /// Standard errors combine those of the slice and of the captures. Believed elements have the same
-    /// positions as the real ones.
+    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not
+    /// determine a matrix. Standard errors combine those of the slice and of the captures. Believed
+    /// elements have the same positions as the real ones.
     ///
     /// # Errors
     /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.

@@ -15,8 +15,8 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// Asymmetric matrices, brighter along rows, in picosecond bins if there are several and at three
-/// wavelengths.
+/// Returns a slice of asymmetric matrices, brighter along rows, at three wavelengths, with
+/// picosecond bins if there are several.
 fn some(size: [usize; 4]) -> Slice {
     let mut s = slice(size, 0.0, |p, b, e, k| {
         let bright = 1.0 + 0.1 * (p % 4) as f64 + 0.2 * b as f64 + 0.1 * k as f64;
@@ -249,7 +249,8 @@ fn highlights_are_clipped_and_counted() {
     assert!(found.mean.data[0] < s.mean.data[0]);
 }
 
-/// Captures optimized for one functional have less error in it than those for all elements, and vice versa.
+/// Captures optimized for one functional have a smaller error of this functional than captures
+/// optimized for all elements, and vice versa.
 #[test]
 fn captures_are_chosen_for_what_counts() {
     let mut o = Observation::default();
@@ -275,7 +276,7 @@ fn captures_are_chosen_for_what_counts() {
     }
 }
 
-/// Without a photograph, the sum over time bins of a timed slice replaces it; with a photograph, it does not.
+/// The sum over time bins of a timed slice is the photograph only if there is no other photograph.
 #[test]
 fn time_bins_together_are_a_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));

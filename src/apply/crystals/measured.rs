@@ -1,19 +1,20 @@
-//! Decomposition of the Mueller matrix of a pixel: polarizance, diattenuation and retardance by Lu & Chipman
-//! (1996), and their errors.
+//! Decomposition of the Mueller matrix of a pixel: polarizance, diattenuation and retardance by Lu
+//! & Chipman (1996), and their errors.
 //!
-//! Light reaches metal first and then the camera through the slab, M = C M₀, so C = M M₀⁻¹ with M₀ measured
-//! without the slab.
+//! A metal reflects the light through the slab to the camera: M = C M₀. The slab's matrix is C = M
+//! M₀⁻¹, with M₀ measured without the slab.
 //!
-//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is an
-//! error of the intensity, which does not change a decomposition. Therefore that part is subtracted from an
-//! element's variance, σ² - (m_ij σ₀₀/m₀₀)². The rest is treated as independent and propagated by finite
-//! differences of the size of the errors, as in `polarimetry::decompose::maps::errors`.
+//! Elements of a matrix are estimated from the same samples. An error that is common to all
+//! elements is an error of the intensity, which does not change a decomposition. Therefore that
+//! part is subtracted from an element's variance, σ² - (m_ij σ₀₀/m₀₀)². The rest is treated as
+//! independent and propagated by finite differences of the size of the errors, as in
+//! `polarimetry::decompose::maps::errors`.
 
 use nalgebra::Matrix4;
 use polarimetry::decompose::lu_chipman::{SINGLE, decompose};
 use polarimetry::decompose::properties::Properties;
 
-/// A matrix and its standard errors.
+/// A Mueller matrix and the standard errors of its elements.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
     pub mean: Matrix4<f64>,
@@ -24,12 +25,12 @@ pub struct Measured {
 #[derive(Clone, Copy, Debug)]
 pub struct Decomposed {
     pub properties: Properties,
-    /// Standard error of the retardance.
+    /// Standard error of the retardance, radians.
     pub error: f64,
 }
 
 impl Measured {
-    /// Returns the errors without the part that is common to all elements.
+    /// Returns the errors without the part of the error that is common to all elements.
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
         self.error.zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
@@ -41,8 +42,8 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
     Some(Properties::of(&rows, &decompose(&rows, SINGLE)?))
 }
 
-/// Decomposes the slab's matrix from M and the inverse of M₀, whose much smaller error is neglected; `None`
-/// if it has no decomposition.
+/// Decomposes the slab's matrix from M and the inverse of M₀, whose much smaller error is
+/// neglected; `None` if the slab's matrix has no decomposition.
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
     let (mut variance, sigma) = (0.0, seen.relative_errors());

@@ -2,14 +2,14 @@
 //! index and birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D
 //! λ²/(λ² - F), λ in µm.
 
-/// The coefficients A, B, C, D, F.
+/// The coefficients A, B, C, D, F of Ghosh's equation.
 type Ghosh = [f64; 5];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mineral {
-    /// α-quartz, positive.
+    /// α-quartz, with positive birefringence.
     Quartz,
-    /// Calcite, negative.
+    /// Calcite, with negative birefringence.
     Calcite,
 }
 
@@ -23,7 +23,7 @@ const CALCITE: [Ghosh; 2] = [
 ];
 
 impl Mineral {
-    /// Returns the mineral of a name in scene files.
+    /// Returns the mineral with this name in scene files.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "quartz" => Some(Self::Quartz),

@@ -1,12 +1,12 @@
-//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and of other light for
-//! slabs of quartz and calcite, compared with 2π L (n_e(ψ) - n_o)/λ.
+//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and of other
+//! light for slabs of quartz and calcite, compared with 2π L (n_e(ψ) - n_o)/λ.
 //!
 //! A decomposition gives a retardance between 0 and π, so the truth is folded to this range. Three
-//! wavelengths together determine the order ([`predicted::order`]). Each method learns one number from the
-//! training variants: the error that is not due to samples (the change of retardance within a pixel, internal
-//! reflections, the plate next to the seen place). It is added to the standard errors so that half of the
-//! errors are within 0.6745 of them. Hence the share within two estimated errors tests that number on other
-//! slabs, not the errors of samples.
+//! wavelengths together determine the order ([`predicted::order`]). Each method learns one number
+//! from the training variants: the error that is not due to samples (the change of retardance
+//! within a pixel, internal reflections, light from the plate next to the observed point). This
+//! number is added to the standard errors so that half of the errors are within 0.6745 standard
+//! errors. The share within two estimated errors therefore tests this number on other slabs.
 
 pub mod faces;
 pub mod measured;

@@ -16,7 +16,8 @@ use std::f64::consts::TAU;
 /// Wavelength of the mean index that refracts the rays of the layers, nanometres.
 pub const MIDDLE: f64 = 550.0;
 
-/// Maximum relative difference of a path from the slab's thickness; others are rays through an edge.
+/// Maximum relative difference of a path from the slab's thickness; a larger difference means a ray
+/// through an edge.
 const THICKNESS: f64 = 0.01;
 
 /// Ground truth of a slab.

@@ -1,4 +1,4 @@
-//! One variant of the slab, decomposed for every kind of light.
+//! Decomposes the light of a variant of the slab, for every kind of light.
 
 use super::measured::{Decomposed, Measured, slab};
 use super::mineral::Mineral;
@@ -16,7 +16,7 @@ pub(super) enum Probe {
     Epipolar,
     /// Non-epipolar light.
     NonEpipolar,
-    /// The brighter of the two in each pixel.
+    /// The brighter of epipolar and non-epipolar light in each pixel.
     Brighter,
     /// All light, with the plate divided out.
     All,
@@ -39,7 +39,7 @@ pub(super) struct Seen {
     epipolar: Found,
     nonepipolar: Found,
     all: [Found; 3],
-    /// Whether epipolar light is brighter, per pixel.
+    /// Whether epipolar light is brighter than non-epipolar light, per pixel.
     along: Vec<bool>,
 }
 

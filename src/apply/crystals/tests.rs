@@ -15,7 +15,7 @@ use tensor::axes::AxisKind;
 const SIZE: usize = 12;
 const NM: [f64; 3] = [450.0, 550.0, 660.0];
 
-/// A lighting case.
+/// Test case: the light and the slab.
 #[derive(Clone, Copy)]
 struct Case {
     /// Retardance of the plate behind the slab, in addition to that of a mirror.
@@ -31,7 +31,7 @@ fn camera() -> Pinhole {
     Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [0.0, 0.0, 0.2], axes)
 }
 
-/// A retarder between the Stokes elements a and b.
+/// Returns a retarder between the Stokes elements a and b.
 fn retarder(a: usize, b: usize, delta: f64) -> Matrix4<f64> {
     let mut m = Matrix4::identity();
     let (sin, cos) = delta.sin_cos();
@@ -39,12 +39,13 @@ fn retarder(a: usize, b: usize, delta: f64) -> Matrix4<f64> {
     m
 }
 
-/// Minerals alternate, as in the scene.
+/// Returns the mineral of a variant; minerals alternate, as in the scene.
 fn name_of(variant: u64) -> &'static str {
     ["quartz", "calcite"][(variant / 2 % 2) as usize]
 }
 
-/// A slab with faces perpendicular to z; all quantities follow from Snell's law for the angle to z.
+/// Returns an observation of a slab with faces perpendicular to z; all quantities follow from
+/// Snell's law for the angle to z.
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
@@ -136,8 +137,8 @@ fn retardance_is_found_in_the_light_that_has_it() {
     }
 }
 
-/// Planted: a plate with a retardance of 40° is compensated if it is known, and is an error if a mirror is
-/// assumed.
+/// A plate with a retardance of 40° is compensated if it is known, and causes an error if a mirror
+/// is assumed.
 #[test]
 fn what_the_plate_does_is_taken_out() {
     let outcome = run(Case { plate: 40.0_f64.to_radians(), ..PLAIN });
@@ -148,7 +149,7 @@ fn what_the_plate_does_is_taken_out() {
     }
 }
 
-/// Planted: slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
+/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
 /// errors.
 #[test]
 fn a_wrong_thickness_is_found() {

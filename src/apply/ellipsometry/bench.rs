@@ -1,8 +1,8 @@
-//! Simulates captures of a variant's light by a scheme, with detector noise, and estimates the Mueller
-//! matrices.
+//! Simulates captures of a variant's light by a scheme, with detector noise, and estimates the
+//! Mueller matrices.
 //!
-//! The light is a slice with many samples, so the scene is known and all errors come from the instrument.
-//! Noise is normal, 5e-4 of the mean T00.
+//! The light is a slice with many samples and is treated as exact, so all errors come from the
+//! instrument. Noise is normal with a standard deviation of 5e-4 of the mean T00.
 
 use super::family::{NOISE, Ready, determines};
 use crate::error::ApplyError;
@@ -70,17 +70,17 @@ impl Bench {
         }
     }
 
-    /// Returns the mean T00.
+    /// Returns the mean T00 of the true matrices.
     pub(super) fn brightness(&self) -> f64 {
         self.image.mean()
     }
 
-    /// Returns the standard deviation of an intensity.
+    /// Returns the standard deviation of the noise of an intensity, in the unit of T00.
     pub(super) fn sigma(&self) -> f64 {
         NOISE * self.brightness()
     }
 
-    /// Returns the true matrices: 16 elements per place and wavelength.
+    /// Returns the true matrices: 16 elements per pixel and wavelength.
     pub(super) fn truth(&self) -> &[f64] {
         &self.image.matrices
     }

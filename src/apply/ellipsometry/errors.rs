@@ -1,4 +1,4 @@
-//! Errors of Mueller matrices, relative to the mean T00.
+//! Computes the errors of Mueller matrices relative to the mean T00.
 
 use super::bench::Bench;
 

@@ -30,7 +30,8 @@ pub(super) struct Family {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub scheme: Scheme,
-    /// Without a prior, least squares, with least norm below rank 16.
+    /// Second moment of the prior. Without a prior: least squares, with the minimum norm below rank
+    /// 16.
     pub prior: Option<Moment>,
 }
 
@@ -58,9 +59,9 @@ impl Family {
     }
 }
 
-/// Returns the lower bound of the root mean square error of an element for any scheme with this sensor and
-/// number of captures, without a prior, relative to the standard deviation of an intensity. `None` if so few
-/// captures do not determine a matrix.
+/// Returns the lower bound of the root mean square error of an element for any scheme with this
+/// sensor and number of captures, without a prior, relative to the standard deviation of an
+/// intensity. `None` if the captures are too few to determine a matrix.
 pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     let scheme = Scheme::quad(captures, array).ok()?;
     (captures >= scheme.least_captures()).then(|| (a_optimal_bound(&scheme) / 16.0).sqrt())

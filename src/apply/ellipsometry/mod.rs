@@ -1,11 +1,14 @@
-//! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. Measures the error of
-//! captures with few learned angles, for a gold mirror and for materials that were not used for learning.
+//! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. Measures the
+//! error of captures with few learned angles, for a gold mirror and for materials that were not
+//! used for learning.
 //!
-//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50 captures of
-//! dual rotating retarders (DRR; Azzam 1978) with separate noise. Here matrices are known, and errors are
-//! computed against both, which shows the error of the pseudo truth. Only the light is rendered. The noise is
-//! that of the detector, 5e-4 of an intensity as in the paper, and seeds apply to it. Angles and the prior
-//! (the second moment, whose principal components the paper shows) are learned from the training variants.
+//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50
+//! captures of dual rotating retarders (DRR; Azzam 1978) with separate noise. Here the true
+//! matrices are known. Errors are computed against the true matrices and against the pseudo truth,
+//! which shows the error of the pseudo truth. Only the light is rendered. The noise is detector
+//! noise, 5e-4 of an intensity as in the paper, and the seeds select this noise. Angles and the
+//! prior (the second moment, whose principal components the paper shows) are learned from the
+//! training variants.
 
 mod bench;
 mod errors;
@@ -20,11 +23,12 @@ use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
 use rayon::prelude::*;
 
-/// Number of captures in the paper, and number of captures of its pseudo truth.
+/// Number of captures in the paper. `PSEUDO` is the number of captures of the paper's pseudo truth.
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
-/// The paper's figure 10 shows -(2,3); the mirror is object 0 of the scene.
+/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of
+/// the scene.
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 

@@ -9,8 +9,8 @@ use tensor::axes::AxisKind;
 
 const SIZE: [usize; 2] = [24, 18];
 
-/// Images whose matrices are random mixtures of `count` kinds, which depend on the seed `kinds`; the left
-/// third is object 0.
+/// Returns observations whose matrices are random mixtures of `count` kinds, which depend on the
+/// seed `kinds`; the left third is object 0.
 fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: u64) -> Vec<Observation> {
     let mut of_kinds = random(kinds);
     // Realizable: a depolarizer plus a small arbitrary part.
@@ -77,9 +77,9 @@ fn errors_are_those_of_closed_forms() {
     assert!(of(&outcome, "DRR", 5) > 10.0 * drr);
 }
 
-/// A prior of six kinds beats least squares on mixtures of the same six kinds, and only it works with few
-/// captures. For other kinds, it has a larger error than least squares if captures leave much undetermined,
-/// but at rank 16 it ties with the baseline.
+/// A prior of six kinds beats least squares on mixtures of the same six kinds, and only the prior
+/// works with few captures. For other kinds, the prior has a larger error than least squares below
+/// rank 16, and an equal error at rank 16.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn priors_help_where_they_know() {

@@ -1,35 +1,36 @@
-//! One element of the tensor as an image: light by space and time, element of its matrices, and sign.
+//! One element of the tensor as an image: a part of the light by space and time, an element of the
+//! Mueller matrices, and a sign.
 
 use std::fmt;
 
 /// Light by origin: from all projector pixels, near the epipolar line of each camera pixel, or elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
-    /// From all projector pixels.
+    /// Light from all projector pixels.
     All,
-    /// From pixels on the epipolar line.
+    /// Light from projector pixels near the epipolar line.
     Epipolar,
-    /// From all other pixels.
+    /// Light from all other projector pixels.
     NonEpipolar,
 }
 
 /// Light by travel time: in bins after the pixel's first light, or after emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
-    /// At all times.
+    /// Light at all times.
     All,
-    /// At most this many bins after the first light.
+    /// Light at most this many bins after the pixel's first light.
     Early(usize),
-    /// More than this many bins after the first light.
+    /// Light more than this many bins after the pixel's first light.
     Late(usize),
-    /// In one bin of travel time, the same for all pixels.
+    /// Light in one bin of travel time, the same for all pixels.
     At(usize),
 }
 
-/// Light selected by space and time.
+/// The part of the light selected by space and time.
 pub type Part = (Space, Time);
 
-/// An element of the matrices of a part.
+/// An element of the Mueller matrices of a part of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
     pub part: Part,
@@ -43,7 +44,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// Returns an element at all times.
+    /// Returns the element `index` of the light in `space` at all times.
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
         Self { part: (space, Time::All), index, negative: false, magnitude: false }
     }

@@ -20,13 +20,13 @@ pub enum Family {
         /// Whether the sign is learned.
         either: bool,
     },
-    /// Every element of the distinguishable parts.
+    /// All elements of the parts of the light that the method distinguishes.
     Any {
-        /// Whether it distinguishes epipolar light from other light.
+        /// Whether the method distinguishes epipolar light from other light.
         space: bool,
-        /// Whether it distinguishes early from late light.
+        /// Whether the method distinguishes early from late light.
         time: bool,
-        /// Whether it may use elements other than (0,0).
+        /// Whether the method may use elements other than (0,0).
         polarization: bool,
     },
 }
@@ -44,7 +44,8 @@ impl Isolation {
 }
 
 impl Family {
-    /// Returns the elements with positive sign (except for the named one), and whether signs are learned.
+    /// Returns the elements with positive sign (except for the named element), and whether signs
+    /// are learned.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

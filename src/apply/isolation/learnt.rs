@@ -6,17 +6,17 @@ use crate::metrics::isolation::{cosine, gain, parted, threshold};
 use crate::metrics::roc::area;
 use std::fmt;
 
-/// A detector and an image.
+/// A learned detector and a learned image of one kind of light.
 pub(super) struct Learnt {
     /// Element for detection.
     detector: Shown,
-    /// Values of at least this are classified as positive.
+    /// Threshold of the detector: values of at least `threshold` are classified as positive.
     pub threshold: f64,
     /// Element for the image of the light's share.
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
-    /// Area under the curve and cosine on the training variants.
+    /// Area under the curve and cosine that the method reached on the training variants.
     reached: [f64; 2],
 }
 
@@ -51,7 +51,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Keeps a candidate, or with `either` its opposite sign, if it is better than the best so far.
+/// Keeps a candidate if it is better than the best so far. With `either`, also tries the opposite
+/// sign.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -72,8 +73,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// Learns the best candidates for a task, the first of equal ones. `None` if no variant has such light,
-    /// or no candidate is available.
+    /// Learns the best candidates for a task, the first if several are equally good. `None` if no
+    /// variant has the task's light, or if no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
         let mut image: Option<(f64, Shown)> = None;
@@ -108,7 +109,7 @@ impl Learnt {
         Some(learnt)
     }
 
-    /// Returns the values for detection.
+    /// Returns the value of each pixel that the detector compares with the threshold.
     pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
         self.detector.values(seen).unwrap_or_default()
     }

@@ -1,5 +1,5 @@
-//! One variant as detectors see it: images of all elements of every part of its light, and the ground truth
-//! of each task.
+//! The data of one variant for detectors: images of all elements of every part of the light, and
+//! the ground truth of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -9,28 +9,29 @@ use crate::observation::{Observation, Pixels};
 use crate::paths::Paths;
 use std::collections::BTreeMap;
 
-/// Names of the slices.
+/// Name of the slice with all light as matrices, without time bins.
 pub const POLARIMETRIC: &str = "polarimetric";
-/// Epipolar light.
+/// Name of the slice with epipolar light.
 pub const EPIPOLAR: &str = "epipolar";
-/// All light in bins of travel time: matrices or intensities.
+/// Name of the slice with all light in bins of travel time, as matrices or intensities.
 pub const TRANSIENT: &str = "transient";
-/// Epipolar light in the same bins, as matrices.
+/// Name of the slice with epipolar light in the same bins, as matrices.
 pub const GATED: &str = "gated";
-/// Ground truth: intensity by label and bounces.
+/// Name of the ground-truth slice: intensity by label and number of bounces.
 pub const PATHS: &str = "paths";
 
 /// Bins after a pixel's first light that separate early and late light.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// The first light is the first bin with at least this share of the pixel's brightest bin.
+/// Share of a pixel's brightest bin at which the first light begins.
 const FIRST: f64 = 0.1;
 
 pub struct Seen {
     pub variant: u64,
     pub width: usize,
     pub height: usize,
-    /// `[element 4 i + j][pixel]`, a single image for intensities; summed over wavelengths.
+    /// Images by part of the light: `[element 4 i + j][pixel]`, or a single image for intensities;
+    /// summed over wavelengths.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
     /// Ground truth of each task.
     pub truth: Vec<Truth>,
@@ -53,10 +54,10 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
     Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
 }
 
-/// Whether a pixel keeps a bin.
+/// Returns whether a pixel includes a bin.
 type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
 
-/// Returns `[element][pixel]`, summed over the bins that a pixel keeps.
+/// Returns `[element][pixel]`, summed over the bins that `keep` selects.
 fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
         let value = |pixel: usize| {
@@ -88,17 +89,17 @@ fn first_light(p: &Pixels) -> Vec<usize> {
 /// The available slices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// [`POLARIMETRIC`] and [`EPIPOLAR`], and [`TRANSIENT`] of all light.
+    /// The slices [`POLARIMETRIC`], [`EPIPOLAR`] and [`TRANSIENT`] of all light.
     Space,
-    /// Those of `Space`, and [`GATED`].
+    /// The slices of `Space`, and [`GATED`].
     SpaceAndTime,
-    /// Only [`TRANSIENT`], as matrices, for a coaxial rig.
+    /// Only the slice [`TRANSIENT`], as matrices, for a coaxial rig.
     Coaxial,
 }
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
-/// Returns the parts of a rig of camera and projector, and the image size.
+/// Returns the parts of the light for a rig with camera and projector, and the image size.
 fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
@@ -146,6 +147,8 @@ fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
 }
 
 impl Seen {
+    /// Reads a variant: its slices and the ground truth of the tasks.
+    ///
     /// # Errors
     /// [`ApplyError`].
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
@@ -188,7 +191,7 @@ impl Seen {
         self.images.iter().map(|(part, images)| (*part, images.len()))
     }
 
-    /// Returns an element as a signed image; `None` if it is not available.
+    /// Returns an element as a signed image; `None` if the element is not available.
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };
@@ -206,7 +209,7 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
-    /// Returns an image divided by the photograph; 0 where that is dark.
+    /// Returns an image divided by the photograph; 0 where the photograph is dark.
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

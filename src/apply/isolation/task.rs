@@ -17,7 +17,7 @@ pub struct Task {
     pub metrics: [Metric; 6],
     /// Selects the paths of the light.
     pub light: fn(Path) -> bool,
-    /// Only these pixels count as having the light.
+    /// Region in which the light counts; `None` for all pixels.
     pub region: Option<Region>,
     /// Minimum share of the light in a positive pixel.
     pub share: f64,
@@ -26,19 +26,19 @@ pub struct Task {
 }
 
 impl Task {
-    /// The same light, counted only in the pixels of `region`.
+    /// Returns the task for the same light, counted only in the pixels of `region`.
     pub(crate) const fn within(self, region: Region) -> Self {
         Self { region: Some(region), ..self }
     }
 
-    /// The same light, with the paper's element for it.
+    /// Returns the task with the paper's element for its light.
     pub(crate) const fn named(self, element: Element) -> Self {
         Self { named: Some(element), ..self }
     }
 }
 
-/// Returns a task by its name, its light and the minimum share. Its metrics are area under the curve, F1,
-/// precision, recall, correlation, error.
+/// Returns a task by its name, its light and the minimum share. The metrics are area under the
+/// curve, F1, precision, recall, correlation, error.
 macro_rules! task {
     ($name:literal, $light:expr, $share:expr) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {

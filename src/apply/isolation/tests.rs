@@ -1,5 +1,5 @@
-//! Tests with pixels that each contain one kind of light, where kinds differ in one known way: every family
-//! separates what its dimensions resolve.
+//! Tests with pixels that each contain one kind of light, where kinds differ in one known way:
+//! every family separates the kinds that its dimensions resolve.
 
 use super::element::{Element, Space};
 use super::*;
@@ -10,7 +10,7 @@ use crate::paths::tests::labelled;
 use crate::regression::least_squares::tests::{normal, random};
 use std::ops::Range;
 
-/// The appearance of a kind of light.
+/// The properties of a kind of light in tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
     pub path: Path,
@@ -38,8 +38,8 @@ pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
 
-/// Variants of a room whose pixels contain the kinds in turn, under light that varies tenfold between pixels
-/// at random.
+/// Returns variants of a synthetic scene whose pixels contain the kinds of light in turn. The
+/// brightness of the light varies tenfold at random between pixels.
 pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
     let mut r = random(33);
     let n = SIZE[0] * SIZE[1];
@@ -117,8 +117,9 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
-/// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013;
-/// the best of many uninformative candidates is uninformative on other variants.
+/// Range of areas of methods that cannot separate the kinds. For 4 variants with 240 pixels of
+/// either kind, an area of one half has an error of √(1/12 · 2/960) = 0.013; the best of many
+/// uninformative candidates is uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
 /// Asserts that the methods in `tell` have areas above `least`, and all others areas in `none`.

@@ -9,7 +9,7 @@ use crate::regression::discriminant::Discriminant;
 pub(super) enum Features {
     /// T00 of all light per wavelength, and its logarithm (which separates brightness from colour).
     Colour,
-    /// The same for epipolar light.
+    /// The features of `Colour`, for epipolar light.
     EpipolarColour,
     /// For epipolar light, per wavelength: T00 as above, and the 15 other elements divided by T00.
     All,

@@ -1,11 +1,12 @@
-//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Separates real fruit from painted plastic
-//! of the same colour.
+//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Separates real fruit from
+//! painted plastic of the same colour.
 //!
-//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" there, and real
-//! fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree of polarization. The
-//! bound is a linear classifier of all 16 epipolar elements. Each method gives a score per pixel. The metric
-//! is the probability that a pixel of a real fruit scores above one of a fake fruit. Classifiers, and the
-//! sign of the degree of polarization, are learned from the training variants.
+//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" there,
+//! and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree
+//! of polarization. The bound is a linear classifier of all 16 epipolar elements. Each method
+//! computes a score per pixel. The metric is the probability that a pixel of a real fruit scores
+//! above one of a fake fruit. Classifiers, and the sign of the degree of polarization, are learned
+//! from the training variants.
 
 mod classifier;
 mod scores;

@@ -1,4 +1,4 @@
-//! One variant of the fruits, and the interface of scores.
+//! The slices and fruit pixels of one variant, and the interface of scores.
 
 use crate::error::ApplyError;
 use crate::isolation::seen::within;
@@ -10,7 +10,7 @@ pub(super) struct Seen {
     pub seed: u64,
     pub polarimetric: Pixels,
     pub epipolar: Pixels,
-    /// Pixels that a real fruit covers completely, and those of a fake one.
+    /// Pixels that a real fruit covers completely.
     pub real: Vec<usize>,
     pub fake: Vec<usize>,
 }

@@ -8,13 +8,14 @@ use crate::regression::least_squares::tests::{normal, random};
 /// The difference of real and fake fruit.
 #[derive(Clone, Copy, Default)]
 struct Difference {
-    /// In -T22/T00.
+    /// Difference in -T22/T00 of epipolar light.
     element22: f64,
-    /// In brightness of the longest wavelength, of full light and of epipolar light.
+    /// Difference in brightness at the longest wavelength, of full light and of epipolar light.
     red: [f64; 2],
-    /// In T10/T00 of full light.
+    /// Difference in T10/T00 of full light.
     polarized: f64,
-    /// In T31/T00 + T13/T00 of epipolar light, hidden by noise that the two share with opposite signs.
+    /// Difference in T31/T00 + T13/T00 of epipolar light; noise of opposite signs in both elements
+    /// hides it in each.
     hidden: f64,
 }
 
@@ -70,8 +71,8 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
-/// 640 pixels of a kind: the standard error of an area of one half is √(1/12 · 2/640) = 0.0161, also for
-/// classifiers trained on noise.
+/// Range of areas of scores without information. For 640 pixels of a kind, the standard error of an
+/// area of one half is √(1/12 · 2/640) = 0.0161, also for classifiers trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], tell: &[&str]) {

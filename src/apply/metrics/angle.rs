@@ -1,4 +1,4 @@
-//! Angles between directions, for the errors of normals.
+//! Computes angles between directions, for the errors of normals.
 
 /// Returns the angle between two directions in degrees, as atan2(|a × b|, a · b), which is also accurate near
 /// 0 and 180°. NaN for zero vectors.

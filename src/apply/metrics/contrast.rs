@@ -5,9 +5,9 @@
 
 use crate::map::Map;
 
-/// Returns the contrast of `image` at the bright and dark places of `truth`, in `bins` equal intervals of
-/// `depth` from the minimum to the maximum within the mask. An interval is NaN if the truth's contrast is
-/// below `least`, or if it has fewer than four pixels of a kind.
+/// Returns the contrast of `image` at the bright and dark pixels of `truth`, in `bins` equal
+/// intervals of `depth` from the minimum to the maximum within the mask. An interval is NaN if the
+/// truth's contrast is below `least`, or if it has fewer than four bright or four dark pixels.
 pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: usize, least: f64) -> Vec<f64> {
     let mean = |m: &Map, i: usize| {
         let pixel = &m.data[i * m.channels..(i + 1) * m.channels];

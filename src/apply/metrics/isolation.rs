@@ -1,18 +1,18 @@
 //! Metrics of an image of signed values that isolates one kind of light with a known image.
 //!
-//! As a detector: pixels in which the light has at least a given share are positive, and are found by values
-//! above a learned threshold ([`threshold`]); see [`super::roc`] and [`super::precision_recall`]. As an
-//! image: its correlation with the light, and the residual of the light after subtracting the image times a
-//! learned gain.
+//! As a detector: pixels in which the light has at least a given share are positive, and values
+//! above a learned threshold are classified as positive ([`threshold`]); see [`super::roc`] and
+//! [`super::precision_recall`]. As an image: its correlation with the light, and the residual of
+//! the light after subtracting the image times a learned gain.
 
 use super::precision_recall::Counts;
 
-/// The class of a pixel for detection.
+/// Ground-truth class of a pixel for detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
     Positive,
     Negative,
-    /// Too dark for either.
+    /// The pixel is too dark to be positive or negative.
     Dark,
 }
 
@@ -68,7 +68,8 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     best.1
 }
 
-/// Counts the decisions "at least the threshold".
+/// Counts correct and wrong decisions, where the decision is positive if the value is at least
+/// `threshold`.
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
@@ -85,9 +86,9 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     if xx == 0.0 && yy > 0.0 { 0.0 } else { xy / (xx * yy).sqrt() }
 }
 
-/// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is √(1 -
-/// cosine²) of the light. Unlike [`correlation`], it requires an image that is dark where the light is dark.
-/// NaN if either is zero.
+/// Returns the cosine between image and light as vectors of pixels: with the best gain, the
+/// residual is √(1 - cosine²) of the light. Unlike [`correlation`], the cosine requires an image
+/// that is dark where the light is dark. NaN if either is zero.
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
@@ -115,7 +116,7 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Light of 2 in every second of 8 columns, over a background.
+    /// Returns an image and its light: light of 2 in every second of 8 columns, over a background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();

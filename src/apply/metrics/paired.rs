@@ -1,10 +1,10 @@
 //! Differences between two methods on the same renders, and their standard errors.
 //!
-//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random effects: d =
-//! μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S + σe²/(V S).
-//! Its unbiased estimate is (MSa + MSb - MSe)/(V S), from the mean squares of the two-way analysis of
-//! variance (Searle, Casella & McCulloch 1992, section 4.3), and at least MSe/(V S). With one seed, it is the
-//! usual MSa/V.
+//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random
+//! effects: d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V
+//! + σb²/S + σe²/(V S). Its unbiased estimate is (MSa + MSb - MSe)/(V S), from the mean squares of
+//! the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3), and at least
+//! MSe/(V S). With one seed, the variance is the usual MSa/V.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -16,8 +16,8 @@ pub struct Estimate {
     pub counts: [usize; 2],
 }
 
-/// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite value are
-/// ignored; NaN without rows.
+/// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite
+/// value are ignored; the result is NaN without rows.
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
     let rows: Vec<&[f64]> =
@@ -67,7 +67,7 @@ mod tests {
         assert!(estimate(&[vec![1.0]]).error.is_nan() && estimate(&[]).mean.is_nan());
     }
 
-    /// Crossed effects with known variances: the estimated variance is unbiased.
+    /// The estimated variance is unbiased for crossed effects with known variances.
     #[test]
     fn crossed_effects_are_covered() {
         let (variants, seeds) = (6, 5);

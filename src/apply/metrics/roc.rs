@@ -1,8 +1,9 @@
-//! Area under the receiver operating characteristic: the probability that a positive scores above a negative
-//! (ties count half).
+//! Area under the receiver operating characteristic: the probability that a positive scores above a
+//! negative (ties count half).
 //!
-//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from ranks (Sun &
-//! Xu 2014). For dependent scores, such as pixels of one object, it is estimated by bootstrap over groups.
+//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from
+//! ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object, the variance is
+//! estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -125,7 +126,8 @@ mod tests {
         approx::assert_relative_eq!(a.error, (2.0 * (1.0 / 32.0) / 2.0_f64).sqrt(), epsilon = 1e-12);
     }
 
-    /// Uniform positives on 0..1 and negatives on -d..1-d: the area is 1 - (1 - d)²/2.
+    /// Areas and their errors agree with the closed form 1 - (1 - d)²/2, for positives that are
+    /// uniform on 0..1 and negatives on -d..1-d.
     #[test]
     fn delong_covers_the_closed_form() {
         let d = 0.3;

@@ -1,9 +1,10 @@
-//! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published parameters.
+//! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published
+//! parameters.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 = (0.03 L)².
-//! Means and covariances use a Gaussian window of 11 × 11 pixels with a standard deviation of 1.5 and weights
-//! of sum 1 (population covariances). Pixels whose window leaves the image are ignored, as in the authors'
-//! program; channels are averaged.
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 =
+//! (0.03 L)², with the range L of values. Means and covariances use a Gaussian window of 11 × 11
+//! pixels with a standard deviation of 1.5 and weights of sum 1 (population covariances). Pixels
+//! whose window leaves the image are ignored, as in the authors' program; channels are averaged.
 
 use crate::map::Map;
 
@@ -111,8 +112,8 @@ mod tests {
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
 
-    /// `structural_similarity(.., gaussian_weights=True, sigma=1.5, use_sample_covariance=False)` of
-    /// scikit-image 0.26.0 for the same images.
+    /// SSIM equals `structural_similarity(.., gaussian_weights=True, sigma=1.5,
+    /// use_sample_covariance=False)` of scikit-image 0.26.0.
     #[test]
     fn scikit_image_gives_the_same() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));

@@ -1,10 +1,11 @@
-//! Coins of four metals in front of a mirror (Fig. 13; section 6.4: "specular interreflection often flips the
-//! circular polarization").
+//! Coins of four metals in front of a mirror (Fig. 13; section 6.4: "specular interreflection often
+//! flips the circular polarization").
 //!
-//! The captions name no elements for coins, so those of the disco ball with the same meaning are used. One
-//! reflection by metal reverses the handedness of circular light, two restore it, three reverse it again: the
-//! sign of (3,3) separates odd from even. Epipolar light is separated from other light by whether camera and
-//! projector both see the same room, or one of them a mirrored one.
+//! The captions name no elements for coins, so those of the disco ball with the same meaning are
+//! used. Each reflection by metal reverses the handedness of circular light. The sign of (3,3)
+//! therefore separates odd from even numbers of reflections. Light is epipolar if camera and
+//! projector both see the scene directly or both in the mirror, but not if only one of them sees it
+//! in the mirror.
 
 use super::methods::{METHODS, application};
 use crate::application::{Application, Truth};

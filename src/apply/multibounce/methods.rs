@@ -1,4 +1,4 @@
-//! The methods and the plan of both scenes of camera and projector.
+//! The methods and the plan for both scenes with a camera and a projector.
 
 use crate::application::{Application, Plan, Run, Size, Truth, itself};
 use crate::isolation::{Family, Isolation, Task, metrics_of, seen};

@@ -1,4 +1,4 @@
-//! Tests with rooms in which each light matches the paper's element, and rooms in which it does not.
+//! Tests with synthetic light that matches the paper's element, and with light that does not.
 
 use super::*;
 use crate::application::{Application, Outcome, Truth};
@@ -6,8 +6,8 @@ use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
 use crate::observation::Observation;
 
-/// The named regions cover the whole image; its upper half is on one diagonal and its lower half on the
-/// other.
+/// Returns observations in which the named regions cover the whole image. The upper half is on one
+/// diagonal, the lower half on the other.
 fn room(application: &Application, kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {

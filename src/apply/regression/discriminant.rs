@@ -5,10 +5,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Added share of the diagonal.
+/// Share of the diagonal that is added to the covariance.
 const RIDGE: f64 = 1e-6;
 
-/// A variance below this share of the squared mean is rounding.
+/// Variance relative to the squared mean below which it is a rounding error.
 const ROUNDING: f64 = 1e-13;
 
 /// A direction along which one kind has larger values than the other.
@@ -19,8 +19,8 @@ pub struct Discriminant {
 }
 
 impl Discriminant {
-    /// Computes the discriminant from examples of both kinds, each a vector of features. `None` if there are
-    /// fewer than two of a kind, or if they cannot be separated.
+    /// Computes the discriminant from examples of both kinds, each a vector of features. Returns
+    /// `None` if a kind has fewer than two examples, or if the kinds cannot be separated.
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {

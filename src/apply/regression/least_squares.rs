@@ -1,13 +1,13 @@
 //! Linear least squares in closed form, with a free offset: w = (Σxx + R)⁻¹ σxy.
 //!
-//! R is one of three:
+//! R is one of:
 //!
 //! - zero;
 //! - λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ from
 //!   leave-one-group-out cross-validation;
 //! - minus the features' noise (Fuller 1987, section 2.2). Noise in x makes weights too small, and
-//!   subtracting it gives the weights of noise-free features. For test examples with the same noise, the
-//!   plain solution predicts best.
+//!   subtracting it gives the weights of noise-free features. If the test examples have the same
+//!   noise, R = 0 predicts best.
 
 use super::moments::{Centred, Linear, Moments};
 use nalgebra::{DMatrix, DVector};
@@ -16,13 +16,14 @@ use nalgebra::{DMatrix, DVector};
 /// weight.
 const LOADING: f64 = 1e-10;
 
-/// A variance below this share of the squared mean is rounding.
+/// Variance relative to the squared mean below which it is a rounding error.
 const ROUNDING: f64 = 1e-13;
 
-/// Subtracted share of the largest noise that leaves covariances positive definite.
+/// Share of noise that is subtracted, relative to the largest share for which covariances stay
+/// positive definite.
 const TAKEN: f64 = 0.95;
 
-/// Bisection steps for that largest noise.
+/// Number of bisection steps for the largest share of noise.
 const HALVINGS: usize = 30;
 
 /// Fits by least squares; for dependent features, standardized weights of least norm.
@@ -59,8 +60,9 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     (ridge(&all, best), best)
 }
 
-/// Fits by least squares with the features' noise subtracted, limited so that covariances stay positive
-/// definite. Also returns the subtracted share. Errors of different features are treated as independent.
+/// Fits by least squares with the features' noise subtracted, limited so that covariances stay
+/// positive definite. Also returns the subtracted share of the noise. Errors of different features
+/// are treated as independent.
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
     let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();
@@ -111,7 +113,7 @@ pub(crate) mod tests {
     use rand_pcg::Pcg64Mcg;
     use rand_pcg::rand_core::{Rng, SeedableRng};
 
-    /// A normally distributed number by Box and Muller.
+    /// Returns a normally distributed random number by the Box–Muller method.
     pub(crate) fn normal(random: &mut Pcg64Mcg) -> f64 {
         let mut uniform = || ((random.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
         (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
@@ -121,7 +123,7 @@ pub(crate) mod tests {
         Pcg64Mcg::seed_from_u64(seed)
     }
 
-    /// Examples of y = 2 a - 3 b + 1, where a and b are measured with noise.
+    /// Returns the moments of examples of y = 2 a - 3 b + 1, where a and b are measured with noise.
     fn examples(n: usize, noise: f64) -> Moments {
         let mut r = random(1);
         let (mut x, mut y) = (vec![], vec![]);

@@ -22,7 +22,7 @@ enum Features {
     /// All elements of epipolar light: S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ) (Baek & Heide 2021, the
     /// equation of section 6.3).
     Elements,
-    /// The same in every bin of travel time.
+    /// All elements of epipolar light, in every bin of travel time.
     GatedElements,
     /// A photograph under full light: Σ over s' of T00.
     Photograph,
@@ -37,9 +37,9 @@ enum Features {
     /// 13) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and an offset are
     /// learned together, because S is linear in the two images.
     Pair(usize),
-    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): the same two images under lines that
-    /// are projected one after the other. The lines are epipolar lines, as in the comparison of Baek & Heide
-    /// (2021).
+    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): two images as for
+    /// [`Self::Pair`] under lines that are projected one after the other. The lines are epipolar
+    /// lines, as in the comparison of Baek & Heide (2021).
     EpipolarPair(usize),
     /// T00 of all light in every bin of travel time.
     Bins,
@@ -54,7 +54,7 @@ enum Solver {
     LeastSquares,
     /// Ridge regression, cross-validated over training variants.
     Ridge,
-    /// Least squares with the noise of the images subtracted.
+    /// Least squares with the noise of the features subtracted.
     WithoutNoise,
     /// Time gating: the window of bins of least loss on the training variants. A gate that follows the depth
     /// of objects, as in a scan over depth, is not included.
@@ -65,7 +65,7 @@ const fn new(name: &'static str, source: &'static str, features: Features, solve
     Descattering { method: Method { name, source }, features, solver }
 }
 
-/// All methods, ours first, the baselines from [`BASELINES`] on.
+/// All methods, Sunstone's first, the baselines from [`BASELINES`] on.
 pub(super) const METHODS: [Descattering; 11] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),

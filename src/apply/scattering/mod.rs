@@ -1,13 +1,14 @@
-//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
+//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for
+//! W and b.
 //!
-//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. Every method here
-//! is a linear estimate of the image without milk from several features of a pixel, for each wavelength;
-//! methods differ in the features. The gains and offsets of all methods, including the baselines, are learned
-//! from the training variants only.
+//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. Every
+//! method is a linear estimate of the image without milk from several features of a pixel, for each
+//! wavelength; methods differ in the features. The gains and offsets of all methods, including the
+//! baselines, are learned from the training variants only.
 //!
 //! The features contain the render's noise, which makes learned weights too small (see
-//! [`crate::regression::least_squares`]), like noise in captures. Therefore ridge regression and the
-//! errors-in-variables solution are compared with plain least squares.
+//! [`crate::regression::least_squares`]), like noise in captures. Therefore ridge regression and
+//! the errors-in-variables solution are compared with plain least squares.
 
 mod descattering;
 mod seen;

@@ -1,4 +1,4 @@
-//! One variant of the tank as the methods see it.
+//! The slices, masks and ground truth of one variant of the tank.
 
 use crate::error::ApplyError;
 use crate::isolation::seen::within;
@@ -15,7 +15,7 @@ pub(super) struct Seen {
     pub polarimetric: Pixels,
     /// Summed over the projector pixels of each camera pixel's epipolar line.
     pub epipolar: Pixels,
-    /// The same in bins of travel time.
+    /// Epipolar light as in `epipolar`, in bins of travel time.
     pub gated: Pixels,
     /// M00 summed over all projector pixels, in bins of travel time.
     pub transient: Pixels,

@@ -15,9 +15,10 @@ struct Milk {
     circular: f64,
     /// Degree of linear polarization that the objects preserve.
     things: f64,
-    /// Share of its light that is epipolar.
+    /// Share of the backscatter that is epipolar.
     epipolar: f64,
-    /// Number of bins of its light, out of [`BINS`]; the light of the objects is in the last.
+    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last
+    /// bin.
     bins: usize,
 }
 
@@ -111,7 +112,8 @@ fn recovered(along: f64, across: f64, of_medium: f64, of_things: f64) -> f64 {
     (across * (1.0 + of_medium) - along * (1.0 - of_medium)) / (of_medium - of_things)
 }
 
-/// Minimum for results exact to single precision, and maximum for a veil that is not removed.
+/// PSNR in dB: minimum of results that are exact to single precision, and maximum of results with
+/// backscatter.
 const EXACT: f64 = 80.0;
 const VEILED: f64 = 25.0;
 

@@ -1,7 +1,7 @@
 //! Fig. 11 as an application: normals and depths of statues of translucent stone by every method.
 //!
-//! All methods know the pixels that the statue covers completely. Errors are means over those of these pixels
-//! for which a method has a result; `coverage` is their share.
+//! All methods know the pixels that the statue covers completely. Errors are means over the known
+//! pixels for which a method has a result; `coverage` is the share of these pixels.
 
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
@@ -54,7 +54,7 @@ pub(super) const METHODS: [(Method, Route); 9] = [
     ),
 ];
 
-/// Returns the number of a variant's sprayed twin ([`Truth::Slice`]).
+/// Returns the number of the variant with the sprayed object ([`Truth::Slice`]).
 fn sprayed(variant: u64) -> u64 {
     variant + 1
 }

@@ -23,7 +23,8 @@ fn slice(map: &Map, kinds: &[(AxisKind, usize)]) -> Slice {
     Slice { error: mean.clone(), mean }
 }
 
-/// A sphere with indirect light from other columns, and its twin without it.
+/// Returns an observation of a sphere with indirect light from other columns, and of the sprayed
+/// sphere without indirect light.
 fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -> Observation {
     let columns = [(AxisKind::U, inputs.columns.light.channels), (AxisKind::Wavelength, 1)];
     let matrices = [(AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4), (AxisKind::Wavelength, 1)];
@@ -60,7 +61,7 @@ fn run(elsewhere: f64) -> Outcome {
     application::run(&[of(0)], &[of(1)]).expect("it runs")
 }
 
-/// Without indirect light.
+/// The results without indirect light.
 static CLEAR: LazyLock<Outcome> = LazyLock::new(|| run(0.0));
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
@@ -99,8 +100,9 @@ fn gray_code_ties_on_a_diffuse_object() {
     assert!(normals(METHODS[0].0.name) < 3.0, "{}", normals(METHODS[0].0.name));
 }
 
-/// Planted: two thirds of the light come from neighbouring columns, off the epipolar lines. Gray code and
-/// phase shift fail; epipolar codes, our method and the scan of the sprayed twin do not change.
+/// Errors of a method appear only if it uses the light that causes them. Two thirds of the light
+/// come from neighbouring columns, off the epipolar lines. Gray code and phase shift fail; epipolar
+/// codes, Sunstone's method and the scan of the sprayed twin do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_from_beside_is_found_where_it_is() {

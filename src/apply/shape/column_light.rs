@@ -47,9 +47,9 @@ pub enum CodeError {
     /// The number of captures does not match the code.
     #[error("got {got} captures, but the code has {want}: capture all of its patterns")]
     Captures {
-        /// Given number.
+        /// Number of captures given.
         got: usize,
-        /// Required number.
+        /// Number of captures that the code requires.
         want: usize,
     },
     /// The periods are invalid for the code.
@@ -58,9 +58,9 @@ pub enum CodeError {
 }
 
 impl ColumnLight {
-    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (a last, smaller
-    /// one is kept). Stripes narrower than a camera pixel's footprint lose contrast in any scene, so codes
-    /// need columns about as wide as camera pixels.
+    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (the
+    /// last column may combine fewer). Stripes narrower than a camera pixel's footprint lose
+    /// contrast in any scene, so codes need columns about as wide as camera pixels.
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);

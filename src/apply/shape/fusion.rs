@@ -1,13 +1,14 @@
-//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals (Nehab et
-//! al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al. 2022; applied to scan
-//! and polarization as in Baek et al. 2018).
+//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals
+//! (Nehab et al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al.
+//! 2022; applied to scan and polarization as in Baek et al. 2018).
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log z_i =
-//! log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their two normals,
-//! which is perpendicular to the chord of a sphere and of a plane. Weights are inverse variances. That of a
-//! depth is (z/σ_z)². A normal rotated by σ_n changes a step by h σ_n/cos²α, with the angle h between the
-//! rays and the angle α between normal and ray. Outlier depths and steps across edges are suppressed by
-//! Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385, which are updated iteratively.
+//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log
+//! z_i = log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their
+//! two normals, which is perpendicular to the chord of a sphere and of a plane. Weights are inverse
+//! variances. The weight of a depth is (z/σ_z)². A normal rotated by σ_n changes a step by h
+//! σ_n/cos²α, with the angle h between the rays and the angle α between normal and ray. Outlier
+//! depths and steps across edges are suppressed by Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385,
+//! which are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -17,10 +18,10 @@ use nalgebra::Vector3;
 /// Cauchy's constant for 95 % efficiency under normal errors.
 const CAUCHY: f64 = 2.385;
 
-/// Number of weight updates.
+/// Number of updates of the robust weights.
 const ROUNDS: usize = 10;
 
-/// Residual of the solver.
+/// Relative residual at which the solver stops.
 const TOLERANCE: f64 = 1e-9;
 
 /// Minimum cosine between normal and view direction: a normal at grazing angle does not determine the step.
@@ -33,7 +34,7 @@ pub struct Believed {
     pub depth: Map,
     /// Standard deviation of the normals, radians.
     pub normals: f64,
-    /// Suppress outliers.
+    /// Whether outliers are suppressed by Cauchy's weights.
     pub robust: bool,
 }
 
@@ -109,8 +110,8 @@ fn reached(p: &LogDepth) -> Vec<bool> {
     }
 }
 
-/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth or a
-/// connection to one by normals.
+/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth
+/// or a connection by normals to a pixel with a known depth.
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
     let reached = reached(&plain);
@@ -156,8 +157,8 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// Exact normals of a plane leave one unknown, the scale: noise of σ in N depths becomes σ/√N (its mean
-    /// square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
+    /// With exact normals of a plane only the scale is unknown. Noise of σ in N depths becomes σ/√N
+    /// (its mean square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn exact_normals_of_a_plane_leave_one_unknown() {
@@ -177,8 +178,8 @@ mod tests {
         assert!(mean > 0.05);
     }
 
-    /// A sphere with depth noise of 1 mm and exact normals: the noise decreases to a tenth; without normals
-    /// it stays.
+    /// Exact normals reduce depth noise of 1 mm on a sphere to a tenth; without normals the noise
+    /// stays the same.
     #[test]
     fn normals_take_the_noise_off_a_sphere() {
         let camera = rig(64, 256).camera;
@@ -194,8 +195,9 @@ mod tests {
         assert!(rms(&alone, &noisy) < 1e-12);
     }
 
-    /// A tenth of the depths have an error of 3 cm: robust weights find the surface, plain least squares does
-    /// not. Pixels without a depth are filled in by normals; those without both stay unknown.
+    /// With errors of 3 cm in a tenth of the depths, robust weights find the surface and plain
+    /// least squares does not. Normals fill in pixels without a depth. Pixels without depth and
+    /// normal stay unknown.
     #[test]
     fn outliers_are_taken_out_and_holes_filled() {
         let camera = rig(40, 256).camera;

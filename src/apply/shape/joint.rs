@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 /// Maximum number of iterations.
 const ROUNDS: usize = 10;
 
-/// Search range and step of indices: 1.15 to 2.5.
+/// Minimum, maximum and step of the search for the refractive index.
 const INDICES: [f64; 3] = [1.15, 2.5, 0.05];
 
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Joint {
 /// Options of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Refractive index of the object; `None` to fit it.
+    /// Refractive index of the object; `None` to fit the index.
     pub index: Option<f64>,
     /// Window for the normals of the scan.
     pub coarse: Window,
@@ -58,7 +58,8 @@ pub struct Options {
     pub sigma_surface: f64,
 }
 
-/// Returns the index for which polarization's zenith angles are closest to those of a coarse surface.
+/// Returns the refractive index for which polarization's zenith angles are closest to those of a
+/// coarse surface.
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
     let count = ((last - first) / step).round() as usize;
@@ -79,8 +80,8 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
-/// Returns the mean of normals weighted by inverse variances, as unit vectors; one of them if the other is
-/// unknown.
+/// Returns the mean of normals weighted by inverse variances, as unit vectors; if one normal is
+/// unknown, the other is returned.
 fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     Map::from_fn(a.width, a.height, 3, |x, y, out| {
         let weighted = |map: &Map, sigma: f64| {

@@ -7,11 +7,11 @@ use super::methods::{Code, Method, Parameters, ShapeError, run};
 use super::seen::Seen;
 use rayon::prelude::*;
 
-/// A method and the twin that it uses.
+/// A method, and whether it uses the scene with the sprayed object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Route {
     pub method: Method,
-    /// Whether it uses the sprayed twin.
+    /// Whether the method uses the scene with the sprayed object.
     pub sprayed: bool,
 }
 

@@ -23,9 +23,9 @@ pub struct LogDepth {
     pub width: usize,
     /// v and its weight, row by row.
     pub values: Vec<Step>,
-    /// Steps to the right neighbour; those of the last column are ignored.
+    /// Steps to the right neighbour; steps of the last column are ignored.
     pub right: Vec<Step>,
-    /// Steps to the lower neighbour; those of the last row are ignored.
+    /// Steps to the lower neighbour; steps of the last row are ignored.
     pub down: Vec<Step>,
 }
 
@@ -112,7 +112,8 @@ mod tests {
         LogDepth { width: w, values: list(), right: list(), down: list() }
     }
 
-    /// Random weights and steps: equal to Cholesky's solution of the dense normal equations.
+    /// Conjugate gradients agree with Cholesky's solution of the dense normal equations, for random
+    /// weights and steps.
     #[test]
     fn conjugate_gradients_agree_with_cholesky() {
         let mut stream = Stream::new(3, 1, 4);

@@ -1,13 +1,15 @@
-//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
-//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
+//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal,
+//! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global
+//! illumination").
 //!
-//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every pattern is
-//! combined by exclusive or with one fine pattern, the base, which is also projected itself. All projected
-//! patterns then have narrow stripes, under which long-range indirect light is equal to that under the
-//! inverse. Decoding combines the read bits with the read base again. The base of XOR-02 has stripes of 2
-//! columns, that of XOR-04 stripes of 4, which are more robust to short-range blur. [`consensus`] keeps
-//! columns on which two codes agree: these two long-range codes and the conventional Gray code (their
-//! ensemble without its fourth code, which has only wide stripes).
+//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every
+//! pattern is combined by exclusive or with one fine pattern, the base, which is also projected
+//! alone. All projected patterns then have narrow stripes, under which long-range indirect light is
+//! equal to that under the inverse. Decoding combines the read bits with the read base again. The
+//! base of XOR-02 has stripes of 2 columns, that of XOR-04 stripes of 4, which are more robust to
+//! short-range blur. [`consensus`] keeps columns on which two codes agree: these two long-range
+//! codes and the conventional Gray code (their ensemble without its fourth code, which has only
+//! wide stripes).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
@@ -16,9 +18,9 @@ use crate::map::Map;
 /// The stripes that are combined with all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// Stripes of 2 columns.
+    /// XOR-02: stripes of 2 columns.
     Xor02,
-    /// Stripes of 4 columns.
+    /// XOR-04: stripes of 4 columns.
     Xor04,
 }
 
@@ -57,8 +59,9 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     })
 }
 
-/// Returns the mean of columns on which at least two codes agree to within one column; otherwise NaN. The
-/// confidence is the larger of the two.
+/// Returns per pixel the mean column of two codes that agree to within one column; otherwise NaN.
+/// If several pairs agree, the pair with the largest confidence counts. The confidence is the larger
+/// of the pair's two.
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {
@@ -94,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Every projected pattern has stripes of at most twice the base's columns.
+    /// Every projected pattern has stripes of at most twice the columns of the base's stripes.
     #[test]
     fn all_stripes_are_narrow() {
         for (base, widest) in [(Base::Xor02, 4), (Base::Xor04, 8)] {

@@ -107,7 +107,8 @@ pub struct Parameters {
 }
 
 impl Default for Parameters {
-    /// The parameters of the fusion were chosen for a sphere and a marble doll, 5 cm high in 64 × 64 pixels.
+    /// Returns the default parameters. Those of the fusion were chosen for a sphere and a marble
+    /// doll, 5 cm high in 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -261,12 +262,12 @@ pub(super) mod tests {
     use crate::shape::synthetic::{Shape, rig};
 
     const COLUMNS: usize = 512;
-    /// Pixels along an edge of the camera image.
+    /// Side length of the camera image, pixels.
     const SIDE: usize = 32;
 
-    /// A sphere of diffuse glass. Direct light comes from one or two columns per pixel; other pixels are
-    /// dark. In all light, the share `blurred` comes uniformly from 36 columns to the left and is not
-    /// epipolar.
+    /// Returns the inputs and the true shape of a sphere of diffuse glass. Direct light comes from
+    /// one or two columns per pixel; other pixels are dark. In all light, the share `blurred` comes
+    /// uniformly from 36 columns to the left and is not epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);

@@ -1,10 +1,10 @@
-//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods, so that slowly
-//! varying indirect light and defocus are equal in all captures.
+//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods, so
+//! that slowly varying indirect light and defocus are equal in all captures.
 //!
-//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and one
-//! of each other, I_f = O + A cos φ_f. Offset O and amplitude A are common because the periods are close. The
-//! F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F identify the column with the closest numbers, and the
-//! first phase gives its subpixel position.
+//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 -
+//! 2πk/3), and one of each other period, I_f = O + A cos φ_f. Offset O and amplitude A are common
+//! because the periods are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F identify
+//! the column with the closest numbers, and the first phase gives its subpixel position.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
@@ -44,8 +44,8 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
-/// random sets (equal on every call). Gupta & Nayar also choose theirs by search.
+/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the
+/// best of random sets (equal on every call). Gupta & Nayar also choose the periods by search.
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -60,7 +60,7 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     best.1
 }
 
-/// Returns the patterns: three of the first period, one of each other.
+/// Returns the patterns: three of the first period, one of each other period.
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
     Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {

@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Returns periods from the image's width, each a quarter of the previous one, down to 16 columns or slightly
-/// less.
+/// Returns the periods, in projector columns: the image's width, then each a quarter of the
+/// previous one, down to 16 columns or slightly less.
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {
@@ -27,7 +27,7 @@ pub fn periods(columns: usize) -> Vec<f64> {
     all
 }
 
-/// Refuses invalid periods.
+/// Checks that the periods are valid for the number of columns.
 fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     let falls = periods.windows(2).all(|p| p[0] > p[1]) && periods.iter().all(|p| *p >= 2.0);
     let spans = periods.first().is_some_and(|p| *p >= columns as f64 && p.is_finite());
@@ -109,8 +109,8 @@ mod tests {
         }
     }
 
-    /// A point between two columns receives (1 - a, a) from them: its phasor is on the chord, with an error
-    /// below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
+    /// The decoded coordinate of a point that receives light (1 - a, a) from two columns has an
+    /// error below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
     #[test]
     fn between_columns_it_is_exact_to_third_order() {
         let (n, period) = (256, 16.0);

@@ -1,18 +1,18 @@
-//! Normals from polarization, with a 180° ambiguity (Atkinson & Hancock 2006; Kadambi et al. 2015; Baek et
-//! al. 2018).
+//! Normals from polarization, with a 180° ambiguity (Atkinson & Hancock 2006; Kadambi et al. 2015;
+//! Baek et al. 2018).
 //!
-//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree √(s1² +
-//! s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The angle ½ atan2(s2, s1) is
-//! the azimuth of the normal for diffuse light from below the surface, and 90° from it for specular light,
-//! both with a 180° ambiguity.
+//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The
+//! degree √(s1² + s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The
+//! angle ½ atan2(s2, s1) is the azimuth of the normal for diffuse light from below the surface, and
+//! 90° from it for specular light, both with a 180° ambiguity.
 //!
-//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x projected perpendicular to the
-//! ray, and the second axis is d × x with the propagation direction d of the light, so angles increase
-//! counter-clockwise in the image.
+//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x projected
+//! perpendicular to the ray, and the second axis is d × x with the propagation direction d of the
+//! light, so angles increase counter-clockwise in the image.
 //!
-//! With the projector near the camera, light that is reflected specularly once keeps its circular
-//! polarization with the opposite sign, T33 = -T00, and diffuse light loses it (Baek et al. 2018): T00 + T33
-//! is the diffuse light only.
+//! If the projector is near the camera, one specular reflection inverts circular polarization, T33
+//! = -T00. Diffuse light loses its circular polarization (Baek et al. 2018). T00 + T33 is therefore
+//! the diffuse light only.
 
 use super::zenith;
 use crate::map::Map;
@@ -153,7 +153,8 @@ pub(super) mod tests {
         }
     }
 
-    /// Tests the handedness of the azimuth: the frame's second axis is up, so s2 > 0 is upper right.
+    /// Tests the handedness of the azimuth: the second axis of the frame points up, so s2 > 0 for a
+    /// normal to the upper right.
     #[test]
     fn a_normal_to_the_upper_right_has_positive_s2() {
         let camera = rig(64, 256).camera;

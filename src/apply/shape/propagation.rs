@@ -1,10 +1,10 @@
-//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline (Miyazaki et
-//! al. 2003; Atkinson & Hancock 2006).
+//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline
+//! (Miyazaki et al. 2003; Atkinson & Hancock 2006).
 //!
-//! At the outline of a smooth object, the normal is perpendicular to the view direction and points outward.
-//! From there, pixels are decided one by one, those of large zenith angle first, each with the candidate
-//! closest to its decided neighbours. This is correct for convex objects; normals of concave parts have the
-//! wrong sign.
+//! At the outline of a smooth object, the normal is perpendicular to the view direction and points
+//! outward. From the outline inward, pixels are decided one by one in descending order of zenith
+//! angle. Each pixel receives the candidate normal closest to those of its decided neighbours. This
+//! is correct for convex objects; normals of concave parts have the wrong sign.
 
 use super::polarization::{Cues, candidates};
 use crate::map::Map;
@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Distance in pixels from the outline in which the outside is searched.
+/// Distance in pixels from the outline within which outside pixels are searched.
 const REACH: isize = 3;
 
 /// A pixel with decided neighbours, and its zenith angle.
@@ -42,7 +42,7 @@ impl PartialEq for Next {
 
 impl Eq for Next {}
 
-/// Returns the pixels within `reach` of one, inside the image or not.
+/// Returns the pixels within `reach` of a pixel, inside the image or not.
 fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> {
     (-reach..=reach)
         .flat_map(move |j| (-reach..=reach).map(move |i| [x as isize + i, y as isize + j]))
@@ -133,7 +133,7 @@ mod tests {
         assert!(seen > 1000, "{seen}");
     }
 
-    /// Without an outline in the image, nothing is decided.
+    /// If the image contains no outline, no normal is decided.
     #[test]
     fn no_outline_no_normals() {
         let camera = rig(8, 16).camera;

@@ -1,4 +1,4 @@
-//! One variant of the statue: the input of methods, and its true shape.
+//! One variant of the statue: the input of the methods, and the true shape.
 
 use super::column_light::ColumnLight;
 use super::methods::Inputs;
@@ -16,8 +16,8 @@ pub(super) struct Seen {
     pub seed: u64,
     /// Input of the methods.
     pub inputs: Inputs,
-    /// Input with T(s, u) of the twin that is sprayed with matte paint; everything else is that of the
-    /// statue.
+    /// Input with T(s, u) of the same statue sprayed with matte paint; all other inputs are those
+    /// of the unsprayed statue.
     pub sprayed: Inputs,
     /// True depth, metres, and normals in the camera's frame, for pixels that the statue covers completely;
     /// otherwise NaN.

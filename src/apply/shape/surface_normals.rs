@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Tukey's constant for 95 % efficiency under normal errors.
 const TUKEY: f64 = 4.685;
 
-/// Number of weight updates.
+/// Number of updates of the robust weights.
 const ROUNDS: usize = 5;
 
 /// Minimum number of known depths in a window.
@@ -22,9 +22,9 @@ const LEAST: usize = 4;
 /// Options of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Pixels from the centre to the edge.
+    /// Number of pixels from the centre of the window to its edge.
     pub radius: usize,
-    /// Use robust weights; otherwise plain least squares.
+    /// Whether the fit uses robust weights; otherwise it is plain least squares.
     pub robust: bool,
 }
 

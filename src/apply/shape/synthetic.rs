@@ -7,10 +7,10 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::sampling::stream::Stream;
 use std::f64::consts::TAU;
 
-/// Returns another column for a column and the number of columns.
+/// Returns another column, given a column and the number of columns.
 type Elsewhere = fn(usize, usize) -> usize;
 
-/// T(s, u) of pixels whose direct light comes from the column of the same number.
+/// Light T(s, u) of pixels: pixel i receives its direct light from column i.
 pub struct Light {
     direct: f64,
     constant: f64,
@@ -23,17 +23,18 @@ impl Light {
         Self { direct, constant: 0.0, at: None, blurred: None }
     }
 
-    /// Adds this much light in total, uniformly from all columns.
+    /// Adds indirect light of sum `constant`, spread uniformly over all columns.
     pub fn plus_constant(self, constant: f64) -> Self {
         Self { constant, ..self }
     }
 
-    /// Adds this much light from one other column.
+    /// Adds `light` from one other column.
     pub fn plus_at(self, light: f64, column: Elsewhere) -> Self {
         Self { at: Some((light, column)), ..self }
     }
 
-    /// Adds this much light in total from a Gaussian of columns of width σ, around a shifted column.
+    /// Adds indirect light of sum `light`, spread over columns as a Gaussian of width σ = `sigma`
+    /// columns around a shifted column.
     pub fn plus_blurred(self, light: f64, sigma: f64, shift: f64) -> Self {
         Self { blurred: Some([light, sigma, shift]), ..self }
     }

@@ -1,15 +1,16 @@
-//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
+//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9
+//! and 13).
 //!
 //! Diffuse light from below the surface leaves through it: with s = sin²θ, c = cos θ and index n,
 //!
 //! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
 //!
-//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission. Specular light
-//! is polarized perpendicular to it,
+//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission.
+//! Specular light is polarized perpendicular to that plane,
 //!
 //! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
 //!
-//! with the value 1 at Brewster's angle tan θ = n, so each degree except 1 has two angles.
+//! with the value 1 at Brewster's angle, tan θ = n. Each degree below 1 therefore has two angles.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -47,8 +48,8 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
     0.5 * (from + to)
 }
 
-/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree exceeds the
-/// maximum, NaN if it is invalid.
+/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree
+/// exceeds the maximum, NaN if the degree is invalid.
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;

@@ -1,19 +1,20 @@
-//! Metrics of a scoring on a variant, against the labels.
+//! Computes the metrics of a scoring on a variant against the labels.
 
 use super::score::{Scoring, counts};
 use super::seen::{Seen, Target};
 use crate::metrics::roc;
 
-/// Minimum number of places of each kind in a bin for a separate area.
+/// Minimum number of positives and of negatives in a bin for a separate area.
 const FEW: usize = 5;
 
-/// Returns the area under the curve over all lit places.
+/// Returns the area under the curve over all lit pixels and bins.
 pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let [positive, negative] = scoring.groups([seen], target, |_| true);
     roc::area(&positive, &negative)
 }
 
-/// Returns the mean over bins of the areas within each; NaN if no bin has enough places of both kinds.
+/// Returns the mean over bins of the area under the curve within each bin; NaN if no bin has enough
+/// positives and negatives.
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
     let areas: Vec<f64> = (0..bins)
@@ -33,8 +34,8 @@ pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     counts.f1()
 }
 
-/// Returns the correlation of the score's positive part, which is displayed, with the light of the target
-/// over lit places.
+/// Returns the correlation of the score's positive part, which pictures show, with the light of the
+/// target over lit pixels and bins.
 pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let pairs = seen
         .lit
@@ -43,7 +44,7 @@ pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     pearson(&pairs.collect::<Vec<_>>())
 }
 
-/// Returns the same correlation for sums over bins in each pixel.
+/// Returns [`correlation`] for sums over the bins of each pixel.
 pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
     let mut lit = vec![false; sums.len()];

@@ -1,13 +1,14 @@
-//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of a coaxial
-//! rig, bin of travel time by bin, by its change of circular polarization.
+//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of
+//! a coaxial rig, bin of travel time by bin, by its change of circular polarization.
 //!
-//! One specular reflection reverses the handedness of circular light, two restore it, and diffuse surfaces
-//! depolarize it. Hence -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, with s3
-//! viewed toward the source for both directions (CONVENTIONS.md). The renderer labels light. Positives are
-//! bins of pixels in which most light had only specular reflections, an odd number for inverting and an even
-//! number for keeping. (With s' = s, the second is light between two sides of a crease within one pixel: all
-//! longer paths end where they began, with an odd number of reflections.) Signs that physics does not
-//! determine, and thresholds, are learned from the training variants.
+//! Each specular reflection reverses the handedness of circular light, and diffuse surfaces
+//! depolarize the light. Hence -T33 > 0 is "circular-inverting" light and T33 > 0
+//! "circular-keeping" light, with s3 viewed toward the source for both directions (CONVENTIONS.md).
+//! The renderer labels light. Positives are bins of pixels in which most light had only specular
+//! reflections, an odd number for inverting and an even number for keeping. (With s' = s, the
+//! second is light between two sides of a crease within one pixel: all longer paths end where they
+//! began, with an odd number of reflections.) Signs that physics does not determine, and
+//! thresholds, are learned from the training variants.
 
 mod judge;
 mod score;
@@ -105,7 +106,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Draws values of lit places, summed over bins.
+/// Draws the values of lit pixels and bins, summed over bins.
 fn picture(
     method: &'static str,
     shared: bool,

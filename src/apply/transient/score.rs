@@ -1,4 +1,4 @@
-//! Scores of places: higher values mean more light of a target.
+//! Scores of places (a pixel in one bin): a higher value means more light of the target.
 
 use super::seen::{Seen, TARGETS, Target};
 use crate::metrics::precision_recall::Counts;
@@ -37,7 +37,7 @@ impl Measure {
         }
     }
 
-    /// Returns the sign that physics determines for a target; `None` if it must be learned.
+    /// Returns the sign that physics determines for a target; `None` if the sign must be learned.
     fn sign(self, target: Target) -> Option<f64> {
         match self {
             Self::LinearPair | Self::Intensity => None,
@@ -79,7 +79,8 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Returns the scores of lit places of the target, and of others, among those that pass `counts`.
+    /// Returns the scores of lit places of the target, and of others, among the places that pass
+    /// `counts`.
     pub(super) fn groups<'a>(
         &self,
         all: impl IntoIterator<Item = &'a Seen>,

@@ -23,16 +23,17 @@ pub(super) enum Target {
     Keeping,
 }
 
-/// Both targets.
+/// Both changes of circular polarization.
 pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 
 /// One variant with one seed. Places are pixels with their bins: `pixel * bins + bin`.
 pub(super) struct Seen {
     pub variant: u64,
     pub pixels: Pixels,
-    /// Lit places, by the labels.
+    /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
-    /// Light with odd and with even numbers of specular reflections, and all light; W/(m² sr nm).
+    /// Light with an odd number and with an even number of specular reflections, and all light;
+    /// W/(m² sr nm).
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }
@@ -62,12 +63,13 @@ impl Seen {
         Ok(Self { variant: o.variant, pixels, lit, labelled, all })
     }
 
-    /// Returns the specular light of a target at a place.
+    /// Returns the light at a place that had only specular reflections, with the number of
+    /// reflections of `target`.
     pub(super) fn light(&self, target: Target, place: usize) -> f64 {
         self.labelled[usize::from(target == Target::Keeping)][place]
     }
 
-    /// Returns whether most of the light at a place is of a target.
+    /// Returns whether most of the light at a place belongs to `target`.
     pub(super) fn is(&self, target: Target, place: usize) -> bool {
         self.light(target, place) > 0.5 * self.all[place]
     }
@@ -78,7 +80,7 @@ impl Seen {
         (0..self.pixels.wavelengths).map(|lane| self.pixels.at(pixel, bin, element, lane)).sum()
     }
 
-    /// Returns the same, summed over the bins of the place's pixel.
+    /// Returns element 4 i + j, summed over wavelengths and over the bins of the place's pixel.
     pub(super) fn integrated(&self, place: usize, element: usize) -> f64 {
         let first = place - place % self.pixels.bins;
         (first..first + self.pixels.bins).map(|p| self.element(p, element)).sum()

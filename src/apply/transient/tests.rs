@@ -14,19 +14,19 @@ const BOUNCES: usize = 4;
 /// The difference of specular from diffuse light.
 #[derive(Clone, Copy)]
 struct Differs {
-    /// In circular polarization.
+    /// Whether the circular polarization differs.
     circular: bool,
-    /// In linear polarization, for horizontal input light.
+    /// Whether the linear polarization differs, for horizontal input light.
     linear: bool,
-    /// Factor of its brightness.
+    /// Factor of the brightness of specular light.
     bright: f64,
-    /// A pixel contains inverting and keeping light in different bins.
+    /// Whether a pixel contains inverting and keeping light in different bins.
     mixed: bool,
 }
 
 const AS_IN_NATURE: Differs = Differs { circular: true, linear: true, bright: 1.0, mixed: true };
 
-/// 0: odd, 1: even, 2: diffuse.
+/// Returns the kind of light: 0 for odd, 1 for even, 2 for diffuse.
 fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
     if mixed { (pixel + bin) % 3 } else { pixel % 3 }
 }
@@ -85,9 +85,9 @@ fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
 const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
-/// For physically plausible light, circular polarization separates all kinds and one pair of captures ties
-/// with it. Linear polarization separates specular from diffuse light but not odd from even, intensity
-/// separates nothing, and without time all kinds are mixed.
+/// For physically plausible light, circular polarization separates all kinds, and one pair of
+/// captures is equally good. Linear polarization separates specular from diffuse light but not odd
+/// from even, intensity separates nothing, and without time all kinds are mixed.
 #[test]
 fn circular_polarization_tells_odd_from_even() {
     let of = worth(AS_IN_NATURE);

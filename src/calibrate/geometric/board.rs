@@ -3,18 +3,19 @@
 use super::fault::Fault;
 use nalgebra::Vector3;
 
-/// A chessboard with squares of equal size. Its corners are the points where four squares meet.
+/// A chessboard with squares of equal size. The corners of the board are the points where four
+/// squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Board {
     /// Inner corners along x, one less than the number of squares.
     pub columns: usize,
     /// Inner corners along y.
     pub rows: usize,
-    /// Side of a square in meters.
+    /// Side length of a square in meters.
     pub square: f64,
 }
 
-/// Maximum number of corners along a side. More are an input error.
+/// Maximum number of corners along a side. A larger number is an input error.
 const MOST: usize = 1000;
 
 impl Board {

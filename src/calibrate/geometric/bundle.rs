@@ -1,9 +1,10 @@
-//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses of the
-//! views eliminated by the Schur complement.
+//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses
+//! of the views eliminated by the Schur complement.
 //!
-//! The projector coordinate q of a corner is measured through the camera. An error δ of the measured corner
-//! causes the error Jδ of q, where J maps camera to projector pixels locally. The projector residual is
-//! therefore q + J(ĉ - c) - q̂. The camera's error cancels in it, so both residuals are independent.
+//! The projector coordinate q of a corner is measured through the camera. An error δ of the
+//! measured corner causes the error Jδ of q, where J maps camera to projector pixels locally. The
+//! projector residual is therefore q + J(ĉ - c) - q̂. The camera's error cancels in the projector
+//! residual, so the camera and projector residuals are independent.
 
 use super::device::{Device, Seen};
 use super::pose::Pose;
@@ -29,13 +30,13 @@ pub type Tie = Option<(usize, f64)>;
 pub struct State {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// The free parameter of each device parameter. Indices count through all devices.
+    /// The free parameter of each device parameter. Indices run over the parameters of all devices.
     pub ties: Vec<Vec<Tie>>,
     /// Number of free device parameters. With two devices, six parameters of `relative` follow.
     pub free: usize,
-    /// Camera to projector.
+    /// Pose from camera to projector.
     pub relative: Pose,
-    /// Board to camera, by view.
+    /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
 }
 
@@ -49,7 +50,7 @@ pub struct Weights {
     pub out: Vec<Vec<bool>>,
 }
 
-/// The normal equations at a state.
+/// The normal equations of the least-squares problem at a state.
 #[derive(Clone, Debug)]
 pub struct Normal {
     pub(super) shared: DMatrix<f64>,
@@ -68,7 +69,8 @@ impl State {
         self.free + if self.devices.len() > 1 { 6 } else { 0 }
     }
 
-    /// Returns measured minus predicted pixels of a corner for both devices; `None` behind a device.
+    /// Returns measured minus predicted pixels of a corner for both devices; `None` if the corner
+    /// is behind a device.
     pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
         let x = self.poses[view].apply(corner.board);
         let seen = self.devices[0].project(&x)?;
@@ -103,7 +105,8 @@ impl State {
         next
     }
 
-    /// Returns Huber's cost, or half the sum of squares. It is infinite if a corner is behind a device.
+    /// Returns Huber's cost, or half the sum of squares. The cost is infinite if a corner is behind
+    /// a device.
     pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
         let mut sum = 0.0;
         for (v, corners) in views.iter().enumerate() {
@@ -265,7 +268,8 @@ impl Normal {
     }
 }
 
-/// Minimizes the cost with at most `most` steps, until a step reduces it by less than the fraction `least`.
+/// Minimizes the cost with at most `most` steps, until a step reduces the cost by less than the
+/// fraction `least`.
 ///
 /// Returns `None` if a corner is behind a device at the start.
 pub fn minimize(

@@ -1,5 +1,5 @@
-//! Calibration files: TOML with the `[camera]` and `[projector]` tables of scene files, standard errors and
-//! covariances. Also exports JSON for OpenCV's `FileStorage`.
+//! Reads and writes calibration files in TOML: the `[camera]` and `[projector]` tables of scene
+//! files, standard errors and covariances. Also exports JSON for OpenCV's `FileStorage`.
 
 use super::device::{Device, Model};
 use super::fit::Fit;
@@ -40,11 +40,11 @@ pub struct DeviceTable {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseTable {
-    /// World to device.
+    /// Transform from world to device.
     pub extrinsics: Extrinsics,
 }
 
-/// x_device = R x_world + t.
+/// A rigid transform: x_device = R x_world + t.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extrinsics {
@@ -78,14 +78,14 @@ pub struct Quality {
     pub notes: Vec<String>,
     /// Poses from board to camera, by view: rotation vector (radians) and translation (meters).
     pub poses: Vec<[f64; 6]>,
-    /// Standard errors of the pose changes.
+    /// Standard errors of the pose changes, by view: rotation (radians) and translation (meters).
     pub poses_errors: Vec<[f64; 6]>,
     /// Images of the views.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
 }
 
-/// The covariance of all parameters; 0 for fixed ones.
+/// The covariance of all parameters; 0 for fixed parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CovarianceTable {
@@ -200,9 +200,11 @@ impl Calibration {
         }
     }
 
-    /// Serializes the calibration to TOML: [`base::calibration_file::Part::Devices`] of a calibration file.
+    /// Serializes the calibration to TOML, as [`base::calibration_file::Part::Devices`] of a
+    /// calibration file.
     ///
     /// # Errors
+    ///
     /// An error if a number cannot be written.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
@@ -210,8 +212,9 @@ impl Calibration {
 
     /// Returns JSON for `cv::FileStorage`.
     ///
-    /// It contains the camera's `camera_matrix` and `distortion_coefficients`, the projector's under names
-    /// that start with `projector_`, and R and T from camera to projector.
+    /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The
+    /// projector's entries have the prefix `projector_`. R and T map camera to projector
+    /// coordinates.
     pub fn to_opencv_json(&self) -> String {
         let matrix = |rows: usize, cols: usize, data: &[f64]| {
             let data: Vec<String> = data.iter().map(|x| format!("{x:?}")).collect();
@@ -241,10 +244,10 @@ impl Calibration {
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
     }
 
-    /// Reads a calibration file. Other tables in it are ignored.
+    /// Reads a calibration file. Other tables of the file are ignored.
     ///
     /// # Errors
-    /// [`InputError`] if the file is no calibration or has no valid device.
+    /// [`InputError`] if the file is not a calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;

@@ -12,14 +12,14 @@ use optics::distortion::opencv::Opencv;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
     Pinhole,
-    /// k1, k2, p1, p2, k3: Brown–Conrady.
+    /// Brown–Conrady lens: k1, k2, p1, p2, k3.
     #[default]
     Five,
-    /// Also k4, k5, k6: rational.
+    /// Rational lens: also k4, k5, k6.
     Eight,
-    /// Also s1 to s4: thin prism.
+    /// Thin-prism lens: also s1 to s4.
     Twelve,
-    /// k1 to k4 of a fisheye lens.
+    /// Fisheye lens: k1 to k4.
     Fisheye,
 }
 
@@ -49,9 +49,10 @@ impl Model {
     }
 }
 
-/// A device: the point p of the plane z = 1 has the pixel focal · lens(p) + centre.
+/// A device that maps the point p of the plane z = 1 to the pixel focal · lens(p) + centre.
 ///
-/// Pixels are continuous, and the first covers 0..1 (OpenCV's center is half a pixel less).
+/// Pixel coordinates are continuous, and the first pixel covers 0 to 1. OpenCV's coordinates are
+/// smaller by half a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
     pub size: [u32; 2],
@@ -120,7 +121,7 @@ impl Device {
         Vector2::new(self.focal.x * d.x + self.centre.x, self.focal.y * d.y + self.centre.y)
     }
 
-    /// Like [`Self::project`], with all derivatives. `lens` is [`Self::lens`].
+    /// Projects like [`Self::project`], and also returns all derivatives. `lens` is [`Self::lens`].
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {
             return None;
@@ -143,7 +144,8 @@ impl Device {
         Some(Seen { at: self.pixel(d), by_point: bend * slope, by_parameters })
     }
 
-    /// Returns the undistorted normalized coordinates of a pixel, or `None` without an inverse of the lens.
+    /// Returns the undistorted normalized coordinates of a pixel, or `None` if the lens cannot be
+    /// inverted there.
     pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre).component_div(&self.focal);
         let p = self.lens().undistort(DVec2::new(q.x, q.y))?;
@@ -156,15 +158,17 @@ impl Device {
 #[allow(clippy::struct_excessive_bools)] // each is an independent option
 pub struct Free {
     pub focal: bool,
-    /// Fit both focal lengths independently. Otherwise fy/fx keeps its initial value, by default 1.
+    /// Whether both focal lengths are fitted independently. Otherwise fy/fx keeps its initial
+    /// value, by default 1.
     pub aspect: bool,
-    /// Fit the principal point. Otherwise it keeps its initial value, by default the center.
+    /// Whether the principal point is fitted. Otherwise it keeps its initial value, by default the
+    /// image center.
     pub centre: bool,
-    /// Fit p1 and p2. Otherwise they are 0.
+    /// Whether p1 and p2 are fitted. Otherwise both are 0.
     pub tangential: bool,
-    /// Fit k3. Otherwise it is 0.
+    /// Whether k3 is fitted. Otherwise it is 0.
     pub k3: bool,
-    /// Fit any lens coefficient.
+    /// Whether any lens coefficient is fitted.
     pub lens: bool,
 }
 
@@ -175,12 +179,13 @@ impl Default for Free {
 }
 
 impl Free {
-    /// Returns the free parameter and factor that move each of [`Device::parameters`].
+    /// Returns, for each of [`Device::parameters`], the index and factor of the free parameter that
+    /// moves it.
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)
     }
 
-    /// Like [`Self::ties`], but only for parameters with chosen names.
+    /// Returns [`Self::ties`] of parameters with chosen names only.
     pub(super) fn ties_of(
         &self,
         device: &Device,

@@ -1,6 +1,8 @@
-//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
+//! Epipolar planes: planes through the centers of both devices, identified by their angle about the
+//! baseline.
 //!
-//! Each plane meets the camera and the projector in one line each, which the lenses bend.
+//! Each plane intersects the camera's image and the projector's image in one line each. Lens
+//! distortion bends these lines.
 
 use super::device::Device;
 use super::pose::Pose;
@@ -37,13 +39,13 @@ impl Planes {
         ray.dot(&self.across[1]).atan2(ray.dot(&self.across[0]))
     }
 
-    /// Returns the plane of a camera pixel in radians, after undistortion.
+    /// Returns the angle of the epipolar plane of a camera pixel in radians, after undistortion.
     pub fn of_camera(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.camera.normalized(pixel)?;
         Some(self.angle(Vector3::new(n.x, n.y, 1.0)))
     }
 
-    /// Returns the plane of a projector pixel in radians, after undistortion.
+    /// Returns the angle of the epipolar plane of a projector pixel in radians, after undistortion.
     pub fn of_projector(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.projector.normalized(pixel)?;
         Some(self.angle(self.relative.rotation.transpose() * Vector3::new(n.x, n.y, 1.0)))
@@ -75,8 +77,8 @@ impl Planes {
         [camera.iter().map(band).collect(), projector.iter().map(band).collect()]
     }
 
-    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
-    /// lit one. All others see only indirect light.
+    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector
+    /// pixels of a lit projector pixel. All other camera pixels receive only indirect light.
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;
@@ -131,8 +133,8 @@ mod tests {
     }
 
     proptest! {
-        /// A point has the same plane in both devices, and its projector pixel lights its camera pixel's
-        /// line.
+        /// A point is on the same epipolar plane in both devices, and its projector pixel
+        /// illuminates the epipolar line of its camera pixel.
         #[test]
         fn both_devices_name_a_point_alike(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
             let planes = planes();

@@ -31,18 +31,20 @@ impl Setup {
 pub struct Fit {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// Camera to projector, or the identity without a projector.
+    /// Pose from camera to projector, or the identity without a projector.
     pub relative: Pose,
-    /// Board to camera, by view.
+    /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
-    /// ones. With a projector, the six changes of `relative` follow ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0
+    /// for fixed parameters. With a projector, the six changes of `relative` follow
+    /// ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
     /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma: Vec<f64>,
-    /// Root mean square distance of measured and fitted points in pixels, by device, as in OpenCV.
+    /// Root mean square distance between measured and fitted points in pixels, by device, computed
+    /// as in OpenCV.
     pub rms: Vec<f64>,
     /// View and corner, from 0, of the corners that the robust fit left out.
     pub outliers: Vec<(usize, usize)>,
@@ -50,7 +52,8 @@ pub struct Fit {
     pub notes: Vec<String>,
 }
 
-/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds it.
+/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds
+/// this threshold.
 const OUTLIER: f64 = 4.5;
 /// Huber's threshold in standard deviations.
 const HUBER: f64 = 1.5;
@@ -63,7 +66,8 @@ const FINE: f64 = 1e-10;
 /// Maximum RMS of a valid fit relative to the image width.
 const HOPELESS: f64 = 0.02;
 
-/// Fits a camera to corners by view. With a second setup it also fits a projector and its pose.
+/// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
+/// camera to projector.
 ///
 /// With `robust`, outliers are detected (Huber's loss) and left out.
 ///

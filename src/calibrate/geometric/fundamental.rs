@@ -1,5 +1,5 @@
-//! The fundamental matrix, from points (Hartley's normalized eight-point algorithm, refined by Sampson's
-//! distance) or from a calibration.
+//! Estimates the fundamental matrix from points (Hartley's normalized eight-point algorithm,
+//! refined by Sampson's distance) or computes it from a calibration.
 //!
 //! Pixels are those of devices without distortion; see [`undistorted`].
 
@@ -8,15 +8,18 @@ use super::homography::{apply, normalization, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q; F has norm 1.
+/// The fundamental matrix F, with q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q, and norm
+/// 1.
 pub type Fundamental = Matrix3<f64>;
 
-/// Returns the pixel of a distortion-free device, or `None` if the lens cannot be inverted there.
+/// Returns the pixel as seen by a device without distortion, or `None` if the lens cannot be
+/// inverted there.
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×. `None` if the devices coincide.
+/// Returns the fundamental matrix of a calibration: K'⁻ᵀ T R K⁻¹, where T is the matrix of t ×.
+/// Returns `None` if the devices coincide.
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
     let essential = relative.translation.cross_matrix() * relative.rotation;
@@ -32,7 +35,8 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// Returns the refined matrix of at least eight points, or `None` if undetermined (coplanar points).
+/// Returns the refined fundamental matrix of at least eight points, or `None` if the points do not
+/// determine it (coplanar points).
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
         return None;

@@ -1,9 +1,10 @@
-//! Homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear estimate, refined.
+//! Estimates homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear
+//! estimate, then refinement.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-/// Returns the similarity that maps points to mean 0 and mean distance √2. Returns `None` if they all
-/// coincide or are not finite.
+/// Returns the similarity that maps points to mean 0 and mean distance √2. Returns `None` if all
+/// points coincide or a point is not finite.
 pub fn normalization(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     let n = points.len() as f64;
     let mean = points.iter().sum::<Vector2<f64>>() / n;
@@ -37,12 +38,13 @@ const FLAT: f64 = 1e-6;
 
 /// Returns the homography from `from` to `to` with the least sum of squared distances in `to`.
 ///
-/// Its last element is 1, or its norm if that element is 0. `None` if the points do not determine it.
+/// The matrix is scaled so that its last element is 1; if that element is 0, so that its norm is 1.
+/// Returns `None` if the points do not determine the homography.
 pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
 }
 
-/// Like [`fit`], with weights of the points.
+/// Fits a homography like [`fit`], with a weight per point.
 pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Option<Matrix3<f64>> {
     if from.len() < 4 || from.len() != to.len() {
         return None;
@@ -126,7 +128,8 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
     h
 }
 
-/// Returns the right singular vector of the smallest singular value. There must be rows ≥ columns.
+/// Returns the right singular vector of the smallest singular value. The matrix must have at least
+/// as many rows as columns.
 pub fn null_vector(m: &DMatrix<f64>) -> Option<Vec<f64>> {
     if !m.iter().all(|x| x.is_finite()) {
         return None;

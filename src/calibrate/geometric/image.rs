@@ -42,7 +42,8 @@ impl Image {
         self.values[y * self.width + x]
     }
 
-    /// Interpolates bilinearly; (0.5, 0.5) is the center of the first pixel.
+    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the
+    /// first pixel.
     #[inline]
     pub fn between(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -73,13 +74,15 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
+    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one
+    /// more axis.
     ///
-    /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and JPEG are
-    /// rotated by their EXIF orientation.
+    /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and
+    /// JPEG are rotated by their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if the format is another one, the file is damaged, or values are not finite.
+    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not
+    /// finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {
@@ -99,9 +102,9 @@ impl Image {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
-    /// The image as viewers show it.
+    /// The image with the EXIF orientation applied.
     pub image: Image,
-    /// EXIF orientation of the stored image (1 to 8); 1 if it is stored as shown.
+    /// EXIF orientation of the stored image (1 to 8); 1 if no rotation is needed.
     pub orientation: u8,
 }
 
@@ -241,7 +244,8 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// A smooth image, which compression changes little. All of its corners differ.
+    /// Returns the value of a smooth image, which compression changes little and whose corners all
+    /// differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
@@ -287,7 +291,8 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): places of the stored first row and column.
+    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274) place the stored first row and column
+    /// correctly.
     #[test]
     fn images_are_rotated_as_exif_says() {
         for orientation in 1..=8 {

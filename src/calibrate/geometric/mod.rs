@@ -1,8 +1,9 @@
-//! Geometric calibration of cameras and projectors from boards and structured light: intrinsics with
-//! distortion, poses and epipolar geometry.
+//! Geometric calibration of cameras and projectors from boards and structured light: intrinsics
+//! with distortion, poses and epipolar geometry.
 //!
-//! Pixels are continuous, and the first one covers 0..1. Only OpenCV exports count from its center. A pose
-//! maps board or world to device: x_device = R x + t, with device axes as in `CONVENTIONS.md`.
+//! Pixels are continuous, and the first one covers 0..1. Only OpenCV exports place the origin at
+//! the center of the first pixel. A pose maps board or world to device: x_device = R x + t, with
+//! device axes as in `CONVENTIONS.md`.
 
 pub mod board;
 pub mod bundle;

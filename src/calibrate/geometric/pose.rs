@@ -2,12 +2,12 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// x ↦ R x + t in meters: world (or board) to device.
+/// The rigid motion x ↦ R x + t in meters, from world (or board) to device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// R.
+    /// The rotation matrix R.
     pub rotation: Matrix3<f64>,
-    /// t in meters.
+    /// The translation t in meters.
     pub translation: Vector3<f64>,
 }
 
@@ -32,7 +32,7 @@ impl Pose {
         self.rotation * x + self.translation
     }
 
-    /// Returns the composition: first `inner`, then this.
+    /// Returns the composition: first `inner`, then this pose.
     pub fn after(&self, inner: &Self) -> Self {
         Self {
             rotation: self.rotation * inner.rotation,
@@ -46,8 +46,8 @@ impl Pose {
         Self { rotation: back, translation: -(back * self.translation) }
     }
 
-    /// Returns the pose rotated by exp(ω) in the device's frame and translated. Covariances refer to these
-    /// six parameters (ω, δt).
+    /// Returns the pose rotated by exp(ω) in the device's frame and translated by δt. Covariances
+    /// refer to these six parameters: ω in radians, δt in meters.
     pub fn changed(&self, change: [f64; 6]) -> Self {
         let [a, b, c, x, y, z] = change;
         let turn = Rotation3::new(Vector3::new(a, b, c));
@@ -57,7 +57,7 @@ impl Pose {
         }
     }
 
-    /// Returns the change from `from` to this pose.
+    /// Returns the change (ω, δt) from `from` to this pose, as for [`Self::changed`].
     pub fn change_from(&self, from: &Self) -> [f64; 6] {
         let w = logarithm(&(self.rotation * from.rotation.transpose()));
         let d = self.translation - from.translation;
@@ -75,7 +75,8 @@ fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }
 
-/// One Newton–Schulz step, which squares the deviation from orthogonality due to rounding.
+/// Removes rounding errors from a rotation by one Newton–Schulz step, which squares the deviation
+/// from orthogonality.
 fn nearest_rotation(r: Matrix3<f64>) -> Matrix3<f64> {
     r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
 }

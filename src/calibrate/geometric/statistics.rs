@@ -18,7 +18,8 @@ fn board() -> Board {
     Board::new(9, 6, 0.04).unwrap()
 }
 
-/// A typical Brown–Conrady lens, and a wide lens that needs the rational model.
+/// Returns the coefficients of a typical Brown–Conrady lens, or of a wide lens that needs the
+/// rational model.
 fn lens(model: Model) -> &'static [f64] {
     match model {
         Model::Eight => &[0.5, 0.05, 0.001, -0.0015, 0.002, 0.85, 0.25, 0.01],
@@ -42,7 +43,7 @@ fn relative() -> Pose {
     Pose::new([0.05, -0.25, 0.02], [0.12, 0.05, 0.06])
 }
 
-/// Poses of boards all over the image and beyond its edges, tilted in all directions.
+/// Returns poses of boards within the image and beyond its edges, tilted in all directions.
 fn poses(n: usize) -> Vec<Pose> {
     let middle = Pose::new([0.0; 3], [-0.16, -0.1, 0.0]);
     (0..n)
@@ -73,7 +74,7 @@ impl Noise {
     }
 }
 
-/// Corners with noise of the camera and of the projector's map.
+/// Returns corners with noise in the camera image and in the projector's map.
 fn views(devices: &[Device], poses: &[Pose], sigma: [f64; 2], noise: &mut Noise) -> Vec<Vec<Corner>> {
     let board = board().points();
     poses
@@ -233,7 +234,7 @@ fn what_is_fixed_stays() {
     assert!((d.focal.x - truth.focal.x).abs() < 5.0 * errors[0]);
 }
 
-/// k1 to k4 of OpenCV's fisheye model, up to 60° off axis.
+/// The fit recovers k1 to k4 of OpenCV's fisheye model, up to 60° off axis.
 #[test]
 fn fisheyes_are_found() {
     let mut truth = Device::pinhole([1280, 960], [420.0, 421.0], [645.0, 477.0], Model::Fisheye);

@@ -5,8 +5,8 @@ use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Returns initial devices, the most likely first: principal point in the center, all intrinsics free, and
-/// three guessed focal lengths.
+/// Returns initial devices, the most likely first: focal lengths with the principal point in the
+/// center, all intrinsics, then three guessed focal lengths.
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;
@@ -112,7 +112,7 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose { rotation, translation: t })
 }
 
-/// Points of a view on the board and in pixels.
+/// Points of a view: coordinates on the board in meters, and in the image in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
 /// Returns the homographies of all views from the board's plane.

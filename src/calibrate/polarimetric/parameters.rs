@@ -14,22 +14,23 @@ pub enum Parameter {
     Retardance(Side, usize),
     /// Minimum over maximum transmittance of a polarizer.
     Extinction(Side, usize),
-    /// Extinction of the polarizers on a sensor.
+    /// Minimum over maximum transmittance of the polarizers on a sensor.
     SensorExtinction,
-    /// Axis offset of one of them in degrees. The one at 0° defines the frame and has no offset.
+    /// Axis offset of one of the sensor's polarizers in degrees. The polarizer at 0° defines the
+    /// frame and has no offset.
     SensorOffset(usize),
     /// Diattenuation of a beamsplitter's arm (true: transmission, false: reflection).
     Diattenuation(bool),
-    /// Retardance of the arm in degrees.
+    /// Retardance of a beamsplitter's arm in degrees (true: transmission, false: reflection).
     ArmRetardance(bool),
     /// Refractive index of the galvo mirrors' metal.
     GalvoIndex,
-    /// Extinction coefficient of that metal.
+    /// Extinction coefficient of the galvo mirrors' metal.
     GalvoAbsorption,
 }
 
 impl Parameter {
-    /// Returns all parameters of a scheme.
+    /// Returns all parameters of a scheme that can be fitted.
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
         for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
@@ -87,7 +88,8 @@ impl Parameter {
         }
     }
 
-    /// Returns the step of derivatives by the fitted number ([`Self::to_fit`]).
+    /// Returns the step for numerical derivatives with respect to the fitted number
+    /// ([`Self::to_fit`]).
     pub fn step(&self) -> f64 {
         match self {
             Self::Extinction(..) | Self::SensorExtinction | Self::Diattenuation(_) => 1e-5,
@@ -199,8 +201,8 @@ impl Parameter {
 
     /// Returns the fitted number of a value.
     ///
-    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values, where light would
-    /// be amplified, have other minima.
+    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values would
+    /// amplify light and have other minima.
     pub fn to_fit(&self, value: f64) -> f64 {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => value.max(1e-6).ln(),

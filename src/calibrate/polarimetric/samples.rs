@@ -14,7 +14,7 @@ use std::rc::Rc;
 pub struct Sample {
     /// Name of the sample, e.g. `air`.
     pub name: String,
-    /// Row-major Mueller matrix, up to a brightness factor.
+    /// Row-major Mueller matrix of the sample, up to a brightness factor.
     pub mueller: [f64; 16],
     /// The elements at their stages' angles, with their assumed imperfections.
     pub scheme: Scheme,
@@ -25,7 +25,7 @@ pub struct Sample {
     pub sigmas: Vec<f64>,
     /// Number of readings of all measurements.
     pub readings: usize,
-    /// Number of readings that are not in the means because they are saturated or unknown.
+    /// Number of readings that the means exclude as saturated or unknown.
     pub left_out: usize,
 }
 
@@ -46,7 +46,7 @@ pub enum CalibrationError {
     Fit(#[from] FitError),
 }
 
-/// A fitted imperfection.
+/// A fitted imperfection of one element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub parameter: Parameter,
@@ -73,7 +73,7 @@ pub struct Calibrated {
     pub fit: Fit,
 }
 
-/// A number of the fit: an imperfection at one wavelength or at all.
+/// A number of the fit: an imperfection at one wavelength, or at all wavelengths.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,

@@ -15,7 +15,7 @@ pub struct Statistics {
     pub names: Vec<String>,
     /// Wavelength in nanometers of a parameter that is fitted per wavelength, otherwise `nan`.
     pub wavelengths_nm: Vec<f64>,
-    /// `°` or empty.
+    /// Units of the parameters: `°` or empty.
     pub units: Vec<String>,
     /// Fitted values in these units.
     pub values: Vec<f64>,

@@ -17,10 +17,10 @@ use rayon::prelude::*;
 const AIR: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 const MIRROR: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., -1., 0., 0., 0., 0., -1.];
 
-/// At 0°.
+/// Mueller matrix of an ideal polarizer at 0°.
 const POLARIZER: [f64; 16] = [0.5, 0.5, 0., 0., 0.5, 0.5, 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.];
 
-/// Rotates linear polarization by 22.5°.
+/// Mueller matrix of a plate that rotates linear polarization by 22.5°.
 const PLATE: [f64; 16] = {
     let h = std::f64::consts::FRAC_1_SQRT_2;
     [1., 0., 0., 0., 0., h, h, 0., 0., -h, h, 0., 0., 0., 0., 1.0]
@@ -256,7 +256,8 @@ fn dispersion_is_found_with_its_errors() {
     }
 }
 
-/// Along one direction, mirrors and beamsplitter act only in combination, which is reported.
+/// Along one direction, mirrors and beamsplitter are not determined separately, and the calibration
+/// reports this.
 #[test]
 fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
     let nominal = dispersive();

@@ -35,7 +35,8 @@ impl Default for Options {
 pub struct Radiometry {
     /// Readings from this value on are saturated, in DN.
     pub saturated_from_dn: u32,
-    /// Signal above the dark frame at which the camera saturates, in DN, if it was reached.
+    /// Signal above the dark frame at which the camera saturates, in DN; `None` if no frame reached
+    /// saturation.
     pub saturation_dn: Option<f64>,
     /// Descriptions of quantities that the frames do not determine.
     pub untold: Vec<String>,
@@ -50,7 +51,7 @@ pub struct Corrected {
     /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if
     /// unknown.
     pub signal: Vec<f64>,
-    /// Variance due to noise; infinite if unknown. It excludes errors of the calibration.
+    /// Variance due to noise; infinite if unknown. The variance excludes errors of the calibration.
     pub variance: Vec<f64>,
 }
 

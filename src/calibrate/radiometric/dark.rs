@@ -19,7 +19,8 @@ pub struct Dark {
     pub noisy: Vec<u32>,
     /// Pixels that never change.
     pub stuck: Vec<u32>,
-    /// Offset at zero exposure in DN, or at the exposure of the dark frames if there is only one.
+    /// Offset at zero exposure in DN, or at the exposure of the dark frames if all dark frames have
+    /// the same exposure.
     pub offset: PixelMap,
     pub offset_sigma: PixelMap,
     /// Variance between frames at the shortest exposure in DN².
@@ -131,7 +132,8 @@ impl Dark {
 
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
-    /// It ignores the covariance of offset and rate, an overestimate within the range of exposures.
+    /// The result ignores the covariance of offset and rate. Within the range of exposures, it is
+    /// therefore too large.
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)

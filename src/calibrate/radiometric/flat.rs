@@ -8,7 +8,7 @@ use super::transfer::Transfer;
 use crate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Signals used, as fractions of saturation.
+/// Minimum and maximum signal that are used, as fractions of saturation.
 const USED: [f64; 2] = [0.05, 0.7];
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]

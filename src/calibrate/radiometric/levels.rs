@@ -3,14 +3,14 @@
 use super::dark::Dark;
 use super::stack::Stack;
 
-/// A lit stack.
+/// Statistics of one lit stack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Irradiance times exposure.
     pub light: f64,
     /// Mean signal above the dark frame in DN.
     pub signal: f64,
-    /// Mean signal of the dark current in DN, which `signal` excludes.
+    /// Mean signal of the dark current in DN, not included in `signal`.
     pub dark: f64,
     /// Mean variance between frames in DN².
     pub variance: f64,
@@ -45,10 +45,10 @@ pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
     all
 }
 
-/// Returns the saturation signal in DN, or `None` if it was not reached.
+/// Returns the saturation signal in DN, or `None` if no level reached saturation.
 ///
-/// Saturation is at the level of maximum variance (EMVA 1288, 6.6), if a brighter level has a smaller
-/// variance.
+/// Saturation is at the level of maximum variance (EMVA 1288, 6.6), if a brighter level has a
+/// smaller variance.
 pub fn saturation(levels: &[Level]) -> Option<f64> {
     let top = levels.iter().enumerate().max_by(|a, b| a.1.variance.total_cmp(&b.1.variance))?;
     (top.0 + 1 < levels.len()).then_some(top.1.signal)

@@ -11,9 +11,9 @@ const USED: f64 = 0.95;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Linearity {
-    /// Y in DN.
+    /// Signal scale Y in DN.
     pub scale_dn: f64,
-    /// c₁, c₂, …
+    /// Polynomial coefficients c₁, c₂, …
     pub coefficients: Vec<f64>,
     pub sigma: Vec<f64>,
     pub covariance: Vec<Vec<f64>>,
@@ -31,7 +31,7 @@ pub struct Linearity {
 }
 
 impl Linearity {
-    /// Returns the identity (no nonlinearity).
+    /// Returns the polynomial without nonlinearity, y ↦ y.
     pub fn none(scale_dn: f64) -> Self {
         Self {
             scale_dn,

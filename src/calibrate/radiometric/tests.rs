@@ -231,7 +231,7 @@ fn corrected_frames_are_the_light() {
     assert!(found.correct(&[1; PIXELS], f64::NAN).is_err());
 }
 
-/// Three hot pixels, a noisy one and a stuck one are listed, and no others.
+/// The calibration lists three hot pixels, a noisy pixel and a stuck pixel, and no others.
 #[test]
 fn bad_pixels_are_named() {
     let mut camera = Camera::new(101);

@@ -20,10 +20,10 @@ const ROUNDING: f64 = 1.0 / 12.0;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// g in e⁻/DN.
+    /// Gain g in e⁻/DN.
     pub gain_e_per_dn: f64,
     pub gain_sigma: f64,
-    /// Read noise in e⁻, without rounding noise.
+    /// Read noise in e⁻, excluding rounding noise.
     pub read_noise_e: f64,
     /// Standard error of the read noise; NaN if rounding noise dominates.
     pub read_noise_sigma: f64,
@@ -31,7 +31,7 @@ pub struct Transfer {
     pub dark_variance: f64,
     /// Covariance of σ² and 1/g: (σ², σ²), (σ², 1/g), (1/g, 1/g).
     pub covariance: [f64; 3],
-    /// Electrons at saturation, if it was reached.
+    /// Number of electrons at saturation, if a level reached saturation.
     pub full_well_e: Option<f64>,
     /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
@@ -39,8 +39,8 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// Returns the variance in DN² of a reading with a linear signal that includes the dark current. It
-    /// includes rounding noise.
+    /// Returns the variance in DN² of a reading, including rounding noise. `signal` is the linear
+    /// signal, including the dark current.
     pub fn variance(&self, signal: f64) -> f64 {
         self.dark_variance + signal.max(0.0) / self.gain_e_per_dn
     }

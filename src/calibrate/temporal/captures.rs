@@ -1,4 +1,4 @@
-//! Input of a temporal calibration: histograms of a plane at known distances.
+//! The input of a temporal calibration: histograms of a plane at known distances.
 
 use instrument::Histogram;
 use polarimetry::capture::detector::spad::Mode;
@@ -6,7 +6,7 @@ use polarimetry::capture::detector::spad::Mode;
 /// Maximum number of bins in a period.
 const MOST_BINS: usize = 1 << 20;
 
-/// Maximum of all times: one second.
+/// Maximum of all times, in ps: one second.
 const LONGEST_PS: f64 = 1e12;
 
 /// The counter that recorded the histograms.
@@ -19,7 +19,8 @@ pub struct Counter {
     pub period_bins: usize,
     /// Dead time in ps (free-running).
     pub dead_ps: f64,
-    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, they count as background.
+    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, afterpulses count
+    /// as background.
     pub after_pulse_ps: Option<f64>,
 }
 
@@ -29,7 +30,8 @@ pub struct Capture<'a> {
     pub pixel: usize,
     /// Travel time of light to the plane and back in ps: optical path over c.
     pub travel_ps: f64,
-    /// Counts by bin from the start of the period. In free-running mode they must cover the whole period.
+    /// Counts by bin from the start of the period. In free-running mode the counts must cover the
+    /// whole period.
     pub counts: &'a [u32],
     pub pulses: u64,
 }

@@ -1,4 +1,4 @@
-//! Parametric response to a short pulse.
+//! The parametric response to a short pulse.
 
 use polarimetry::capture::detector::response::{FWHM_PER_SIGMA, Response};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ pub struct Impulse {
     pub sigma_ps: f64,
     /// Fraction of detections with an exponential delay.
     pub tail_share: f64,
-    /// Mean of that delay in ps.
+    /// Mean of the exponential delay in ps.
     pub tail_ps: f64,
     /// Probability that a detection causes an afterpulse.
     pub after_pulsing: f64,

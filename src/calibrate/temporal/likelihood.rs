@@ -19,7 +19,7 @@ const TAUS: f64 = 24.0;
 /// Minimum significance of a pulse in standard deviations. Noise exceeds it in one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
-/// Keeps logarithms finite.
+/// Minimum rate, which keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
 /// The known response: parameters or a template.
@@ -213,7 +213,8 @@ impl Prepared {
         sum + of(flat.0, flat.1, local.background.max(LEAST_RATE))
     }
 
-    /// Returns the derivatives of ln L and the Fisher information, with the response's if `with_shape`.
+    /// Returns the derivatives of ln L and the Fisher information, including those for the
+    /// response's parameters if `with_shape`.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
@@ -291,7 +292,8 @@ impl Prepared {
         Some([seen - none, variance])
     }
 
-    /// Returns Pearson's chi-squared and the number of groups of bins with at least five expected counts.
+    /// Returns Pearson's chi-squared over groups of bins with at least five expected counts each,
+    /// and the number of these groups.
     pub fn deviation(&self, local: &Local, known: &Known) -> (f64, usize) {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let (mut chi, mut groups) = (0.0, 0);
@@ -314,7 +316,8 @@ impl Prepared {
         (chi, groups)
     }
 
-    /// Estimates signal, background and time zero. Returns [`Fault::Dark`] without a significant pulse.
+    /// Estimates signal, background and time zero. Returns [`Fault::Dark`] if the histogram has no
+    /// significant pulse.
     pub fn begin(&self, known: &Known) -> Result<Local, Fault> {
         let bins = self.n.len();
         let width = ((2.5 * known.sigma_ps() / self.bin_ps).round().max(1.0) as usize).min(bins / 4);

@@ -1,27 +1,28 @@
-//! Temporal calibration of photon counters from histograms of a plane: time zero of each pixel, response to a
-//! short pulse, and clock.
+//! Temporal calibration of photon counters from histograms of a plane: time zero of each pixel,
+//! response to a short pulse, and clock.
 //!
 //! > λ_i = A [H((i+1)Δ - t - z) - H(iΔ - t - z)] + B + p y_i/A_i
 //!
 //! λ_i is the number of detections per pulse in bin i while the diode is armed.
 //!
 //! - A: signal of the pulse; t: its known travel time; z: time zero of the pixel.
-//! - H: response ([`polarimetry::capture::detector::response`]). Its Gaussian part is centered on 0, which
-//!   defines "zero".
+//! - H: response ([`polarimetry::capture::detector::response`]). Its Gaussian part is centered on
+//!   0, which defines "zero".
 //! - B: ambient light and dark counts.
 //! - p: probability of afterpulses; y_i: delayed counts that the histogram's own counts cause.
-//! - A_i: number of pulses for which the diode is armed ([`polarimetry::capture::detector::pile_up`]). It
-//!   makes pile-up part of the likelihood:
+//! - A_i: number of pulses for which the diode is armed
+//!   ([`polarimetry::capture::detector::pile_up`]). A_i makes pile-up part of the likelihood:
 //!
 //! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i
 //! >
 //! > free-running: ln L = Σ n_i ln λ_i - A_i λ_i
 //!
-//! The first is exact. The second is that of a point process with this intensity (bins short compared with
-//! the dead time). Fisher scoring finds the maximum.
+//! The synchronous formula is exact. The free-running formula is the likelihood of a point process,
+//! and assumes that bins are short compared with the dead time. Fisher scoring finds the maximum.
 //!
-//! All pixels share the response. It is fitted to the brightest captures jointly with their A, B and z. The
-//! error of each pixel's z then includes its own and that of the response.
+//! All pixels share the response, which is fitted to the brightest captures jointly with their A, B
+//! and z. The error of each pixel's z combines the error from the pixel's counts with the error of
+//! the response.
 
 pub mod aligned;
 pub mod captures;

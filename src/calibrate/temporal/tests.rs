@@ -57,11 +57,11 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
     (counts.iter().map(|n| *n as u32).collect(), (place + 0.5) * fine.bin_ps)
 }
 
-/// Planes in front of pixels with planted time zeros.
+/// Simulated planes, and pixels with planted time zeros.
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
-    /// Pixel, travel time, counts.
+    /// Simulated captures: pixel, travel time in ps, counts.
     taken: Vec<(usize, f64, Vec<u32>)>,
 }
 
@@ -175,7 +175,8 @@ fn pile_up_does_not_move_time_zero() {
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }
 
-/// Repeats of four pixels: free-running, dead for three quarters of a period, with 3 % afterpulses.
+/// The fit separates afterpulses from background. Uses repeats of four free-running pixels with a
+/// dead time of three quarters of a period and 3 % afterpulses.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn after_pulses_are_told_from_background() {

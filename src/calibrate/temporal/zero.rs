@@ -19,11 +19,12 @@ const REPORTED: f64 = 2.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Initial response, which also fixes the parameters that are not free. It should be that of the data
-    /// sheet, within a factor of two.
+    /// Initial response, which also fixes the parameters that are not free. Use the values of the
+    /// data sheet; a factor of two is close enough.
     pub start: Impulse,
     pub free: Vec<Shape>,
-    /// Correct time zeros by the clock's error. This needs planes at two or more distances.
+    /// Whether time zeros are corrected by the clock's error. The correction requires planes at two
+    /// or more distances.
     pub correct_clock: bool,
 }
 
@@ -61,15 +62,17 @@ pub struct Temporal {
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
     pub untold: Vec<String>,
-    /// Standard errors of the response in the order of [`Shape::ALL`]; 0 for fixed parameters.
+    /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of each
+    /// parameter; 0 for fixed parameters.
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],
     /// Time zero of each pixel in ps: recorded minus true time. NaN if unknown.
     pub zero_ps: PixelMap,
-    /// Standard error of the time zero due to the pixel's own counts.
+    /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,
-    /// Standard error of the time zero including that of the response, which all pixels share.
+    /// Standard error of the time zero in ps, including the error of the response, which all pixels
+    /// share.
     pub sigma_ps: PixelMap,
     /// Error of the clock, if planes at two or more distances were captured.
     pub clock: Option<Clock>,
@@ -104,7 +107,7 @@ impl Temporal {
     }
 }
 
-/// A capture's time zero, its variance due to the counts, and its derivative by the response.
+/// The time zero of a capture, its variance due to the counts, and its derivative by the response.
 struct One {
     pixel: usize,
     travel_ps: f64,
@@ -130,8 +133,8 @@ impl One {
     }
 }
 
-/// Calibrates a counter with `pixels` pixels (scan points) from captures of planes at known distances. A
-/// pixel may have several captures. The response is fitted; see [`Options`].
+/// Calibrates a counter with `pixels` pixels (scan points) from captures of planes at known
+/// distances. A pixel may have several captures. The response is fitted as [`Options`] specifies.
 ///
 /// # Errors
 /// [`TemporalError`].
@@ -223,9 +226,10 @@ pub fn calibrate(
     })
 }
 
-/// Calibrates a counter with a measured response. `response` of the result is the default.
+/// Calibrates a counter with a measured response. The `response` of the result has default values.
 ///
-/// Time zeros refer to the template. Their errors exclude those of the template.
+/// Time zeros refer to the template. The errors of the time zeros exclude the errors of the
+/// template.
 ///
 /// # Errors
 /// [`TemporalError`].

@@ -1,8 +1,9 @@
 //! A simulated bench: computes one frame on a sensor for the current settings of all elements.
 //!
-//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state illuminates
-//! the scene, and the analyzer rows weight the returning light. It takes settings instead of a capture
-//! number, because stages in a laboratory stop at positions that differ from the plan.
+//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state
+//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings
+//! instead of a capture number, because laboratory stages stop at positions that differ from the
+//! plan.
 
 use super::design_matrix::ELEMENTS;
 use super::detector::polarizer_array::polarizer;
@@ -25,12 +26,14 @@ pub struct Bench {
     pub projector: Directions,
 }
 
-/// The light of one pattern toward the camera, per pixel.
+/// The light of one projected pattern toward the camera, per camera pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
-    /// 16 elements per pixel, row-major: the scene under a pattern with uniform illumination.
+    /// Mueller matrices of the scene under a pattern: 16 elements per pixel, row-major. [`Bench`]
+    /// applies the illumination.
     Mueller(&'a [f32]),
-    /// The returning Stokes vector, with the illumination ([`Bench::lighting`]) already applied.
+    /// Stokes vectors of the returning light per pixel, with the illumination ([`Bench::lighting`])
+    /// already applied.
     Stokes(&'a [[f64; 4]]),
 }
 
@@ -55,8 +58,9 @@ impl Bench {
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light: one number
-    /// per pixel of the region `[x, y, width, height]`. For a polarizer array they include its mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light:
+    /// one number per pixel of the region `[x, y, width, height]`. For a polarizer array, the
+    /// result is the raw mosaic.
     ///
     /// # Panics
     /// If the region exceeds the camera, or the light has too few pixels.

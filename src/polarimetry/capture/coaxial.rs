@@ -11,7 +11,7 @@ use optics::polarization::fresnel;
 use optics::spectrum::Spectral;
 use serde::{Deserialize, Serialize};
 
-/// One arm of a beamsplitter. Its axes are those of the frame.
+/// One arm of a beamsplitter. The axes of the arm are the x and y axes of the frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -70,7 +70,7 @@ impl Coaxial {
         };
     }
 
-    /// Returns B_t.
+    /// Returns the Mueller matrix B_t of the transmitting arm at wavelength `nm`, nanometres.
     pub fn transmission(&self, nm: f64) -> Mueller {
         self.transmission.matrix(nm)
     }
@@ -95,7 +95,7 @@ impl Coaxial {
     }
 }
 
-/// A reflection swaps the handedness and ±45°.
+/// Returns the Mueller matrix of a mirror image: it reverses handedness and exchanges ±45°.
 fn mirror_image() -> Mueller {
     Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0))
 }
@@ -110,7 +110,7 @@ pub struct Galvo {
     pub k: SpectralValue,
 }
 
-/// A ray with the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
+/// A ray and the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
 #[derive(Clone, Copy, Debug)]
 struct Framed {
     direction: Vector3<f64>,
@@ -118,12 +118,12 @@ struct Framed {
 }
 
 impl Galvo {
-    /// Returns G for a direction (x and y angles from the undeflected axis, radians). It maps from the frame
-    /// before the mirrors to the frame of the beam behind them.
+    /// Returns G for a direction (x and y angles from the undeflected axis, radians). G maps from
+    /// the frame before the mirrors to the frame of the beam behind them.
     ///
-    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to +Z. The x
-    /// axis of a frame is an axis projected onto the plane perpendicular to the beam: Y before the mirrors, X
-    /// behind them.
+    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to
+    /// +Z. The x axis of a frame is an axis projected onto the plane perpendicular to the beam: Y
+    /// before the mirrors, X behind them.
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
         let start = Framed { direction: Vector3::x(), x: Vector3::y() };
@@ -163,7 +163,7 @@ impl Galvo {
         turned(&ray, end_x) * m
     }
 
-    /// Fresnel reflection between s frames.
+    /// Returns the Fresnel reflection between s frames at cosine `cos` of incidence.
     fn reflection(&self, nm: f64, cos: f64) -> Mueller {
         let lane = |v: f64| Spectral::splat(v as f32);
         let block = fresnel::conductor(cos as f32, lane(self.n.at(nm)), lane(self.k.at(nm)));

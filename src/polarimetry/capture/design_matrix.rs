@@ -87,7 +87,8 @@ impl DesignMatrix {
         values
     }
 
-    /// Returns the number of independent combinations of elements that the captures determine.
+    /// Returns the rank of the design matrix: the number of independent combinations of elements
+    /// that the captures determine.
     pub fn rank(&self) -> usize {
         let values = self.singular_values();
         let most = values.first().copied().unwrap_or(0.0);
@@ -116,7 +117,7 @@ impl DesignMatrix {
     /// Returns tr (AᵀA)⁻¹: the sum of var/σ² over the 16 elements of the least-squares estimate.
     ///
     /// # Errors
-    /// As [`DesignMatrix::covariance`].
+    /// If the captures do not determine a Mueller matrix.
     pub fn error_variance(&self) -> Result<f64, RankError> {
         Ok(self.covariance()?.trace())
     }
@@ -124,7 +125,7 @@ impl DesignMatrix {
     /// Returns A⁺ (16 rows), which maps intensities to the least-squares estimate.
     ///
     /// # Errors
-    /// As [`DesignMatrix::covariance`].
+    /// If the captures do not determine a Mueller matrix.
     pub fn pseudo_inverse(&self) -> Result<DMatrix<f64>, RankError> {
         let rank = self.rank();
         if rank < ELEMENTS {
@@ -141,7 +142,7 @@ impl DesignMatrix {
         self.pseudo_inverse().unwrap_or_else(|_| minimum_norm(&self.a))
     }
 
-    /// Returns the error for a scheme of this rank.
+    /// Returns the error for a scheme whose design matrix has rank `rank`.
     pub fn rank_error(&self, rank: usize) -> RankError {
         RankError { name: self.name.clone(), rank, captures: self.captures, least: self.least }
     }
@@ -167,17 +168,21 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     inverse * a.transpose()
 }
 
-/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K. With a polarizer array the
-/// bound is 400/K, or 440/K behind quarter-wave plates.
+/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K. With a polarizer
+/// array the bound is 400/K, or 440/K behind quarter-wave plates.
 ///
-/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore spread
-/// evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015).
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore
+/// spread evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello
+/// 2015).
 ///
-/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse is
-///   40. Two such sides give 1600.
-/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it: all
-///   directions of the sphere except one, n. Spread evenly this is diag(1, ⅓, ⅓, ⅓) with trace 10, hence 400.
-/// - Quarter-wave plates keep n on the equator, which gives diag(1, ¼, ¼, ½) with trace 11, hence 440.
+/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its
+///   inverse is
+///   40. With such states on both sides, the bound is 1600/K.
+/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it:
+///   all directions of the sphere except one, n. Spread evenly this is diag(1, ⅓, ⅓, ⅓) with trace
+///   10, hence 400.
+/// - Quarter-wave plates keep n on the equator, which gives diag(1, ¼, ¼, ½) with trace 11, hence
+///   440.
 pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
         Sensor::Intensity => 1600.0,
@@ -230,8 +235,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig includes beamsplitter and galvo on both paths, in the order of eqs. 12 and 14, for an
-    /// off-axis direction.
+    /// A coaxial rig applies beamsplitter and galvo on both paths, in the order of eqs. 12 and 14,
+    /// for an off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
@@ -284,7 +289,7 @@ mod tests {
         }
     }
 
-    /// The stated minimum number of captures suffices, and one fewer does not.
+    /// The stated minimum number of captures suffices, and one capture fewer does not.
     #[test]
     fn the_least_captures_are() {
         for (array, least) in [(false, 16), (true, 8)] {

@@ -7,12 +7,12 @@ use super::simulate::Layout;
 /// Viewing directions of the pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Directions {
-    /// All along the optical axis, as with a telecentric lens.
+    /// All light is parallel to the optical axis, as with a telecentric lens.
     Axial,
-    /// Through a pinhole on the axis.
+    /// Light passes through a pinhole on the axis.
     Pinhole {
-        /// Half of the image's width and height at distance one: tangents of the angles to the image's edges
-        /// in x and y.
+        /// Half of the image's width and height at unit distance: tangents of the angles to the
+        /// image's edges in x and y.
         half: [f64; 2],
     },
 }
@@ -24,9 +24,9 @@ impl Directions {
         Self::Pinhole { half: [half, half * height as f64 / width.max(1) as f64] }
     }
 
-    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
-    /// counter-clockwise looking toward the source, from the frame's x axis, which points to the right of the
-    /// image. Rows count from the top, that is, downward.
+    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows.
+    /// Azimuths are measured from the frame's x axis, which points to the right of the image,
+    /// counter-clockwise looking toward the source. Rows are numbered from the top.
     pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
         let Self::Pinhole { half } = self else {
             return Ray::axial(nm);

@@ -24,7 +24,7 @@ pub enum ElementKind {
         retardance: Setting,
         /// Difference from the nominal retardance at a wavelength, radians.
         error: SpectralValue,
-        /// Number of additional whole waves, which also change for an oblique ray.
+        /// Number of additional whole waves, whose retardance also changes for an oblique ray.
         order: u32,
         /// Mean refractive index, for oblique rays.
         index: f64,
@@ -57,7 +57,7 @@ impl Setting {
 pub struct Set {
     /// Angle reading of the stage, radians.
     pub angle: f64,
-    /// Nominal retardance, radians; unused for polarizers.
+    /// Nominal retardance, radians; ignored for polarizers.
     pub retardance: f64,
 }
 
@@ -98,7 +98,7 @@ impl Ray {
     }
 }
 
-/// The generator of rotations: R(θ) = exp(2θG).
+/// Returns the generator G of rotations: R(θ) = exp(2θG).
 fn generator() -> Mueller {
     let mut g = Mueller::zeros();
     g[(1, 2)] = 1.0;
@@ -133,20 +133,20 @@ pub fn retarder(delta: f64) -> Mueller {
 /// A matrix at a setting, with its derivatives for angle θ and retardance δ.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
-    /// M.
+    /// The Mueller matrix M.
     pub value: Mueller,
-    /// dM/dθ and dM/dδ.
+    /// First derivatives: dM/dθ and dM/dδ.
     pub first: [Mueller; 2],
-    /// d²M/dθ², d²M/dθdδ, d²M/dδ².
+    /// Second derivatives: d²M/dθ², d²M/dθdδ, d²M/dδ².
     pub second: [Mueller; 3],
 }
 
 /// A property of an element that changes between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Angle of the stage.
+    /// Angle of the stage, radians.
     Angle,
-    /// Retardance, for liquid crystals.
+    /// Retardance of a liquid crystal, radians.
     Retardance,
 }
 

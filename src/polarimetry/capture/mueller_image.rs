@@ -14,7 +14,7 @@ use super::scheme::Scheme;
 use super::simulate::{Captured, Layout, Noise, simulate};
 use tensor::axes::{Axis, AxisKind};
 
-/// Default wavelength of matrices without one, nanometres.
+/// Wavelength that is assumed for matrices without a wavelength, nanometres.
 pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -28,7 +28,7 @@ pub enum ImageError {
         shape: Vec<usize>,
         wavelengths: usize,
     },
-    /// Light is resolved along an axis that no sensor distinguishes.
+    /// The slice has an axis that no sensor can resolve.
     #[error(
         "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice summed over it"
     )]
@@ -58,7 +58,7 @@ pub enum ImageError {
         cause: DetectorError,
         /// Number of time bins of the image.
         bins: usize,
-        /// Their width, ps.
+        /// Width of the image's time bins, ps.
         bin_ps: f64,
     },
 }
@@ -125,12 +125,13 @@ impl MuellerImage {
         Self::new(matrices, frame, nm)
     }
 
-    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an axis.
-    /// `wavelengths_nm` holds the wavelengths of that axis, or the single one of the slice. `bin_ps` is the
-    /// width of its time bins.
+    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an
+    /// axis. `wavelengths_nm` holds the wavelengths of that axis, or the single wavelength of the
+    /// slice. `bin_ps` is the width of the slice's time bins, ps.
     ///
     /// # Errors
-    /// As [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
+    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or
+    /// labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -208,7 +209,7 @@ impl MuellerImage {
         self
     }
 
-    /// Returns the wavelengths, one per lane.
+    /// Returns the wavelengths, nanometres, one per lane.
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
@@ -247,7 +248,7 @@ impl MuellerImage {
         }
     }
 
-    /// Returns whether the image has time bins, so that a photon counter can read it.
+    /// Returns whether the image has time bins, as a photon counter requires.
     pub fn is_timed(&self) -> bool {
         self.bin_ps.is_some()
     }
@@ -255,7 +256,7 @@ impl MuellerImage {
     /// Simulates all captures of a scheme; see [`simulate`].
     ///
     /// # Errors
-    /// As [`simulate`].
+    /// Same as [`simulate`].
     pub fn capture(&self, scheme: &Scheme, noise: &Noise, seed: u64) -> Result<Captured, DetectorError> {
         simulate(&self.matrices, self.layout, scheme, &self.rays, noise, seed)
     }

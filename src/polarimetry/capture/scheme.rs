@@ -52,9 +52,9 @@ pub enum SchemeError {
     #[error("`{name}` has {found} settings, but `{other}` has {want}; list one setting per capture")]
     Lengths {
         name: String,
-        /// Number of its settings.
+        /// Number of settings of the element.
         found: usize,
-        /// Name of the other element.
+        /// Name of the element with which the settings are compared.
         other: String,
         /// Number of the other element's settings.
         want: usize,
@@ -71,9 +71,9 @@ pub enum SchemeError {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Before the scene.
+    /// Elements before the scene.
     Generator,
-    /// Behind the scene.
+    /// Elements behind the scene.
     Analyzer,
 }
 
@@ -171,10 +171,10 @@ impl Scheme {
 
     /// Returns the smallest number of captures that determines a Mueller matrix with this sensor.
     ///
-    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) = I(45°) +
-    /// I(135°): six captures. Behind a quarter-wave plate, two of the three are the same for all angles of
-    /// the plate: s0 and s3 of the light. Four captures determine these two, and each capture gives one
-    /// further number: eight captures.
+    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) =
+    /// I(45°) + I(135°). At least six captures are therefore required. Behind a quarter-wave plate,
+    /// two of the three are the same for all angles of the plate: s0 and s3 of the light. Each
+    /// capture then gives one further number. At least eight captures are required.
     pub fn least_captures(&self) -> usize {
         match self.sensor {
             Sensor::Intensity => 16,
@@ -277,9 +277,10 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are those of
-    /// [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no two captures are
-    /// equal. This is a starting point for learning, not a scheme for measurements.
+    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are
+    /// those of [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no
+    /// two captures are equal. Use the scheme as a starting point for learning, not for
+    /// measurements.
     ///
     /// # Errors
     /// If `captures` is 0.

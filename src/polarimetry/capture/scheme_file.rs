@@ -54,7 +54,7 @@ pub fn load(path: &Path) -> Result<Scheme, InputError> {
 /// Parses a scheme from TOML text; `path` is used in messages.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text { path, text: text.into() };
     let file: SchemeFile = document::parse(path, text, |message| {

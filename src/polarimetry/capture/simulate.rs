@@ -52,7 +52,8 @@ pub enum Noise {
     /// A camera; images at other times or wavelengths are separate frames.
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; without it every pixel records all four channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
+        /// channels.
         demosaic: Option<Method>,
     },
     /// A diode per pixel. Its counter has the layout's time bins, starting at the laser pulse. Readings
@@ -74,8 +75,8 @@ pub struct Captured {
 }
 
 impl Captured {
-    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices; `None`
-    /// where it is unknown, as for a diode.
+    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices;
+    /// `None` if the standard deviation is unknown, as for a diode.
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
             (Noise::None, _) => Some(0.0),
@@ -211,7 +212,8 @@ struct Job<'a> {
     layout: Layout,
     rays: &'a [Ray],
     scheme: &'a Scheme,
-    /// By wavelength, then by measurement; empty where every pixel has its own ray.
+    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has
+    /// its own ray.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,

@@ -69,8 +69,8 @@ fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantit
     motors.filter(|(_, m)| m.side == side && m.element == element).map(|(i, m)| (i, m.quantity)).collect()
 }
 
-/// Returns the ray at the elements. In a coaxial rig they stand before the mirrors, where the ray is on the
-/// axis.
+/// Returns the ray at the elements. In a coaxial rig the elements are before the mirrors, where the
+/// ray is on the axis.
 fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
     if scheme.coaxial.is_some() { Ray::axial(ray.nm) } else { *ray }
 }
@@ -130,8 +130,8 @@ fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     }
 }
 
-/// Returns the smallest set of rows with the same span and the same normal matrix. It carries the same
-/// information if the noise is equal in all channels.
+/// Returns the smallest set of rows with the same span and the same normal matrix. This set
+/// contains the same information if the noise is equal in all channels.
 fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     if rows.len() == 1 {
         return rows.to_vec();
@@ -176,7 +176,8 @@ pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) 
         .collect()
 }
 
-/// Rows propagate from the last element to the first through the transposed matrices.
+/// Transposes a jet, because rows propagate from the last element to the first through the
+/// transposed matrices.
 fn transposed(jet: &Jet) -> Jet {
     Jet {
         value: jet.value.transpose(),

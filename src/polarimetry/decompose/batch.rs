@@ -4,9 +4,9 @@
 //!
 //! > X ← ½(γX + X⁻ᵀ/γ),  γ = √(‖X⁻¹‖/‖X‖)
 //!
-//! (Higham 1986, "Computing the polar decomposition, with applications"). It needs no eigenvectors and
-//! converges in about seven steps. Where it is unsuitable (singular m', D = 1), [`super::lu_chipman`]
-//! decomposes the matrix.
+//! (Higham 1986, "Computing the polar decomposition, with applications"). Newton's method needs no
+//! eigenvectors and converges in about seven steps. If m' is singular or D = 1,
+//! [`super::lu_chipman`] decomposes the matrix instead.
 //!
 //! The code uses plain arrays in loops, which the compiler vectorizes for the target processor.
 
@@ -18,12 +18,12 @@ use wide::f64x4;
 /// Number of matrices that are decomposed together.
 pub const LANES: usize = 4;
 
-/// Maximum number of Newton steps, and number of scaled steps. Scaling speeds up distant matrices, but costs
-/// two square roots.
+/// Maximum number of Newton steps and of scaled steps. Scaling speeds up the convergence of distant
+/// matrices, but costs two square roots.
 const STEPS: usize = 16;
 const SCALED: usize = 3;
 
-/// Convergence threshold: X is orthogonal if a step changes it by less.
+/// Convergence threshold: the iteration ends if a step changes X by less.
 const STILL: f64 = 1e-14;
 
 /// Smallest determinant of m' and smallest 1 - D² for the fast method.
@@ -42,19 +42,19 @@ fn each(mut f: impl FnMut(usize) -> f64) -> Lanes {
     out
 }
 
-/// a·b - c·d.
+/// Returns the minor a·b - c·d.
 #[inline(always)]
 fn minor(a: &Lanes, b: &Lanes, c: &Lanes, d: &Lanes) -> Lanes {
     each(|k| a[k].mul_add(b[k], -(c[k] * d[k])))
 }
 
-/// Scalar product of two rows of three.
+/// Returns the scalar product of two rows of three numbers.
 #[inline(always)]
 fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
     each(|k| a[0][k].mul_add(b[0][k], a[1][k].mul_add(b[1][k], a[2][k] * b[2][k])))
 }
 
-/// Cofactors: the transposed inverse times the determinant.
+/// Returns the cofactors: the transposed inverse times the determinant.
 #[inline(always)]
 fn cofactors(x: &Three) -> Three {
     let mut out = [[[0.0; LANES]; 3]; 3];
@@ -106,7 +106,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
     (x, change)
 }
 
-/// Angles from sines and cosines, both scaled by any positive factor.
+/// Returns angles, radians, from sines and cosines with a common positive factor.
 #[inline(always)]
 fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
@@ -125,7 +125,7 @@ pub struct Batch {
     p_delta: [Lanes; 3],
     delta: Three,
     rotation: Three,
-    /// See [`Properties`].
+    /// Polarizance; see [`Properties`].
     polarizance: Lanes,
     diattenuation: Lanes,
     retardance: Lanes,
@@ -224,8 +224,9 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k`, which is `m`; `None` without a decomposition. The retarder's
-    /// axis is omitted because it is slow to compute; [`Properties::of`] returns it.
+    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no
+    /// decomposition. The retarder's axis is omitted because it is slow to compute;
+    /// [`Properties::of`] returns it.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -240,7 +241,8 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k`, which is `m`; `None` without a decomposition.
+    /// Returns the factors of matrix `k` of the batch, which is `m`; `None` if the matrix has no
+    /// decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
         if !self.regular[k] {

@@ -120,7 +120,7 @@ mod tests {
         assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12), "{got:?} is not {want:?}");
     }
 
-    /// Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
+    /// Returns the Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
     fn of_jones(j: &Matrix2<Complex<f64>>) -> Matrix {
         let e = |a: usize, b: usize| (pauli(a) * j * pauli(b) * j.adjoint()).trace().re / 2.0;
         std::array::from_fn(|a| std::array::from_fn(|b| e(a, b)))
@@ -206,7 +206,7 @@ mod tests {
     }
 
     prop_compose! {
-        /// A mixture of up to three Jones matrices.
+        /// Generates a mixture of up to three Jones matrices.
         fn mixture()(parts in prop::collection::vec(prop::array::uniform8(-1.0..1.0_f64), 1..4)) -> Matrix {
             let mut sum = [[0.0; 4]; 4];
             for p in &parts {

@@ -31,7 +31,7 @@ pub const DOUBLE: f64 = 1e-12;
 /// Relative rounding of single-precision matrices.
 pub const SINGLE: f64 = 1e-6;
 
-/// The three factors of a Mueller matrix. Light passes the last one first.
+/// The three factors of a Mueller matrix. Light passes the last factor, the diattenuator, first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
     /// M_Δ, with m00 = 1.
@@ -194,7 +194,7 @@ mod tests {
         rows
     }
 
-    /// A polarizer, rotated, before or behind a retarder: D = 1.
+    /// The decomposition reproduces a rotated polarizer before or behind a retarder (D = 1).
     #[test]
     fn polarizers_rebuild() {
         let (c, s) = (0.6, 0.8);

@@ -1,4 +1,4 @@
-//! Decomposition of images and other arrays of Mueller matrices, on all cores.
+//! Decomposes images and other arrays of Mueller matrices, on all CPU cores.
 
 use super::batch::{Batch, LANES};
 use super::cloude::{Matrix, entropy};
@@ -10,16 +10,16 @@ use tensor::number::Number;
 /// Number of matrices per work unit; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
-/// A number type of arrays. Its loops over matrices are compiled in this crate, together with the functions
-/// that they call, and not in the caller's crate.
+/// A number type of arrays. Loops over matrices of this type are compiled in this crate, together
+/// with the called functions, and not in the caller's crate.
 pub trait Real: Number {
     /// Relative rounding of matrices of this type.
     const ROUNDING: f64;
 
-    /// See [`maps`].
+    /// Computes [`maps`] for this number type.
     fn maps(elements: &[Self], quantities: &[Quantity]) -> (Vec<Vec<Self>>, usize);
 
-    /// See [`errors`].
+    /// Computes [`errors`] for this number type.
     fn errors(elements: &[Self], sigmas: &[Self]) -> Vec<Vec<Self>>;
 }
 
@@ -49,9 +49,10 @@ real!(f64, DOUBLE);
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.
     Polarizance,
-    /// (largest - least transmittance) / (their sum), 0..1.
+    /// Diattenuation, 0..1: difference of the largest and the smallest transmittance over their
+    /// sum.
     Diattenuation,
-    /// Radians, 0..π.
+    /// Retardance, radians, 0..π.
     Retardance,
     /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 preserves all polarization, 1 none.
     Depolarization,
@@ -132,8 +133,8 @@ impl Quantity {
         }
     }
 
-    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do not need
-    /// the factors. Dispatches on the quantity once for all of them.
+    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do
+    /// not need the factors. Selects the quantity once for all matrices.
     #[inline(always)]
     fn write_scalars<T: Real>(self, m: &[Matrix; LANES], found: &[Option<Properties>; LANES], out: &mut [T]) {
         let fill = |out: &mut [T], f: fn(&Properties) -> f64| {
@@ -242,11 +243,13 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed
+/// independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// Differences are taken over the errors themselves, so they remain valid where the quantity is nonlinear.
+/// Each difference spans the error of an element, so the result remains valid for a nonlinear
+/// quantity.
 ///
 /// # Panics
 /// If the numbers of errors and elements differ, or are not a multiple of 16.

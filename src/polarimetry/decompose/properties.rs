@@ -14,8 +14,8 @@ pub struct Properties {
     pub retardance: f64,
     /// Δ = 1 - |tr m_Δ|/3, 0..1: depolarization power.
     pub depolarization: f64,
-    /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector; zero if R = 0. If R = π,
-    /// the one of both valid axes whose first nonzero component is positive.
+    /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector; zero if R = 0.
+    /// If R = π, two axes are valid; this is the axis whose first nonzero component is positive.
     pub axis: [f64; 3],
 }
 

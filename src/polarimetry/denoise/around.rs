@@ -1,10 +1,10 @@
-//! Means over a box of pixels around each pixel.
+//! Computes means over a box of pixels around each pixel.
 
 use super::Size;
 use rayon::prelude::*;
 
-/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns away; zero if
-/// there is none. Values of unknown pixels must be zero.
+/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns
+/// away, or zero if no such pixel exists. Values of unknown pixels must be zero.
 pub fn around(
     values: &[f32],
     [height, width]: Size,

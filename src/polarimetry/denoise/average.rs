@@ -1,13 +1,13 @@
 //! Weighted means of the channels of an image, with their errors.
 //!
-//! The error of F = Σ w y combines its propagated variance P = Σ w² V and the square of its bias, estimated
-//! by
+//! The error of F = Σ w y combines its propagated variance P = Σ w² V and the square of its bias,
+//! estimated by
 //!
 //! > b² = (F - M)² - V + 2 V ∂F/∂M - P
 //!
-//! (see [`super::weights`]). A single pixel's estimate is far too noisy, so it is averaged over a box, and
-//! negative values count as zero. The light removed by the replacement of outliers ([`super::outliers`]) is a
-//! further bias, and its square is added.
+//! (see [`super::weights`]). The estimate of a single pixel is far too noisy. It is therefore
+//! averaged over a box of pixels, and negative values count as zero. The light removed by the
+//! replacement of outliers ([`super::outliers`]) is a further bias, and its square is added.
 
 use super::around::around;
 use super::guide::unit;
@@ -18,8 +18,8 @@ use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
 use rayon::prelude::*;
 
-/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep their
-/// values; with two renders they keep the mean of both.
+/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep
+/// their values, or the mean of the values of two renders.
 ///
 /// # Panics
 /// If the number of renders or pixels differs from that of the weights.

@@ -1,23 +1,23 @@
-//! The guide: a few channels per pixel that pixels are compared by.
+//! The guide: a few channels per pixel, by which the denoiser compares pixels.
 //!
-//! For Mueller images or intensities at some wavelengths, the guide is the image itself. If a slice resolves
-//! time bins, bounces or projector pixels, the guide is their sum. It then also holds the profile of M00
-//! along these entries, in at most `PROFILE` groups of neighbouring entries, so that pixels at different
-//! depths differ. Variances are summed as if entries were independent.
+//! For Mueller images or intensities at some wavelengths, the guide is the image itself. If a slice
+//! resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such a
+//! slice also holds the profile of M00 along these entries, in at most `PROFILE` groups of
+//! neighbouring entries, so that pixels at different depths differ. Variances are summed as if
+//! entries were independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// If more than this fraction of a pixel's neighbours received light, over all renders, the pixel is assumed
-/// to be lit too. In dark regions, where few pixels receive a path, a mean would spread such a path into a
-/// blotch.
+/// Fraction of neighbours with light, over all renders, above which a pixel is assumed to be lit.
+/// In dark regions few pixels receive a path, and a mean would spread such a path into a blotch.
 const LIT: f64 = 0.25;
 
 /// Maximum number of groups of a profile.
 const PROFILE: usize = 256;
 
-/// The channels of each render that pixels are compared by.
+/// The channels of each render by which pixels are compared.
 pub struct Guide {
     pub size: Size,
     /// The renders, one or two, scaled so that the largest value is at most 1.
@@ -27,13 +27,14 @@ pub struct Guide {
     /// For each element, the channel whose noise is the reference: M00 of the same wavelength. Later channels
     /// are the profile.
     pub judge: Vec<usize>,
-    /// Pixels whose values are all finite. Other pixels are zero here.
+    /// True for pixels whose values are all finite. The values of other pixels are zero in the
+    /// guide.
     pub known: Vec<bool>,
     /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels with zero error, which are not averaged. A pixel without light is excluded if more than a
-    /// quarter of its neighbours received light. It is dark at random, and would remain as a black speck and
-    /// darken the image.
+    /// Pixels with zero error, which are not averaged. A pixel without light is not in this set if
+    /// more than a quarter of its neighbours received light. Such a pixel is dark only because no
+    /// sample hit it, and would remain as a black speck.
     pub still: Vec<bool>,
 }
 
@@ -49,7 +50,8 @@ pub struct GuideBuilder {
 struct Plan {
     kinds: Vec<AxisKind>,
     shape: Vec<usize>,
-    /// Channels of the matrix or intensity, and groups of the profile.
+    /// Number of channels of the matrix or intensity. `groups` is the number of groups of the
+    /// profile.
     matrix: usize,
     groups: usize,
     /// Number of entries that are summed or grouped.
@@ -132,7 +134,8 @@ impl GuideBuilder {
 }
 
 impl GuideBuilder {
-    /// Marks pixels with a non-finite entry in `numbers` as unknown; the numbers are not added.
+    /// Marks each pixel that has a non-finite entry in `numbers` as unknown. The numbers are not
+    /// added to the guide.
     pub fn look(&mut self, numbers: &[f32]) {
         let channels = self.plan.matrix + self.plan.groups;
         let of_pixel = numbers.len() / (self.size[0] * self.size[1]).max(1);
@@ -189,7 +192,8 @@ impl Guide {
     }
 }
 
-/// Returns a power of two that scales the largest number to 1/2 .. 1. Products with it are exact.
+/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power
+/// is exact.
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {
         2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))

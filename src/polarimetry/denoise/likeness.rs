@@ -4,19 +4,19 @@
 //!
 //! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
 //!
-//! averaged over the pixels of two patches. It is 0 on average for equal light with equal noise, and large
-//! where light differs by more than its errors. It follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p),
-//! V(q)) in place of V(p) + min(V(p), V(q)). The distance is therefore symmetric: a bright pixel gives a
-//! darker one as much weight as it receives. Otherwise the image as a whole would become darker. An element
-//! with much less noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard
-//! error.
+//! averaged over the pixels of two patches. d² is 0 on average for equal light with equal noise,
+//! and large where the light differs by more than its standard errors. The formula follows
+//! Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of V(p) + min(V(p), V(q)). The
+//! distance is therefore symmetric: a bright pixel gives a darker one as much weight as it
+//! receives. Otherwise the image as a whole would become darker. An element with much less noise
+//! than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
 //!
-//! Profiles, e.g. over time, have light in few of many entries. A mean of ratios would miss a shift of the
-//! light by one entry. The distance of profiles is therefore the ratio of sums,
+//! Profiles, e.g. over time, have light in few of many entries. A mean of ratios would miss a shift
+//! of the light by one entry. The distance of profiles is therefore the ratio of sums,
 //!
 //! > d²(p, q) = Σ_g [(u_g(p) - u_g(q))² - 2 min(V_g(p), V_g(q))] / Σ_g (V_g(p) + V_g(q)),
 //!
-//! and the larger of both distances is used.
+//! and the larger of the two distances d² is used.
 
 use super::guide::Guide;
 use super::{REACH, Size};
@@ -30,21 +30,21 @@ pub(super) const LANES: usize = 8;
 const SIDE: usize = 2 * REACH + 1;
 /// Number of pixels in the window.
 pub const WINDOW: usize = SIDE * SIDE;
-/// The offset of a pixel to itself.
+/// Index of the offset from a pixel to itself.
 pub const MIDDLE: usize = WINDOW / 2;
 
 /// Largest d² of one element.
 const FAR: f32 = 1e6;
 
-/// Smallest variance of an element relative to that of M00.
+/// Smallest variance of an element relative to the variance of M00.
 const QUIET: f32 = 1e-4;
 
-/// Returns the rows and columns from a pixel to the one at an offset.
+/// Returns the rows and columns from a pixel to the neighbour at offset `o`.
 pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
-/// Returns the pixel at an offset from another; `None` outside the image.
+/// Returns the pixel at offset `o` from pixel `p`; `None` outside the image.
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
     let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;
@@ -60,7 +60,7 @@ struct Pair {
     slopes: [f32; 2],
 }
 
-/// d² of all pairs of pixels within reach.
+/// The distance d² of each pair of pixels within [`super::REACH`].
 pub struct Likeness {
     size: Size,
     /// For each offset before the middle one, an image of the pairs of a pixel and the pixel at that offset.
@@ -96,7 +96,8 @@ impl Likeness {
         Self { size, planes: planes.collect() }
     }
 
-    /// Returns d² of a pixel and its neighbour `q` at an offset, and its slope for the noise of the pixel.
+    /// Returns d² of a pixel and its neighbour `q` at offset `o`, and the derivative of d² for the
+    /// noise of the pixel.
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));
         match o {
@@ -114,7 +115,7 @@ impl Likeness {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     d2: f32,
-    /// Number of elements with light or noise, or the summed variances of a profile.
+    /// Denominator: number of elements with light or noise, or the summed variances of a profile.
     under: f32,
     slopes: [f32; 2],
 }

@@ -1,21 +1,23 @@
-//! Denoising of rendered images by their own standard errors: an option for figures, not for measurements.
+//! Denoising of rendered images by their own standard errors: an option for figures, not for
+//! measurements.
 //!
 //! Every pixel becomes a weighted mean of similar pixels around it,
 //!
 //! > F(p) = Σ_q w(p, q) y(q),  w ≥ 0,  Σ_q w(p, q) = 1,
 //!
-//! with one weight for all Mueller elements, wavelengths and time bins of a pair. The method is non-local
-//! means (Buades et al. 2005) with the distances of Rousselle et al. 2012 ("Adaptive Rendering with Non-Local
-//! Means Filtering"): differences relative to the stored standard errors ([`likeness`]). Realizable Mueller
-//! matrices form a convex cone, so their mean is realizable.
+//! with one weight for all Mueller elements, wavelengths and time bins of a pair. The method is
+//! non-local means (Buades et al. 2005) with the distances of Rousselle et al. 2012 ("Adaptive
+//! Rendering with Non-Local Means Filtering"): differences relative to the stored standard errors
+//! ([`likeness`]). Realizable Mueller matrices form a convex cone, so their mean is realizable.
 //!
-//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein 1981; Li et
-//! al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The stated
-//! error is the root of the propagated variance plus the estimate of the squared bias ([`average`]).
+//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein
+//! 1981; Li et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction";
+//! [`weights`]). The stated error is the root of the propagated variance plus the estimate of the
+//! squared bias ([`average`]).
 //!
-//! With two renders of one scene, each is averaged with weights from the other, so that weights and noise are
-//! independent. A contribution in only one of them that is far above its surroundings is removed and counted
-//! in the stated error ([`outliers`]).
+//! With two renders of one scene, each render is averaged with weights from the other render.
+//! Weights and noise are therefore independent. A contribution in only one render that is far above
+//! its surroundings is removed, and the stated error includes the removed amount ([`outliers`]).
 
 pub mod around;
 pub mod average;
@@ -40,8 +42,7 @@ const PATCH: usize = 1;
 /// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Rows beyond a pixel that affect whether it is an outlier, plus those beyond its neighbours that affect its
-/// replacement.
+/// Number of rows around a pixel that affect whether it is an outlier and how it is replaced.
 const SPOT: usize = 2;
 
 /// Rows beyond a pixel that its value and error can depend on.
@@ -54,7 +55,7 @@ pub type Size = [usize; 2];
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values {
     pub size: Size,
-    /// Values per pixel.
+    /// Number of values per pixel.
     pub channels: usize,
     pub mean: Vec<f32>,
     /// Standard errors of the values.

@@ -1,30 +1,32 @@
-//! Outliers: single contributions in one of two renders that are far above all other values of a pixel.
+//! Outliers: single contributions in one of two renders that are far above all other values of a
+//! pixel.
 //!
-//! A rare strong path gives a pixel a value whose standard error is about the value itself. Relative to that
-//! error it differs from no other pixel. A mean therefore includes it and turns one bright pixel into a faint
-//! blotch as wide as the window. With two renders, a true highlight appears in both, which distinguishes it
-//! from such an outlier. A pixel of one render is an outlier if at some wavelength
+//! A rare strong path gives a pixel a value whose standard error is about the value itself.
+//! Relative to this standard error, the pixel does not differ from other pixels. A mean therefore
+//! includes the pixel, and one bright pixel becomes a faint blotch as wide as the window. A true
+//! highlight appears in both renders, but an outlier appears in only one. A pixel of one render is
+//! an outlier if at some wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
-//! its standard error is more than a quarter of its value, and most of those other pixels received light.
-//! (Otherwise, rare paths are the only light there.) The mean of its neighbours replaces it, which is
-//! realizable. The light removed from the denoised value is a bias and counts in its stated error
-//! ([`super::average`]).
+//! its standard error is more than a quarter of its value, and most of those other pixels received
+//! light. (Otherwise, rare paths are the only light there.) The mean of its neighbours replaces it,
+//! which is realizable. The light removed from the denoised value is a bias and counts in its
+//! stated error ([`super::average`]).
 
 use super::{Size, Values};
 
-/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions make up
-/// most of the light. A factor of three removed more of the highlights in a mirror room than it improved
-/// (`tests/suite/denoise.rs`); a factor of five removes none there.
+/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions
+/// make up most of the light. A factor of three removed correct highlights in a scene of a room
+/// with a mirror (`tests/suite/denoise.rs`); a factor of five removes none.
 const ABOVE: f32 = 5.0;
 
 /// Smallest standard error relative to the value: that of sixteen equal contributions among many samples
 /// without any.
 const UNSURE: f32 = 0.25;
 
-/// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each wavelength. A
-/// single render has none.
+/// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each
+/// wavelength. Returns no outliers for a single render.
 pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {
     let [a, b] = renders else {
         return vec![vec![false; known.len()]; renders.len()];
@@ -74,7 +76,7 @@ pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f3
     taken
 }
 
-/// Returns the up to eight neighbours of a pixel within the image.
+/// Returns the neighbours (at most eight) of pixel `p` within the image.
 pub(super) fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
     let (y, x) = (p / width, p % width);
     let rows = y.saturating_sub(1)..(y + 2).min(height);
@@ -90,7 +92,7 @@ mod tests {
     const SIZE: Size = [5, 5];
     const SPOT: usize = 12;
 
-    /// A grey image with one bright pixel of a given value and error.
+    /// Returns a grey image with one bright pixel of the given value and error.
     fn spot(value: f32, error: f32) -> Values {
         let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
         (mean[SPOT], errors[SPOT]) = (value, error);

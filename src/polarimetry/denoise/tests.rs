@@ -1,4 +1,5 @@
-//! Images with known ground truth, and with correctly stated, wrongly stated or no noise.
+//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or
+//! absent.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
@@ -35,7 +36,8 @@ fn mueller() -> Vec<Axis> {
     vec![axis(AxisKind::StokesOut, 4), axis(AxisKind::StokesIn, 4), axis(AxisKind::Wavelength, 1)]
 }
 
-/// A polarizer at an angle with transmittance `k`: realizable, on the boundary of the cone.
+/// Returns a polarizer at angle `angle`, radians, with transmittance `k`: realizable, on the
+/// boundary of the cone.
 fn polarizer(angle: f64, k: f64) -> [f64; 16] {
     let (s, c) = (2.0 * angle).sin_cos();
     [1.0, c, s, 0.0, c, c * c, c * s, 0.0, s, c * s, s * s, 0.0, 0.0, 0.0, 0.0, 0.0].map(|x| x * k / 2.0)
@@ -43,10 +45,11 @@ fn polarizer(angle: f64, k: f64) -> [f64; 16] {
 
 const SIZE: Size = [40, 48];
 
-/// The matrices of pixels.
+/// The true Mueller matrix of each pixel.
 type Truth = fn(usize) -> [f64; 16];
 
-/// A bright disc with one polarization on a gradient of another; a black band.
+/// Returns the truth of a test image: a bright disc with one polarization on a gradient of another,
+/// and a black band.
 fn truth(p: usize) -> [f64; 16] {
     let (y, x) = ((p / SIZE[1]) as f64, (p % SIZE[1]) as f64);
     if (y - 20.0).hypot(x - 24.0) < 9.0 {
@@ -58,7 +61,7 @@ fn truth(p: usize) -> [f64; 16] {
     polarizer(1.2, 1.0 + 0.02 * y)
 }
 
-/// A grey wall in uniform light.
+/// Returns the truth of a grey surface in uniform light.
 fn wall(_: usize) -> [f64; 16] {
     polarizer(1.2, 2.0)
 }
@@ -68,8 +71,8 @@ fn other(m: &[f64; 16]) -> [f64; 16] {
     polarizer(0.9, 2.0 * m[0])
 }
 
-/// A render with the means of `n` samples, and `stated` times their standard errors. Each sample is the truth
-/// times a non-negative number, and thus realizable.
+/// Returns a render with the means of `n` samples per pixel, and `stated` times the standard errors
+/// of the means. Each sample is the truth times a non-negative number, and thus realizable.
 fn rendered_of(truth: Truth, seed: u64, n: usize, stated: f64) -> Values {
     let mut random = Normal(seed);
     let (mut mean, mut error) = (vec![], vec![]);
@@ -202,8 +205,9 @@ fn weights_are_shares() {
     }
 }
 
-/// A contribution of a hundred times the light in only one render causes no blotch, and its removal counts in
-/// the stated errors. With a single render it stays, because nothing distinguishes it from a highlight.
+/// A contribution of a hundred times the light in only one render causes no blotch, and its removal
+/// counts in the stated errors. With a single render the contribution stays, because nothing
+/// distinguishes it from a highlight.
 #[test]
 fn an_outlier_is_left_out_and_stated() {
     let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
@@ -368,9 +372,9 @@ fn depth_separates() {
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
 
-/// Most samples of a wall are dark: one in ten of sixteen carries light, so a sixth of the pixels have no
-/// light and state no error. None of these stays black within the wall. The wall keeps its mean over 1,920
-/// pixels within five standard errors.
+/// Pixels that are dark at random do not stay black. A tenth of the samples carry light, with 16
+/// samples per pixel, so a sixth of the pixels have no light and state no error. The surface keeps
+/// its mean over 1,920 pixels within five standard errors.
 #[test]
 fn what_met_no_light_by_chance_is_no_black_speck() {
     let (n, rare) = (16, 0.1);

@@ -1,7 +1,8 @@
 //! Variances of pixels: the mean of a pixel's variance and those around it.
 //!
-//! A standard error from sixteen samples has a relative uncertainty of at least a fifth. It is far too small
-//! where rare strong paths were missed, which neighbours are more likely to include.
+//! A standard error from sixteen samples has a relative uncertainty of at least a fifth. The
+//! standard error is far too small where rare strong paths were missed. The neighbours are more
+//! likely to include such paths.
 
 use super::Values;
 use super::around::around;
@@ -17,7 +18,7 @@ pub(super) fn variances(values: &Values, known: &[bool]) -> Vec<f32> {
     near
 }
 
-/// Returns the squares of the stated errors.
+/// Returns the squares of the stated standard errors; zero in pixels that are not `known`.
 pub(super) fn squares(values: &Values, known: &[bool]) -> Vec<f32> {
     let square = |(i, e): (usize, &f32)| {
         if known[i / values.channels] { e * e } else { 0.0 }

@@ -19,7 +19,7 @@ use super::variance::{squares, variances};
 use super::{CALM, PATCH, STRENGTHS, Size, Values};
 use rayon::prelude::*;
 
-/// Weights below this are set to zero.
+/// Threshold below which weights are set to zero.
 const LEAST: f32 = 0.003;
 
 const KINDS: usize = STRENGTHS.len();
@@ -27,10 +27,10 @@ const KINDS: usize = STRENGTHS.len();
 /// The weights of the pixels around each pixel.
 pub struct Weights {
     pub size: Size,
-    /// For each render and pixel, the weights of the window.
+    /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight for one standard error of the pixel, in the render that the weights come
-    /// from.
+    /// The increase of each weight for one standard error of the pixel, in the render from which
+    /// the weights are computed.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
     pub shares: Vec<f32>,
@@ -80,7 +80,8 @@ impl Weights {
     }
 }
 
-/// Returns the render that determines the weights of a render: the other one, if there are two.
+/// Returns the index of the render that determines the weights of render `render`: the other render
+/// if there are two.
 pub(super) fn other(render: usize, renders: usize) -> usize {
     renders - 1 - render
 }
@@ -116,7 +117,7 @@ fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS
 
 /// Sums over the window of one pixel with its weights, and their covariances with the pixel's values.
 pub(super) struct Sums {
-    /// Σ w y, over the renders.
+    /// Weighted sums Σ w y over all renders, per channel.
     pub mean: Vec<f32>,
     /// Covariance of the mean with the rendered value.
     pub common: Vec<f32>,
@@ -134,8 +135,9 @@ impl Sums {
         self.common.fill(0.0);
     }
 
-    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's variances
-    /// `own`. Also takes the render that the weights come from, with its share and its variances.
+    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's
+    /// variances `own`. The remaining arguments are the render that the weights come from, its
+    /// share, and its variances.
     pub fn add(
         &mut self,
         [weights, slopes]: [&[f32]; 2],
@@ -161,7 +163,7 @@ impl Sums {
     }
 }
 
-/// Returns the fractions of the strengths in each pixel's weights.
+/// Returns the fraction of each strength in the weights of each pixel.
 fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
     let channels = guide.renders[0].channels;
     let n = moved.len() * channels;

@@ -1,7 +1,8 @@
-//! Reconstruction where every pixel has its own ray and thus its own design matrix: oblique plates, galvo
-//! mirrors.
+//! Reconstructs images in which every pixel has its own ray and thus its own design matrix (oblique
+//! plates, galvo mirrors).
 //!
-//! It processes a few thousand pixels at a time, because the estimator of a pixel takes kilobytes.
+//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes
+//! kilobytes.
 
 use super::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use crate::capture::design_matrix::RankError;

@@ -12,11 +12,11 @@ use crate::capture::scheme::Scheme;
 /// The frames of the expected matrices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
-    /// Rotated by any angle, as the frames of a camera and a projector are relative to the plane of
-    /// scattering.
+    /// Frames rotated by any angle, as the frames of camera and projector are rotated relative to
+    /// the plane of scattering.
     #[default]
     Any,
-    /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
+    /// Frames of the plane of scattering, as in tables and in the learning of Baek & Heide.
     Plane,
 }
 
@@ -35,9 +35,9 @@ impl Frames {
 /// Second moments of a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoldMoments {
-    /// Of the training materials.
+    /// Second moment of the training materials.
     pub train: Moment,
-    /// Of the test materials.
+    /// Second moment of the test materials.
     pub test: Moment,
 }
 
@@ -78,12 +78,12 @@ impl LearningData {
 pub struct Validated {
     /// The scheme, learned from all materials.
     pub scheme: Scheme,
-    /// Mean error on the test materials of the folds. Without folds, or if the error does not depend on the
-    /// materials, that of the closed form.
+    /// Mean error on the test materials of the folds. Without folds, or if the error does not
+    /// depend on the materials, this is the error of the closed form.
     pub unseen: f64,
     /// Standard error of `unseen` over the folds; 0 without folds.
     pub spread: f64,
-    /// Error on the training materials.
+    /// Mean squared error on the training materials: sum over the 16 elements at T00 = 1.
     pub seen: f64,
     /// All descents of the scheme itself, the template's first.
     pub descents: Vec<Descent>,

@@ -35,7 +35,7 @@ impl Default for Search {
     }
 }
 
-/// Observes the progress of learning and can stop it.
+/// An observer, which is informed of the progress of learning and can stop it.
 pub trait Onlooker: Sync {
     /// Announces the number of additional descents.
     fn begins(&self, descents: usize) {
@@ -49,7 +49,7 @@ pub trait Onlooker: Sync {
     }
 }
 
-/// No observer.
+/// Observes nothing.
 impl Onlooker for () {}
 
 /// A descent: its start and its result.
@@ -59,7 +59,7 @@ pub struct Descent {
     pub name: String,
     /// Expected sum of squared errors (see [`Objective`]).
     pub loss: f64,
-    /// The loss at every evaluation, in order; infinite where it is undefined.
+    /// The loss at every evaluation, in order; infinite where the loss is undefined.
     pub history: Vec<f64>,
 }
 
@@ -67,7 +67,7 @@ pub struct Descent {
 pub struct Learned {
     /// The template with the best settings found.
     pub scheme: Scheme,
-    /// Its expected sum of squared errors.
+    /// Expected sum of squared errors of the learned scheme.
     pub loss: f64,
     /// All descents, the template's first.
     pub descents: Vec<Descent>,
@@ -79,7 +79,7 @@ struct Settings<'a> {
     template: &'a Scheme,
     objective: &'a Objective,
     onlooker: &'a dyn Onlooker,
-    /// The values so far.
+    /// The values of the objective so far.
     history: Mutex<Vec<f64>>,
 }
 
@@ -122,7 +122,7 @@ pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learn
     learn_before(template, objective, search, &())
 }
 
-/// As [`learn`], with an observer.
+/// Learns all settings like [`learn`], and reports the progress to an observer.
 pub fn learn_before(
     template: &Scheme,
     objective: &Objective,
@@ -178,7 +178,7 @@ pub fn learn_before(
     Learned { loss: objective.loss(&scheme), scheme, descents }
 }
 
-/// Maps angles to 0 to 180°, their period, and retardances to 0 to one wave.
+/// Maps angles to their period, 0 to 180°, and retardances to 0 to one wave.
 fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
     let motors = template.motors();
     let captures = template.captures();

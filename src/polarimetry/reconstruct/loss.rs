@@ -27,7 +27,7 @@ use crate::capture::scheme::Scheme;
 use crate::capture::states::{StateJet, analyzed, generated};
 use nalgebra::{Cholesky, DMatrix, SVector};
 
-/// A row of A: the weights of the 16 elements of a Mueller matrix, row-major.
+/// A row of the design matrix A: the weights of the 16 elements of a Mueller matrix, row-major.
 type Elements = SVector<f64, 16>;
 
 /// The estimator of Mueller matrices.
@@ -169,7 +169,7 @@ impl Objective {
         (loss * per, gradient)
     }
 
-    /// Returns Σ of every capture.
+    /// Returns the noise covariance Σ of every capture.
     fn noise(&self, all: &[Capture]) -> Vec<DMatrix<f64>> {
         all.iter()
             .map(|capture| {
@@ -299,7 +299,7 @@ impl Objective {
         }
     }
 
-    /// tr V dΣ with Σ = σ_θ² Σ_m D_m S D_mᵀ is 2 σ_θ² <V D_m S, dD_m>.
+    /// Adds tr V dΣ to the gradient. With Σ = σ_θ² Σ_m D_m S D_mᵀ, it is 2 σ_θ² <V D_m S, dD_m>.
     fn chain_noise(&self, capture: &Capture, v: &DMatrix<f64>, mut add: impl FnMut(usize, f64)) {
         let firsts = capture.derivatives();
         let pulled: Vec<(usize, Vec<Elements>)> = firsts

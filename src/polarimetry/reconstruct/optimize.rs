@@ -23,8 +23,8 @@ pub struct Minimum {
     pub value: f64,
 }
 
-/// Adam (Kingma & Ba 2015) with a step that decays to zero along half a cosine period. Returns the best point
-/// found.
+/// Minimizes `f` by Adam (Kingma & Ba 2015), with a step that decays to zero along half a cosine
+/// period. Returns the best point found.
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
@@ -53,7 +53,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     best
 }
 
-/// Point, value and gradient.
+/// A point, and the value and gradient there.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
 /// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
@@ -65,10 +65,11 @@ struct Remembered<'a, F> {
     walls: AtomicU32,
 }
 
-/// Replaces undefined values: argmin's line search recovers from large values, but not from infinite ones.
+/// Value that replaces undefined values, because argmin's line search recovers from large values,
+/// but not from infinite ones.
 const BAD: f64 = 1e30;
-/// Stops the search after this number of consecutive undefined values. Argmin's line search would shorten its
-/// steps forever where a function is undefined next to a point at which it was defined.
+/// Number of consecutive undefined values after which the search stops. Argmin's line search would
+/// shorten its steps forever next to a region where the function is undefined.
 const MOST_WALLS: u32 = 200;
 
 impl<F: Smooth> Remembered<'_, F> {
@@ -115,8 +116,8 @@ impl<F: Smooth> Gradient for &Remembered<'_, F> {
     }
 }
 
-/// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and Thuente. Returns the best point
-/// found.
+/// Minimizes `f` by L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and
+/// Thuente. Returns the best point found.
 pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum {
     let problem = Remembered {
         f,
@@ -160,7 +161,7 @@ mod tests {
         assert!(found.value < 1e-4, "{found:?}");
     }
 
-    /// A function that is undefined everywhere ends the search instead of looping.
+    /// A function that is undefined everywhere. A search for its minimum must end.
     struct Wall;
     impl Smooth for Wall {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
@@ -168,7 +169,7 @@ mod tests {
         }
     }
 
-    /// A function that becomes undefined after some evaluations, or whose search is then stopped.
+    /// A function that becomes undefined after some evaluations, or requests that the search stops.
     struct Closing {
         looks: AtomicU32,
         open: u32,
@@ -186,7 +187,7 @@ mod tests {
         }
     }
 
-    /// Also in the middle of a line search.
+    /// A search ends where the function becomes undefined, also within a line search.
     #[test]
     fn searches_end_where_the_function_does() {
         for (open, tells) in (1..12).flat_map(|open| [(open, false), (open, true)]) {

@@ -22,7 +22,7 @@ pub struct Options {
     pub noise: Option<f64>,
     /// Intensities from this value on are saturated and ignored, per pixel.
     pub saturation: Option<f64>,
-    /// Replace each matrix by the nearest realizable one (Cloude).
+    /// Whether each matrix is replaced by the nearest realizable matrix (Cloude).
     pub realizable: bool,
     /// Second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
@@ -32,9 +32,9 @@ pub struct Options {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     pub pixels: usize,
-    /// Pixels estimated without some of their measurements.
+    /// Number of pixels that are estimated without some of their measurements.
     pub partial: usize,
-    /// Pixels that the remaining measurements do not determine: NaN.
+    /// Number of pixels that the remaining measurements do not determine; the result is NaN.
     pub lost: usize,
 }
 
@@ -56,9 +56,9 @@ const FIRST: i32 = -48;
 /// The estimators of one wavelength.
 struct Lane<T> {
     a: DesignMatrix,
-    /// Least squares; `None` below rank 16.
+    /// Least-squares estimator; `None` below rank 16.
     least: Option<(Weights<T>, LinearEstimate)>,
-    /// With the prior, by noise over brightness.
+    /// Estimators with the prior, by noise relative to brightness.
     priors: Vec<(Weights<T>, LinearEstimate)>,
     /// tr A S Aᵀ: expected sum of squared intensities at brightness 1.
     expected: f64,
@@ -77,10 +77,10 @@ struct Solved {
     partial: bool,
 }
 
-/// A number type of images. Its loops over pixels are compiled in this crate, together with the product that
-/// they call. In the caller's crate the compiler would not merge them into one loop.
+/// A number type of images. Loops over pixels of this type are compiled in this crate, together
+/// with the matrix product, so that the compiler can merge both into one loop.
 pub trait PixelNumber: Number {
-    /// See [`Reconstruction::apply`].
+    /// Computes [`Reconstruction::apply`] for this number type.
     fn reconstruct(
         estimates: &Reconstruction<Self>,
         intensities: &[Self],

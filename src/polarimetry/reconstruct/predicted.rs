@@ -1,4 +1,4 @@
-//! Predicted noise of counts from a first estimate, for the weights of a second one.
+//! Predicts the noise of counts from a first estimate, to weight a second estimate.
 
 use super::along_rays::{Places, reconstruct};
 use super::pixels::Options;

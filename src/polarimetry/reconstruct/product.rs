@@ -1,20 +1,20 @@
 //! The product of an estimator with whole images: a 16 × M matrix times M intensities per pixel.
 //!
-//! It is limited by memory bandwidth: every intensity is read once, and every element is written once, in f32
-//! or f64. The 16 × M matrix is rounded from f64. Pixels are processed in blocks whose intensities fit the L1
-//! cache.
+//! The product is limited by memory bandwidth: every intensity is read once, and every element is
+//! written once, in f32 or f64. The 16 × M matrix is rounded from f64. Pixels are processed in
+//! blocks whose intensities fit the L1 cache.
 
 use super::estimator::LinearEstimate;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Pixels per block.
+/// Number of pixels per block.
 const BLOCK: usize = 32;
-/// Numbers per vector.
+/// Number of values per SIMD vector.
 const LANES: usize = 8;
-/// Pixels gathered together: some cache lines of every plane.
+/// Number of pixels gathered together: several cache lines of every image plane.
 const RUN: usize = 512;
-/// Pixels per task: large enough for memory pages, small enough for the L2 cache.
+/// Number of pixels per task: large enough for memory pages, small enough for the L2 cache.
 const TASK: usize = 2048;
 
 /// The matrix of an estimator: for each measurement, its weights in the 16 elements.
@@ -29,7 +29,7 @@ impl<T: Number> Weights<T> {
         Self((0..w.ncols()).map(column).collect())
     }
 
-    /// Returns the estimate of one pixel.
+    /// Returns the Mueller matrix (16 elements, row-major) of one pixel from its intensities.
     pub fn one(&self, intensities: impl Iterator<Item = T>) -> [T; 16] {
         let mut out = [T::default(); 16];
         for (column, x) in self.0.iter().zip(intensities) {
@@ -71,9 +71,10 @@ impl<T: Number> Weights<T> {
         self.any(plane, out)
     }
 
-    /// Intensities are gathered in runs, which is the fastest way to read memory, and stored by block. A
-    /// block's intensities are then contiguous in the L1 cache; the distance of image planes is often a
-    /// multiple of its associativity.
+    /// Computes the product with intensities from `plane`. Intensities are gathered in runs, which
+    /// is the fastest way to read memory, and stored by block. A block's intensities are then
+    /// contiguous in the L1 cache; the distance of image planes is often a multiple of its
+    /// associativity.
     #[inline(always)]
     fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         let mut finite = true;
@@ -139,8 +140,8 @@ impl<T: Number> Weights<T> {
     }
 }
 
-/// Adds w x to s, per element. This is a loop and not a closure, which could be compiled separately from its
-/// caller, without the caller's target features.
+/// Adds w x to s, per element. The code is a loop because a closure could be compiled separately,
+/// without the caller's target features.
 #[inline(always)]
 fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {
     for k in 0..LANES {

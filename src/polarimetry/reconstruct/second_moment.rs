@@ -39,7 +39,7 @@ impl SecondMoment {
     }
 }
 
-/// Returns L with L Lᵀ = S; S may be singular.
+/// Returns the root L of a second moment S, with L Lᵀ = S; S may be singular.
 pub fn root(s: &Moment) -> Moment {
     let eigen = s.symmetric_eigen();
     let mut l = eigen.eigenvectors;
@@ -106,7 +106,8 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Returns why a matrix is not a second moment, as a phrase that follows its name; `None` if it is one.
+/// Returns why a matrix is not a second moment, as a phrase that follows the matrix's name in a
+/// message; `None` if the matrix is a second moment.
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {

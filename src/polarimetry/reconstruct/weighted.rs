@@ -1,9 +1,9 @@
-//! The estimate of a single pixel whose measurements have different weights: some are saturated, some noisier
-//! than others.
+//! The estimate of a single pixel whose measurements have different weights: some are saturated,
+//! some noisier than others.
 //!
-//! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements. With a prior it is
-//! the estimate of minimum expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance
-//! is this inverse.
+//! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements. With a
+//! prior, the estimate has the minimum expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a
+//! I_m/σ_m². The covariance is (s⁻² S⁻¹ + N)⁻¹.
 
 use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
@@ -68,9 +68,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// For noise that differs between captures, the estimate is unbiased, its covariance is the stated one,
-    /// and it is at most that of plain least squares. Uses 20 000 draws and chi-squared of all 16 elements
-    /// together.
+    /// For noise that differs between captures, the estimate is unbiased, its covariance is the
+    /// stated one, and this covariance is at most that of plain least squares. Uses 20 000 draws
+    /// and chi-squared of all 16 elements together.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));

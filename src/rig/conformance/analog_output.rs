@@ -1,10 +1,10 @@
-//! Checks of an analog output: it outputs exactly the written buffers.
+//! Checks that an analog output outputs exactly the written buffers.
 
 use super::{LONG, Report, SHORT, fails, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};
 use std::time::Duration;
 
-/// Checks an analog output. The full voltage range appears at its first channel.
+/// Checks an analog output. The check outputs the full voltage range at the first channel.
 pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
     let mut report = Report::common(card);
     let limits = card.limits();

@@ -1,5 +1,5 @@
-//! Byte lines to instruments: a serial port, a TCP connection, or a pair of ends in memory, one of which an
-//! emulator uses.
+//! Byte lines to instruments: a serial port, a TCP connection, or two connected ends in memory, one
+//! of them for an emulator.
 
 use crate::instrument::Fault;
 use std::io::{self, ErrorKind, Read, Write};

@@ -286,7 +286,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     Ok(Box::new(camera))
 }
 
-/// Reports that the feature is missing.
+/// Reports that this build lacks the feature `genicam`.
 #[cfg(not(feature = "usb3_vision"))]
 fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     Err(AssembleError(

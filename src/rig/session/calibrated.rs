@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 const FIX: &str = "create one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
-/// Parameters of the instruments with which a run is read and captured.
+/// Parameters of the instruments that a run uses to convert readings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Believed {
     pub(super) cmos: Cmos,
@@ -42,12 +42,13 @@ struct Detectors {
 impl Believed {
     /// Returns the parameters with those of calibration files applied.
     ///
-    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all override
-    /// the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
+    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
+    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if
+    /// present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is no calibration, has nothing for a rig or an invalid detector parameter, or
-    /// if the size of a device differs from the rig's.
+    /// [`InputError`] if a file is not a calibration, has no part for a rig, has an invalid
+    /// detector parameter, or if the size of a device differs from the rig's.
     pub(super) fn calibrated(
         self,
         rig: &Path,
@@ -98,7 +99,7 @@ impl Believed {
     }
 }
 
-/// Returns parameters with the found ones in place of the given ones, and checks them.
+/// Returns parameters with those of the calibration in place of the given values, and checks them.
 fn overlaid<T: Serialize + DeserializeOwned>(
     given: &T,
     found: &Value,
@@ -156,7 +157,8 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// One file contains everything: detectors and geometry are read, and the scheme is ignored.
+    /// A calibration file can contain everything: detectors and geometry are read, and the scheme
+    /// is ignored.
     #[test]
     fn one_file_has_all() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");

@@ -1,4 +1,5 @@
-//! Mutual geometry of camera and projector from a rig file in OpenCV's terms, as epipolar masks use it.
+//! Mutual geometry of camera and projector from a rig file in OpenCV's terms, as required for
+//! epipolar masks.
 //!
 //! ```toml
 //! [geometry]
@@ -9,8 +10,8 @@
 //! projector = { matrix = [[900, 0, 512], [0, 900, 384], [0, 0, 1]] }
 //! ```
 //!
-//! Matrices and distortions are OpenCV's: pixel centers at integers, coefficients k1, k2, p1, p2[, k3[, k4,
-//! k5, k6[, s1…s4]]].
+//! Matrices and distortions are OpenCV's: pixel centers at integers, coefficients k1, k2, p1, p2[,
+//! k3[, k4, k5, k6[, s1…s4]]].
 
 use super::masks::Epipolar;
 use crate::calibrate::geometric::calibration::DeviceTable;
@@ -87,8 +88,8 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to that of a distortion-free lens, with pixel centers at + 0.5. Without a
-    /// solution the result is infinite.
+    /// Maps a pixel coordinate to that of a distortion-free lens, with pixel centers at + 0.5.
+    /// Returns an infinite coordinate if there is no solution.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
         let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
@@ -102,7 +103,7 @@ impl Lens {
 /// A checked geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// F of ideal pixels with centers at + 0.5.
+    /// Fundamental matrix F of undistorted pixels with centers at + 0.5.
     pub fundamental: Matrix3<f64>,
     pub camera: Lens,
     pub projector: Lens,
@@ -181,7 +182,8 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space project to ideal pixels with p'ᵀ F p = 0, with camera distortion too.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also with distortion of the
+    /// camera's lens.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");

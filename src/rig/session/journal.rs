@@ -1,9 +1,9 @@
-//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves that the
-//! frame is on disk.
+//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves
+//! that the frame is on disk.
 //!
-//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is ignored, and
-//! its frame is taken again. The file name is not part of the store's content, because times, retries and
-//! interruptions differ between runs.
+//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is
+//! ignored, and its frame is taken again. The journal is not part of the store's content, because
+//! times, retries and interruptions differ between runs.
 
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -16,9 +16,9 @@ pub const FILE: &str = ".session.jsonl";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// A run starts or resumes.
+    /// The run starts or resumes.
     Begin {
-        /// The first frame to take.
+        /// The first frame to capture.
         frame: u32,
         wall_s: f64,
     },
@@ -33,7 +33,8 @@ pub enum Event {
     },
     /// The run waits for a condition.
     Suspend { frame: u32, why: String, run_s: f64 },
-    /// The wall clock jumped: wall times before and after are not comparable, run times are.
+    /// The wall clock jumped. Wall times before and after the jump are not comparable, but run
+    /// times are.
     ClockJump {
         /// Size of the jump in seconds.
         by_s: f64,
@@ -140,7 +141,7 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
 /// `keep` limits memory: a run can have half a million frames.
 ///
 /// # Errors
-/// Like [`read`].
+/// Same as [`read`].
 pub fn frames<T>(store: &Path, keep: impl Fn(FrameRecord) -> T) -> io::Result<Vec<T>> {
     let mut found = vec![];
     read(store, |event| {

@@ -1,8 +1,8 @@
 //! Runs of known samples for calibration: means over many pixels or scan points.
 //!
-//! The mirrors' effect depends on the direction, which alone distinguishes it from the effect of the
-//! beamsplitter behind them. A scan with mirrors therefore yields one sample along its middle and one along
-//! each of four directions halfway to its edges.
+//! Only the dependence on direction distinguishes the effect of the mirrors from that of the
+//! beamsplitter behind them. A scan with mirrors therefore yields one sample along its middle and
+//! one along each of four directions halfway to its edges.
 
 use super::image::{ImageError, Intensities, Run};
 use super::rig_file::sample_of;
@@ -27,10 +27,10 @@ struct Region {
 }
 
 impl Run {
-    /// Returns the mean of every measurement of a known sample, for each of its directions.
+    /// Returns the mean of every measurement of a known sample, for each direction.
     ///
-    /// The first direction is the axis: all pixels of a camera, or the points in the middle of a scan. A
-    /// sufficiently wide scan whose scheme includes the mirrors has four more directions.
+    /// The first direction is the axis: all pixels of a camera, or the points in the middle of a
+    /// scan. A sufficiently wide scan whose scheme includes the mirrors has four more directions.
     ///
     /// # Errors
     /// [`ImageError`] if the run has no known sample or no lit mask, or if it cannot be read.

@@ -1,9 +1,10 @@
 //! Masks: patterns of the projector, and the camera pixels that are read for each of them.
 //!
-//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the camera pixels
-//! on those lines are read (epipolar imaging). Alternatively it shows everything but the stripe (non-epipolar
-//! imaging). Stripes are families of epipolar lines of the fundamental matrix. That matrix applies to ideal
-//! pixels, so distorted pixels are undistorted first.
+//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the
+//! camera pixels on those lines are read (epipolar imaging). Alternatively the projector shows
+//! everything except the stripe (non-epipolar imaging). Stripes are families of epipolar lines of
+//! the fundamental matrix. The fundamental matrix applies to ideal pixels, so pixels are
+//! undistorted first.
 
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
@@ -36,7 +37,8 @@ pub struct Shot {
 pub struct Mask {
     pub name: String,
     pub shots: Vec<Shot>,
-    /// For each camera pixel, rows from the top: index of its frame in `shots`; `None` on no stripe.
+    /// For each camera pixel, rows from the top: index of its frame in `shots`; `None` if the pixel
+    /// is on no stripe.
     pub shot_of: Vec<Option<u32>>,
 }
 
@@ -75,8 +77,8 @@ fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Returns a mask of `count` stripes of epipolar lines over the projector.
 ///
-/// If `inside`, each frame shows the lines of its stripe, otherwise all others. A camera pixel belongs to the
-/// stripe of its epipolar line. Regions are multiples of `steps`.
+/// If `inside`, each frame shows the lines of its stripe; otherwise it shows all other lines. A
+/// camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors
 /// A message if no epipolar line crosses the projector.
@@ -169,7 +171,8 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// F of two parallel devices next to each other: epipolar lines are rows.
+    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are
+    /// rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),

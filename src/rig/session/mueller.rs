@@ -19,7 +19,7 @@ pub struct MuellerImage {
     pub name: String,
     /// 16 elements per pixel, row-major. NaN if a pixel cannot be reconstructed.
     pub mean: Vec<f32>,
-    /// Standard errors of the elements.
+    /// Standard errors of the elements, in the same order and unit as `mean`.
     pub errors: Vec<f32>,
     pub layout: Layout,
     /// Start and width of the time bins, in ps.
@@ -33,20 +33,24 @@ pub struct MuellerImage {
 pub struct RunOptions {
     /// Options as for images. Saturated readings are marked by the run itself.
     pub options: Options,
-    /// Horizontal field of view of the camera in radians, for plates at oblique incidence. A scan's is known.
+    /// Horizontal field of view of the camera in radians, for plates at oblique incidence. The
+    /// field of view of a scan is known from the run.
     pub fov_x: Option<f64>,
-    /// Use superpixels to demosaic a polarizer array; otherwise bilinear interpolation.
+    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear
+    /// interpolation.
     pub superpixel: bool,
 }
 
 impl Run {
     /// Reconstructs the Mueller matrices of one mask.
     ///
-    /// Weights are inverse variances. A camera's variances come from its readings. A diode's come from a
-    /// first, unweighted estimate, because a bin without counts has no variance estimate.
+    /// Weights are inverse variances. A camera's variances come from its readings. The variances of
+    /// a diode come from a first, unweighted estimate, because a bin without counts has no variance
+    /// estimate.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
+    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few
+    /// captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
         let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;

@@ -45,7 +45,7 @@ impl Run {
     /// Returns the histograms of a scan.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is no scan or is damaged.
+    /// [`ImageError`] if the run is not a scan or is damaged.
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {

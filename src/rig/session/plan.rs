@@ -51,7 +51,7 @@ pub const MOST_FRAMES: u64 = 100_000_000;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub name: String,
-    /// The text of the plan file, which the store keeps.
+    /// Text of the plan file, which is copied to the store.
     pub text: String,
     pub rig: Option<PathBuf>,
     pub scheme: Scheme,
@@ -59,7 +59,7 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The work of every capture.
+/// The work of every capture: camera frames or a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
@@ -78,15 +78,15 @@ pub struct CameraWork {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MaskPlan {
-    /// All pixels on.
+    /// A mask with all pixels on.
     Full,
-    /// All pixels off: stray light and dark signal.
+    /// A mask with all pixels off, which measures stray light and dark signal.
     Dark,
-    /// Stripes of epipolar lines.
+    /// A set of stripes of epipolar lines.
     Stripes {
         name: String,
         count: u32,
-        /// Show the stripe if true, everything but the stripe if false.
+        /// Whether a frame shows its stripe; otherwise it shows everything except the stripe.
         inside: bool,
     },
 }
@@ -123,7 +123,8 @@ pub struct ScanWork {
     /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Keep the counter's time tags and compute histograms from them.
+    /// Whether the time tags of the counter are stored; the histograms are then computed from the
+    /// tags.
     pub time_tags: bool,
 }
 
@@ -139,7 +140,7 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Parses a plan from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// Like [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
         "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \

@@ -36,8 +36,8 @@ impl Tries {
     }
 }
 
-/// Restores a rig to a state in which a step can start: reconnects lost instruments and homes stages that
-/// stalled or lost their zero.
+/// Restores a rig after a failure so that a step can start: reconnects lost instruments, and homes
+/// stages that stalled or lost their zero.
 pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
         // One lost connection often means that all are lost, so check every instrument.

@@ -52,11 +52,11 @@ use std::time::Duration;
 /// The scene of a simulated bench.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scene {
-    /// A finished store.
+    /// A tensor in a finished store.
     Tensor(PathBuf),
-    /// A scene to render first: file and samples per pixel.
+    /// A scene to render first: scene file and samples per pixel.
     Scene(PathBuf, Option<u32>),
-    /// A uniform sample.
+    /// A uniform sample with this row-major Mueller matrix.
     Sample([f32; 16]),
 }
 
@@ -64,22 +64,22 @@ pub enum Scene {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
     pub scene: Scene,
-    /// The slice to play.
+    /// Name of the slice from which the simulated sensors read.
     pub slice: String,
-    /// Factor on a sample's Mueller matrix, in the unit of radiance.
+    /// Radiance at T00 = 1: factor on a sample's Mueller matrix.
     pub brightness: f64,
     /// Wavelength in nanometers.
     pub nm: f64,
-    /// True elements. `None` means those of the plan's scheme.
+    /// True elements. `None` means the elements of the plan's scheme.
     pub optics: Option<Scheme>,
     /// Horizontal fields of view of camera (or scan) and projector in degrees. `None` means axial rays.
     pub fov_deg: [Option<f64>; 2],
     pub seed: u64,
-    /// Use real time instead of simulated time.
+    /// Whether the bench runs in real time instead of simulated time.
     pub real_time: bool,
-    /// True camera.
+    /// Settings of the true camera.
     pub cmos: Cmos,
-    /// True diode.
+    /// Settings of the true diode.
     pub spad: Spad,
     pub faults: Vec<FaultAt>,
 }
@@ -130,7 +130,7 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
 /// Parses a rig from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// Like [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
         "expected [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], [geometry], \
@@ -311,7 +311,7 @@ fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
     spad.check().map_err(|e| wrong("spad", e))
 }
 
-/// Returns library and settings of a TimeHarp 260, if the counter is one.
+/// Returns library and settings of a TimeHarp 260, or `None` if the counter is a different device.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Driver {
-    /// The simulated bench.
+    /// A simulated instrument on the bench.
     #[default]
     Simulated,
     /// Thorlabs' APT protocol over a serial port.
@@ -46,7 +46,7 @@ pub struct StageFile {
     pub port: Option<String>,
     /// Model (`apt`).
     pub model: Option<String>,
-    /// Overshoot in degrees with which it approaches each goal from below.
+    /// Overshoot in degrees with which the stage approaches each goal from below.
     #[serde(default = "approach")]
     pub approach_deg: f64,
     /// Backlash in degrees (simulated).
@@ -72,7 +72,7 @@ fn approach() -> f64 {
 fn twenty_five() -> f64 {
     25.0
 }
-/// Resolution of Thorlabs' PRM1-Z8: 1919.64 counts per degree.
+/// Returns the resolution of Thorlabs' PRM1-Z8 in degrees: 1919.64 counts per degree.
 fn encoder() -> f64 {
     1.0 / 1919.641857862339
 }

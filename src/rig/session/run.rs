@@ -1,7 +1,7 @@
 //! The loop of a run: takes frames and hands them to the writer, which stores and journals them.
 //!
 //! Every step is a checkpoint: after a failure it restarts from moving the stages. All stages move
-//! concurrently, and while earlier frames are being saved.
+//! concurrently, while the writer saves earlier frames.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use store::zarr::frames::FrameStore;
 
-/// Changes of the wall clock below this are drift, in seconds.
+/// Smallest change of the wall clock that counts as a jump, in seconds. Smaller changes are drift.
 const JUMP_S: f64 = 5.0;
 /// Polling interval of a condition.
 const LOOK: Duration = Duration::from_secs(5);
@@ -170,7 +170,7 @@ impl Session<'_> {
         }
     }
 
-    /// Marks all settings as unknown.
+    /// Marks all settings of the instruments as unknown.
     fn forget(&mut self) {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
@@ -243,7 +243,7 @@ impl Session<'_> {
         }
     }
 
-    /// Moves all stages to their goals concurrently, each from below.
+    /// Moves all stages to their goals concurrently, each from a smaller angle.
     fn turn(&mut self, capture: usize) -> Result<Vec<f64>, Failure> {
         let mut found: BTreeMap<String, f64> = BTreeMap::new();
         let mut over: Vec<(String, f64)> = vec![];
@@ -293,7 +293,7 @@ impl Session<'_> {
         moves.iter().map(|(name, _)| finish(name)).collect()
     }
 
-    /// Takes one frame, from moving the stages to its numbers.
+    /// Captures one frame: moves the stages, then reads the detector.
     fn frame(&mut self, step: Step) -> Result<Taken, Failure> {
         let angles_deg = self.turn(step.capture)?;
         if let Some(tell) = &mut self.rig.on_frame {

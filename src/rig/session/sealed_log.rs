@@ -28,8 +28,8 @@ impl SealedLog {
     }
 }
 
-/// Returns the records of a log up to the first incomplete one; none if the log cannot be read. `length`
-/// returns the length in bytes of the record at the begin of its argument.
+/// Returns the records of a log up to the first incomplete one; none if the log cannot be read.
+/// `length` returns the length in bytes of the record at the start of its argument.
 pub(super) fn read(path: &Path, length: impl Fn(&[u8]) -> Option<usize>) -> Vec<Vec<u8>> {
     let mut bytes = vec![];
     let opened = base::input::open(path);

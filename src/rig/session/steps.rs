@@ -23,7 +23,8 @@ pub struct Step {
 /// A plan prepared for a rig, including everything that needs no communication with instruments.
 pub struct Steps {
     pub plan: Plan,
-    /// Stages in the order of their names, which is the order of the angles in the journal.
+    /// Names of the stages in alphabetical order, which is also the order of the angles in the
+    /// journal.
     pub stage_names: Vec<String>,
     /// Goals of each stage in degrees, by capture.
     pub goals: BTreeMap<String, Vec<f64>>,

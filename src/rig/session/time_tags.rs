@@ -1,10 +1,11 @@
 //! Time tags of a scan: the raw T3 records of a counter, and histograms of them.
 //!
-//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point, marker 2
-//! ends it, and sync numbers continue from point to point. `sunstone ptu histogram … --pixels WIDTH,1
-//! --pixel-marker 1,2` computes the row's histograms.
+//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point,
+//! marker 2 ends it, and sync numbers continue from point to point. `sunstone ptu histogram …
+//! --pixels WIDTH,1 --pixel-marker 1,2` computes the row's histograms.
 //!
-//! Until its row is complete, a point's tags are in a log. They are therefore always in the log or in a file.
+//! Until its row is complete, a point's tags are in a log. The tags of a point are therefore always
+//! in the log or in a file.
 
 use super::sealed_log::{self, SealedLog, word};
 use crate::ptu::histogram::{Plan, possibly_empty_histogram};
@@ -17,20 +18,22 @@ use std::path::{Path, PathBuf};
 
 /// File name of the log of an incomplete row.
 const LOG: &str = ".session.tags";
-/// The rows' folder in the store.
+/// Folder of the rows' files in the store.
 const FOLDER: &str = "time_tags";
-/// Markers of a row's file.
+/// Marker that begins a point in a row's file.
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Record type of the files: the one with the largest `dtime` range that PicoQuant's programs read.
+/// Record type of the files: of the types that PicoQuant's programs read, the one with the largest
+/// range of `dtime`.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
 /// Time tags of one point: the pulses of its dwell, and every photon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
     pub pulses: u64,
-    /// Pulse since the start of the dwell (43 bits), time since it in bins (15 bits), channel (6 bits).
+    /// The photons: pulse since the start of the dwell (43 bits), time since the pulse in bins (15
+    /// bits), channel (6 bits).
     photons: Vec<u64>,
 }
 

@@ -16,7 +16,7 @@ use store::zarr::frames::FrameStore;
 
 /// File name of the log of an incomplete chunk.
 const LOG: &str = ".session.frames";
-/// Maximum number of queued frames, which a power cut can lose.
+/// Maximum number of queued frames. A power cut can lose the queued frames.
 const WAITING: usize = 64;
 
 enum Item {
@@ -46,7 +46,7 @@ struct Work {
     journal: Journal,
     log: SealedLog,
     tags: Option<TagLog>,
-    /// Numbers of the incomplete chunk.
+    /// Pixel values or counts of the incomplete chunk.
     part: Vec<u32>,
     /// Chunks that are written but possibly not on disk.
     unsynced: Vec<usize>,
@@ -200,7 +200,7 @@ impl Writer {
     /// Queues an event for the journal.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn event(&mut self, event: Event) -> Result<(), DiskError> {
         self.send(Item::Event(event))
     }
@@ -208,7 +208,7 @@ impl Writer {
     /// Waits until all queued items are on disk.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
@@ -218,7 +218,7 @@ impl Writer {
     /// Waits until all queued items are on disk, and closes the store.
     ///
     /// # Errors
-    /// Like [`Self::frame`].
+    /// Same as [`Self::frame`].
     pub fn close(&mut self) -> Result<(), DiskError> {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {

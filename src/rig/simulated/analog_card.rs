@@ -1,6 +1,7 @@
 //! A simulated analog output card.
 //!
-//! It rounds each output to its bit depth, keeps it for one sample period, and drives its terminals.
+//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample
+//! period.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -9,7 +10,8 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Recorded outputs: the start time of every sample on the bench's clock, and the voltages of all channels.
+/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all
+/// channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
 /// The load at the terminals. It receives the voltages of all channels at every change.
@@ -22,7 +24,7 @@ pub struct SimulatedCard {
     terminals: Terminals,
     settings: Option<AnalogSettings>,
     buffer: Vec<Vec<f64>>,
-    /// Start time of the buffer, and the number of its samples that have been output.
+    /// Start time of the buffer, and the number of samples that have been output.
     running: Option<(Duration, usize)>,
     /// Present voltages of all channels.
     standing: Vec<f64>,
@@ -53,7 +55,7 @@ impl SimulatedCard {
         recording
     }
 
-    /// Returns the time from the start to the begin of a sample, or to the end of the last sample.
+    /// Returns the time from the start to the start of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)

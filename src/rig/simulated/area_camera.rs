@@ -1,7 +1,7 @@
 //! A simulated area camera.
 //!
-//! Its image is the tensor under the shown pattern, seen through the elements at their true angles. The frame
-//! number of the run keys its noise.
+//! The image is the tensor under the displayed pattern, through the elements at their true angles.
+//! The noise depends on the frame number of the run.
 
 use super::faults::Mishap;
 use super::world::Pending;

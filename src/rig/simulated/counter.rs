@@ -1,7 +1,7 @@
 //! A simulated photon counter.
 //!
-//! Its detector is the diode of [`polarimetry::capture::detector::spad`]. It sees the point at which the
-//! galvo points, through the elements at their true angles.
+//! The detector is the diode of [`polarimetry::capture::detector::spad`]. The counter receives
+//! light from the point at which the galvo is directed, through the elements at their true angles.
 
 use super::faults::Mishap;
 use super::light::Scenery;

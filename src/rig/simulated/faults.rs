@@ -1,4 +1,4 @@
-//! Injected faults: each strikes an instrument at its n-th use.
+//! Injected faults: each fault occurs at the n-th use of an instrument.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mishap {
-    /// A frame or an acquisition never arrives.
+    /// A frame or the result of an acquisition never arrives.
     DroppedFrame,
-    /// One answer misses its deadline.
+    /// One reply misses its deadline.
     Timeout,
     /// A stage stops before its goal.
     Stall,
-    /// The cable comes off. Reconnecting succeeds.
+    /// The instrument is disconnected, and reconnecting succeeds.
     CableOut,
-    /// The cable comes off. Reconnecting fails.
+    /// The instrument is disconnected, and reconnecting fails.
     CableGone,
     /// Stray light saturates one frame.
     Saturation,
@@ -36,18 +36,18 @@ pub enum Mishap {
     DiskFull,
 }
 
-/// An injected fault and the use at which it strikes.
+/// An injected fault and the use at which it occurs.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultAt {
     pub kind: Mishap,
     /// Name of the instrument whose uses are counted (moves, exposures, acquisitions, …), or `disk`.
     pub instrument: String,
-    /// Number of the use, from 1.
+    /// Number of the use at which the fault occurs, from 1.
     pub at: u64,
 }
 
-/// The faults that have not struck yet, and the number of uses of each instrument.
+/// The faults that have not yet occurred, and the number of uses of each instrument.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     waiting: Vec<FaultAt>,
@@ -59,7 +59,7 @@ impl Faults {
         Self { waiting, uses: std::collections::BTreeMap::new() }
     }
 
-    /// Counts a use of an instrument and returns the fault that strikes it, if any.
+    /// Counts a use of an instrument and returns the fault that occurs at this use, if any.
     pub fn strike(&mut self, instrument: &str) -> Option<Mishap> {
         let uses = self.uses.entry(instrument.to_owned()).or_default();
         *uses += 1;

@@ -1,4 +1,5 @@
-//! The scenery of the bench: a rendered tensor in memory, a scan read row by row, or a uniform sample.
+//! The scenery of the simulated bench: a rendered tensor in memory, a scan read row by row, or a
+//! uniform sample.
 
 use polarimetry::capture::bench::{Bench, Light, times};
 use polarimetry::capture::design_matrix::ELEMENTS;
@@ -18,7 +19,7 @@ const MOST_ROWS_BYTES: usize = 64 << 20;
 /// Maximum size of a slice that is loaded into memory, in bytes.
 const MOST_BYTES: u64 = 6 << 30;
 
-/// The object that the bench's light illuminates.
+/// The object that the simulated bench illuminates.
 pub enum Scenery {
     /// A uniform sample such as air, a mirror or a known plate: every camera pixel has the same Mueller
     /// matrix. With time bins, all light is in the first bin.
@@ -30,26 +31,26 @@ pub enum Scenery {
         /// Buffer of the sample's image, 16 elements per pixel.
         image: Vec<f32>,
     },
-    /// T(s, s', p, p') in memory.
+    /// A tensor T(s, s', p, p') in memory.
     Tensor(PlayedTensor),
-    /// T(s, s' = s, p, p', t), read by rows of scan points.
+    /// A scan T(s, s' = s, p, p', t), read by rows of scan points.
     Scan(PlayedScan),
 }
 
-/// T(s, s', p, p') at one wavelength.
+/// A tensor T(s, s', p, p') at one wavelength, in memory.
 pub struct PlayedTensor {
     /// Columns and rows of the camera.
     pub camera: [usize; 2],
-    /// Columns and rows of s'.
+    /// Columns and rows of the projector axis s'.
     pub projector: [usize; 2],
-    /// Elements by camera pixel, projector pixel and Mueller element.
+    /// Tensor elements by camera pixel, projector pixel and Mueller element.
     data: Vec<f32>,
     /// Cached pairs of pattern and image, oldest first.
     kept: Vec<(Vec<f32>, Vec<f32>)>,
     lit: Vec<[f64; 4]>,
 }
 
-/// T(s, s, p, p', t) at one wavelength.
+/// A scan T(s, s, p, p', t) at one wavelength, read row by row.
 pub struct PlayedScan {
     slice: StoredSlice,
     /// Columns and rows of the scan.
@@ -72,11 +73,11 @@ impl Scenery {
         Self::Sample { mueller, camera, image }
     }
 
-    /// Opens a slice of a finished store at a wavelength. A slice with time bins is scanned; any other is
-    /// illuminated by patterns.
+    /// Opens a slice of a finished store at a wavelength. A slice with time bins is scanned; any
+    /// other is illuminated by patterns.
     ///
     /// # Errors
-    /// A message if the store cannot be read or the slice cannot be played.
+    /// A message if the store cannot be read or a simulated sensor cannot read the slice.
     pub fn open(path: &Path, name: &str, nm: f64) -> Result<Self, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
         denoised::refuse(&store).map_err(|e| e.to_string())?;

@@ -1,8 +1,8 @@
 //! Simulated instruments that share one bench.
 //!
-//! The camera sees the effect of stage moves, pattern changes and laser failures. The sensors play a rendered
-//! tensor ([`light`]) through the true optics (`world::World::bench`). [`faults`] injects the failures of a
-//! laboratory. All instruments use the bench's [`crate::clock::Clock`].
+//! Stage moves, pattern changes and laser failures affect the images of the camera. The sensors
+//! read a rendered tensor ([`light`]) through the true optics (`world::World::bench`). [`faults`]
+//! injects the failures of a laboratory. All instruments use the bench's [`crate::clock::Clock`].
 
 pub(crate) mod analog_card;
 pub(crate) mod area_camera;
@@ -22,7 +22,7 @@ use world::Shared;
 
 /// A kind of simulated instrument, with its state.
 pub(crate) trait Device: Send {
-    /// Model in the identity.
+    /// Model name in the instrument's identity.
     const MODEL: &'static str;
     /// Reported temperature, in degrees Celsius.
     const TEMPERATURE_C: Option<f64> = None;

@@ -1,7 +1,9 @@
-//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
+//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and
+//! homing.
 //!
-//! Backlash: the axle lags the encoder by half of the play, opposite to the direction of the last move. If
-//! all moves approach from the same side, the error is a constant, which calibration finds.
+//! Backlash: the axle lags the encoder by half of the play, opposite to the direction of the last
+//! move. If all moves approach from the same side, the error is constant, and calibration
+//! determines it.
 
 use super::faults::Mishap;
 use super::world::{Shared, StageState};

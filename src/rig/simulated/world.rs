@@ -39,12 +39,12 @@ pub struct StageState {
 /// The complete state of the simulated laboratory.
 pub struct World {
     pub clock: Clock,
-    /// True optics.
+    /// The true optics of the bench.
     pub bench: Bench,
     pub scenery: Scenery,
-    /// True camera.
+    /// The true camera settings.
     pub cmos: Cmos,
-    /// True diode.
+    /// The true diode settings.
     pub spad: Spad,
     pub stages: BTreeMap<String, StageState>,
     /// Drive of every projector pixel, 0 to 1, or `None` if the projector is dark.
@@ -54,7 +54,7 @@ pub struct World {
     pub emitting: bool,
     /// Time until which the laser has reduced power.
     pub low_until: Duration,
-    /// Number of the run's next frame. It keys all noise.
+    /// Number of the run's next frame. This number is the key of all noise.
     pub frame: u32,
     pub seed: u64,
     faults: Faults,
@@ -166,8 +166,8 @@ impl Shared {
         if dead { Err(lost(instrument)) } else { Ok(()) }
     }
 
-    /// Waits for the end of an operation and returns its result. `words` are the messages if none was
-    /// started, if it takes longer than `within`, and if its result was dropped.
+    /// Waits for the end of an operation and returns its result. `words` are the messages for three
+    /// cases: no operation was started, it takes longer than `within`, or its result was dropped.
     pub(super) fn finish<T>(
         &self,
         instrument: &str,

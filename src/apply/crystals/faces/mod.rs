@@ -1,10 +1,12 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which rough faces
-//! reflect, compared with a single reflection at the true normals and with the renderer's labels.
+//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which
+//! rough faces reflect, compared with a single reflection at the true normals and with the
+//! renderer's labels.
 //!
-//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so (3,3) is
-//! negative. A diffuse ground behind the crystal keeps none of it. Internal reflections of the faces are
-//! neither: the crystal's retardance, which differs between paths, changes them. Nothing is learned here;
-//! training variants are listed because every application has some.
+//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so
+//! (3,3) is negative. A diffuse ground behind the crystal does not preserve circular polarization.
+//! The crystal's retardance, which differs between paths, changes the light of internal
+//! reflections. The method learns nothing; training variants are listed because every application
+//! requires them.
 
 pub mod predicted;
 
@@ -28,7 +30,7 @@ const METRICS: [Metric; 5] = [
     Metric::new("edges of faces, area under the curve", "", true),
 ];
 
-/// An image to test.
+/// An image that is compared with the surface profile.
 #[derive(Clone, Copy)]
 enum Image {
     /// An element 4 i + j of epipolar light, times a sign.
@@ -105,7 +107,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Returns the pixels of the crystal whose normals equal those of all their neighbours on it.
+/// Returns the pixels of the crystal whose normals equal those of all neighbouring crystal pixels.
 fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) -> Vec<usize> {
     let equal = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > SAME_FACE_COS;
     let inner = |i: usize| {
@@ -126,7 +128,8 @@ struct Seen {
     epipolar: Pixels,
     /// Whether the crystal covers the whole pixel.
     is_face: Vec<bool>,
-    /// Pixels within one face; at other pixels, the mean normal is not that of a face.
+    /// Pixels whose neighbours are on the same face. At other pixels, the mean normal is not the
+    /// normal of a face.
     faces: Vec<usize>,
     normal: Vec<Vector3<f64>>,
     /// −(3,3) by the closed form; 0 outside the crystal.
@@ -211,8 +214,8 @@ impl Seen {
         ]
     }
 
-    /// Returns the area under the curve of differences between two pixels, one apart, across an edge against
-    /// those within a face.
+    /// Returns the area under the curve of the differences of two pixels at distance two: pairs
+    /// across an edge against pairs within a face.
     fn edges(&self, image: &[f64]) -> f64 {
         let [w, h] = self.size;
         let (mut across, mut within) = (vec![], vec![]);

@@ -61,7 +61,7 @@ impl Glass {
 mod tests {
     use super::*;
 
-    /// The values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
+    /// Checks the values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
     #[test]
     fn circular_light_is_turned_as_pinned() {
         let glass = Glass { index: 1.5, alpha: 0.3 };

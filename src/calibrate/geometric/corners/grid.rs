@@ -1,4 +1,4 @@
-//! Joins neighboring corners of a board to a grid.
+//! Joins neighboring corners of a board into a grid.
 
 use super::saddle::Saddle;
 use crate::geometric::image::Image;

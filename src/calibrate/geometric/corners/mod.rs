@@ -1,4 +1,5 @@
-//! Detects chessboard corners: finds saddle points, fits a corner model, and joins them to a grid.
+//! Detects chessboard corners: finds saddle points, fits a corner model, and joins the corners into
+//! a grid.
 
 pub mod grid;
 pub mod saddle;

@@ -8,9 +8,10 @@ use nalgebra::{SMatrix, SVector, Vector2};
 pub struct Saddle {
     /// Position in continuous pixels.
     pub at: Vector2<f64>,
-    /// Unit vectors along both edges.
+    /// Unit vectors along the two edges that cross at the corner.
     pub edges: [Vector2<f64>; 2],
-    /// Half of white minus black. Negative if the squares between +e1 and +e2 are black.
+    /// Half of the difference white minus black; negative if the squares between +e1 and +e2 are
+    /// black.
     pub contrast: f64,
 }
 

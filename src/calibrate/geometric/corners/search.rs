@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 pub struct Found {
     /// Corners in continuous pixels, in the order of [`Board::points`].
     ///
-    /// The first corner is the one whose outer square is black, if exactly one candidate is. Otherwise it is
-    /// the one nearest to the upper left of the image.
+    /// If exactly one candidate corner has a black outer square, that corner is the first.
+    /// Otherwise the corner nearest to the upper left of the image is the first.
     pub corners: Vec<Vector2<f64>>,
-    /// Approximate side of the smallest square in pixels.
+    /// Approximate side length of the smallest square in pixels.
     pub smallest: f64,
 }
 
@@ -70,7 +70,7 @@ pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     Err(seen)
 }
 
-/// Removes duplicate saddles.
+/// Removes saddles that are duplicates of another saddle.
 fn apart(all: &mut Vec<Saddle>) {
     let mut kept: Vec<Saddle> = vec![];
     for s in all.drain(..) {

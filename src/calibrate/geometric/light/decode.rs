@@ -127,7 +127,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     if x.abs_diff(y) == 1 && x.max(y) < length { f64::from(x.max(y)) } else { f64::NAN }
 }
 
-/// Refines a coarse coordinate to subpixels by the phase of the waves.
+/// Refines a coarse coordinate to subpixels by the phases of the waves.
 fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, contrast: f64) -> f64 {
     let (mut c, mut s) = (0.0, 0.0);
     for (n, value) in waves.enumerate() {

@@ -6,18 +6,18 @@ use std::f64::consts::TAU;
 /// A coordinate axis of the projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Columns, u.
+    /// The column coordinate u.
     Column,
-    /// Rows, v.
+    /// The row coordinate v.
     Row,
 }
 
 /// One pattern of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// All pixels on.
+    /// A pattern with all pixels on.
     White,
-    /// All pixels off.
+    /// A pattern with all pixels off.
     Black,
     /// A bit of an axis' Gray code (0 is the lowest), and whether it is inverted.
     Bit(Axis, u32, bool),
@@ -45,7 +45,7 @@ impl Sequence {
         Self::with_waves(size, 0, 16)
     }
 
-    /// Creates a sequence of Gray codes and waves, which give subpixel coordinates.
+    /// Creates a sequence of Gray codes and of waves, which determine subpixel coordinates.
     ///
     /// # Errors
     /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.

@@ -19,7 +19,8 @@ use super::random::{normal, poisson, stream};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
-/// A full well is assumed if the reading is at most this many standard deviations of the read-out below it.
+/// Largest distance of a reading below the full well, in standard deviations of the read-out, at
+/// which a full well is assumed.
 const CERTAIN: f64 = 4.0;
 
 /// The settings of a camera. The defaults are close to the data sheets of cameras with Sony's IMX250 (12
@@ -46,8 +47,8 @@ pub struct Cmos {
     pub bit_depth: u32,
     /// Electrons per DN; by default the full well divided by the output's range.
     pub gain_e_per_dn: Option<f64>,
-    /// Output without electrons, DN. It should be several times the read noise; otherwise dark readings are
-    /// clipped at 0 and biased.
+    /// Output without electrons, DN. Choose a level of several times the read noise. Otherwise dark
+    /// readings are clipped at 0 and biased.
     pub black_level_dn: f64,
     /// 1, or 2 to average 2×2 pixels after read-out.
     pub binning: u32,
@@ -78,7 +79,7 @@ impl Default for Cmos {
 pub struct Reading {
     /// Digital number.
     pub dn: u32,
-    /// True from [`Cmos::saturation_dn`] on.
+    /// True if the digital number is at least [`Cmos::saturation_dn`].
     pub saturated: bool,
 }
 
@@ -122,12 +123,12 @@ impl Cmos {
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }
 
-    /// The largest output, DN.
+    /// Returns the largest output, DN.
     fn top(&self) -> f64 {
         ((1_u64 << self.bit_depth.min(32)) - 1) as f64
     }
 
-    /// Gain, e⁻/DN.
+    /// Returns the gain, e⁻/DN.
     fn gain(&self) -> f64 {
         self.gain_e_per_dn.unwrap_or(self.full_well_e / self.top())
     }
@@ -149,11 +150,11 @@ impl Cmos {
         if self.shot_noise { mean } else { 0.0 }
     }
 
-    /// Returns the smallest DN that counts as saturated: the maximum of the output, or a possible reading of
-    /// a full well.
+    /// Returns the smallest DN that counts as saturated: the maximum of the output, or a possible
+    /// reading of a full well.
     ///
-    /// A few standard deviations below a full well, the only unsaturated readings are those with low noise.
-    /// The mean of their estimates would be too low by a fraction of a standard deviation.
+    /// A limit at the full well itself would keep only the readings with low noise. The mean
+    /// estimate of these readings would be too low by a fraction of a standard deviation.
     pub fn saturation_dn(&self) -> u32 {
         let noise = self.read_out().sqrt();
         let full = (self.full_well_e - CERTAIN * noise) / self.gain() + self.black_level_dn;
@@ -162,9 +163,9 @@ impl Cmos {
 
     /// Returns a random reading of one pixel.
     ///
-    /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum wavelength, and
-    /// `factor` is the one of `bracket`. Photoelectrons and dark electrons are drawn as one number: the sum
-    /// of Poisson numbers is a Poisson number.
+    /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum
+    /// wavelength, and `factor` is an entry of `bracket`. Photoelectrons and dark electrons are
+    /// drawn as one number: the sum of Poisson numbers is a Poisson number.
     pub fn sample(&self, radiance: f64, nm: f64, factor: f64, stream: &mut Stream) -> Reading {
         let (per_unit, dark) = self.electrons(nm, factor);
         let mean = (per_unit * radiance).max(0.0) + dark;
@@ -203,13 +204,13 @@ impl Cmos {
         }
     }
 
-    /// Combines the estimates of all exposures, in the order of `bracket`; each may be the mean of `binning`²
-    /// pixels.
+    /// Combines the estimates of all exposures, in the order of `bracket`; each may be the mean of
+    /// `binning`² pixels.
     ///
-    /// Weights are inverse variances. The variances of the single estimates would bias the mean: a low
-    /// reading has a low variance and therefore a high weight. Instead all variances are predicted from the
-    /// pooled radiance (electrons divided by electrons per unit). The weights depend little on it, and not at
-    /// all where shot noise dominates.
+    /// Weights are inverse variances. The variances of the single estimates would bias the mean: a
+    /// low reading has a low variance and therefore a high weight. Instead all variances are
+    /// predicted from the pooled radiance (electrons divided by electrons per unit). The weights
+    /// depend little on the pooled radiance, and not at all where shot noise dominates.
     pub fn combine(&self, estimates: &[Estimate], nm: f64) -> Estimate {
         let exposures = || {
             let pairs = estimates.iter().zip(&self.bracket);
@@ -242,7 +243,7 @@ impl Cmos {
     /// same values as the full sensor.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Radiance`] if `image` contains non-finite values.
+    /// Same as [`Self::check`]; [`DetectorError::Radiance`] if `image` contains non-finite values.
     pub fn frame(
         &self,
         image: &[f64],
@@ -314,7 +315,7 @@ impl Cmos {
     }
 }
 
-/// Returns the mean of independent estimates; saturated if one of them is.
+/// Returns the mean of independent estimates; the mean is saturated if any estimate is.
 fn mean(estimates: impl Iterator<Item = Estimate>) -> Estimate {
     let (mut n, mut sum, mut variance, mut saturated) = (0.0, 0.0, 0.0, false);
     for e in estimates {

@@ -25,15 +25,15 @@ pub enum DetectorError {
         index: usize,
         value: f64,
     },
-    /// A simulation would take too many single detections.
+    /// The simulation would have too many single detections.
     #[error(
         "the simulation would need about {expected:.0e} single detections, but the limit is {most:.0e}; reduce `pulses`, \
          `photons_per_unit` or `dark_counts_per_s`, or increase `dead_time_ps`"
     )]
     Detections {
-        /// Expected number of detections, at most.
+        /// Upper bound of the expected number of detections.
         expected: f64,
-        /// Limit of simulated detections.
+        /// Maximum number of detections that the simulation accepts.
         most: f64,
     },
 }
@@ -57,7 +57,7 @@ pub(in crate::capture) fn demand(
     Err(DetectorError::Field { field, value, need })
 }
 
-/// The largest allowed setting: products of several stay finite.
+/// The largest allowed setting, so that products of several settings stay finite.
 const LARGEST: f64 = 1e20;
 
 pub(super) fn positive(value: f64) -> bool {
@@ -83,7 +83,8 @@ pub(in crate::capture) fn count(
     Err(DetectorError::Count { what, expected, found })
 }
 
-/// Checks the length of an image. The size saturates on overflow, which no list can match.
+/// Checks that an image has one value per pixel. On overflow the expected size saturates, which
+/// matches no list.
 pub(super) fn area(
     what: &'static str,
     width: usize,

@@ -2,8 +2,8 @@
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Radiance in the scene's unit, with the dark signal subtracted, so that it can be negative; NaN if
-    /// saturated.
+    /// Radiance in the scene's unit, with the dark signal subtracted; NaN if saturated. The value
+    /// can be negative.
     pub radiance: f64,
     /// Variance of `radiance`; infinite if unknown.
     pub variance: f64,

@@ -25,7 +25,8 @@ use std::path::Path;
 pub enum Detector {
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; without it every pixel records all four channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
+        /// channels.
         demosaic: Option<Method>,
     },
     /// A single-photon avalanche diode.
@@ -74,7 +75,7 @@ struct DetectorFile {
     analyzer: Option<IgnoredAny>,
 }
 
-/// `[detector]` of a calibration, which may hold both.
+/// The `[detector]` table of a calibration, which may contain both detectors.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Calibrated {
@@ -96,7 +97,7 @@ pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
 /// Parses a detector from TOML text; `path` is used in messages.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
     let error = |span, message: String, help: &str| InputError::new(path, text, span, message, help);
     let file: DetectorFile = document::parse(path, text, |_| {

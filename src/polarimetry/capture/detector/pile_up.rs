@@ -24,10 +24,11 @@
 /// Detections per pulse and bin of a diode that is always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN where the diode was never armed, or detected a photon whenever it was armed.
+    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was
+    /// armed.
     pub value: f64,
-    /// An unbiased estimate of the variance. It is 0 in an empty bin and thus unsuitable as a weight of
-    /// single bins.
+    /// An unbiased estimate of the variance. The estimate is 0 in an empty bin. It is therefore
+    /// unsuitable as a weight of single bins.
     pub variance: f64,
     /// True where too much light prevents an estimate.
     pub saturated: bool,
@@ -77,8 +78,9 @@ pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     counts.iter().map(armed).collect()
 }
 
-/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with a dead
-/// time of `dead` bins was armed at each bin of the period. It is not positive where the counts are too high.
+/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with
+/// a dead time of `dead` bins was armed at each bin of the period. The number is zero or negative
+/// where the counts are too high.
 pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
     let n: Vec<_> = counts.iter().map(|n| *n as f64).collect();
@@ -106,7 +108,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     (0..bins).map(|i| pulses as f64 - covered(i)).collect()
 }
 
-/// H(s): the probability that one uniform number exceeds another by less than s.
+/// Returns H(s), the probability that one uniform random number exceeds another by less than s.
 fn difference_below(s: f64) -> f64 {
     let s = s.clamp(-1.0, 1.0);
     if s < 0.0 { 0.5 * (1.0 + s).powi(2) } else { 1.0 - 0.5 * (1.0 - s).powi(2) }
@@ -120,10 +122,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Checks that mean corrected rates are the true ones within 5 standard errors, and that the mean of the
-    /// stated variances is the observed variance, per bin. The sum over bins is checked in the same way and
-    /// reveals biases ten times smaller. Its variance is the sum, because errors of martingales are
-    /// uncorrelated.
+    /// Checks that mean corrected rates are the true ones within 5 standard errors, and that the
+    /// mean of the stated variances is the observed variance, per bin. The sum over bins is checked
+    /// in the same way and reveals biases ten times smaller. The variance of the sum is the sum of
+    /// the variances, because errors of martingales are uncorrelated.
     fn assert_unbiased(rates: &[f64], captures: &[Vec<Rate>]) {
         for (i, rate) in rates.iter().enumerate() {
             let seen = Moments::of(captures.iter().map(|c| c[i].value));
@@ -138,7 +140,8 @@ mod tests {
         seen.assert_variance(stated.mean, 0.1 * stated.mean.powi(2));
     }
 
-    /// A peak over a background at 2.8 photons per pulse: 2000 captures of 20 000 pulses.
+    /// Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse: 2000
+    /// captures of 20 000 pulses.
     #[test]
     fn coates_undoes_pile_up() {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
@@ -151,8 +154,9 @@ mod tests {
         assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
-    /// Dead times of part of a bin, several bins, part of a period, and more than one and two periods, with
-    /// 0.95 photons per pulse: 300 captures of 10 000 pulses.
+    /// The live-time correction is unbiased for dead times of part of a bin, several bins, part of
+    /// a period, and more than one and two periods, with 0.95 photons per pulse: 300 captures of 10
+    /// 000 pulses.
     #[test]
     fn live_time_undoes_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();

@@ -5,13 +5,14 @@
 //! > 90°  45°
 //! > 135°  0°
 //!
-//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one,
-//! column 0 the left one). Images of the four polarizers are in the order of
+//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the
+//! top one, column 0 the left one). Images of the four polarizers are in the order of
 //! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
 //!
-//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No method
-//! here avoids that (for methods that exchange it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image
-//! interpolation for division of focal plane polarimeters with intensity correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No
+//! method here avoids that (for methods that replace this error by other errors, see Zhang, Luo,
+//! Liu & Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity
+//! correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
@@ -27,9 +28,11 @@ pub fn polarizer(x: usize, y: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Each 2×2 block becomes one pixel with four polarizers; an odd last row or column is dropped.
+    /// Each 2×2 block becomes one pixel with the values of four polarizers; an odd last row or
+    /// column is dropped.
     Superpixel,
-    /// Every pixel gets all polarizers: means of the two or four nearest.
+    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest
+    /// pixels.
     Bilinear,
 }
 
@@ -187,7 +190,8 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Averages of one, two or four equal variances, and of fewer at the borders.
+    /// Variances of means of one, two or four pixels of equal variance are correct, also at the
+    /// borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");

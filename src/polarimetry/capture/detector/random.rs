@@ -3,14 +3,14 @@
 use optics::sampling::stream::Stream;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 
-/// Separates the detectors' random numbers from the renderer's, which use the same (seed, pixel, sample)
-/// keys. Noise must not be correlated with the render that it is added to. The value of the constant is
-/// arbitrary.
+/// Salt that separates the detectors' random numbers from those of the renderer, which use the same
+/// (seed, pixel, sample) keys. Noise must not be correlated with the render that it is added to.
+/// The value of the constant is arbitrary.
 const SALT: u64 = 0x6465_7465_6374_6f72;
 
-/// Above this mean, a normal number replaces a Poisson number. Its skewness, 1e-5, is then far below the
-/// resolution of any test, and rejection sampling loses accuracy in double precision (rust-random/rand issue
-/// 1515).
+/// Mean above which a normal number replaces a Poisson number. The skewness of the Poisson number
+/// is then 1e-5, far below the resolution of any test. Rejection sampling would lose accuracy in
+/// double precision (rust-random/rand issue 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
 /// Returns the random stream of pixel `pixel` in capture `key`, separate from all streams of the renderer.

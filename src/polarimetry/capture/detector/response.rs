@@ -15,11 +15,13 @@
 /// FWHM of a Gaussian over its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;
 
-/// Beyond this number of standard deviations plus this multiple of τ, the response is below double precision.
+/// Range of the response: beyond this number of standard deviations plus this multiple of τ, the
+/// response is below double precision.
 const SIGMAS: f64 = 9.0;
 const TAUS: f64 = 40.0;
 
-/// Below this, Φ comes from its asymptotic series: Φ itself would soon underflow, and its factor overflow.
+/// Argument below which Φ is computed by its asymptotic series, because Φ would underflow and its
+/// factor would overflow.
 const FAR: f64 = -30.0;
 
 /// The instrument's response; all times have the same arbitrary unit.
@@ -65,8 +67,8 @@ impl Response {
         self.tail * self.tau
     }
 
-    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins` bins;
-    /// their sum is 1. Earlier arrivals are at the end.
+    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins`
+    /// bins; their sum is 1. Arrivals before time 0 are in the last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.

@@ -28,20 +28,21 @@ const MAX_BINS: f64 = 1_048_576.0;
 /// Maximum number of pulses of a capture: a day at 10 MHz.
 const MAX_PULSES: u64 = 1_000_000_000_000;
 
-/// Maximum expected number of detections of a free-running diode in one capture. They are simulated one by
-/// one, about 10⁷ per second. A diode with a dead time of 50 ns in constant light reaches this number in five
-/// seconds.
+/// Maximum expected number of detections of a free-running diode in one capture. Detections are
+/// simulated one by one, about 10⁷ per second. A diode with a dead time of 50 ns in constant light
+/// reaches this number in five seconds.
 const MAX_DETECTIONS: f64 = 1e8;
 
 /// When the diode is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// At each laser pulse: classical counting with at most one detection per pulse. `dead_time_ps` and
-    /// after-pulses have no effect: both are assumed to end before the next pulse.
+    /// The diode is armed at each laser pulse, with at most one detection per pulse. `dead_time_ps`
+    /// and after-pulses have no effect, because both are assumed to end before the next pulse.
     #[default]
     Synchronous,
-    /// After a fixed dead time that follows each detection (photons during it do not extend it).
+    /// The diode is armed again a fixed dead time after each detection. Photons during the dead
+    /// time do not extend it.
     FreeRunning,
 }
 
@@ -67,7 +68,7 @@ pub struct Spad {
     pub dark_counts_per_s: f64,
     /// Time without detections after a detection, ps (free-running).
     pub dead_time_ps: f64,
-    /// Probability that a detection causes another one (free-running).
+    /// Probability that a detection causes an after-pulse (free-running).
     pub after_pulsing: f64,
     /// Mean time from the end of the dead time to an after-pulse, ps.
     pub after_pulse_time_ps: f64,
@@ -153,12 +154,12 @@ impl Spad {
         }
     }
 
-    /// Dark counts per pulse and bin.
+    /// Returns the dark counts per pulse and bin.
     fn dark(&self) -> f64 {
         self.dark_counts_per_s * self.bin_ps * 1e-12
     }
 
-    /// Detections per pulse and unit of radiance.
+    /// Returns the detections per pulse and unit of radiance.
     fn per_unit(&self, nm: f64) -> f64 {
         self.detection_efficiency.at(nm) * self.photons_per_unit
     }
@@ -172,7 +173,7 @@ impl Spad {
     /// sum is 1.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Same as [`Self::check`].
     pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
         self.check()?;
         Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
@@ -185,7 +186,7 @@ impl Spad {
     /// 0.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
+    /// Same as [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
     pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
         finite(histogram)?;
         let response = self.response()?;
@@ -219,7 +220,7 @@ impl Spad {
     /// [`Self::rates`].
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
+    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
     /// [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸ detections.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
@@ -243,7 +244,7 @@ impl Spad {
     /// of single bins.
     ///
     /// # Errors
-    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
+    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
         count("the counts of a period", self.period_bins(), counts.len())?;

@@ -97,7 +97,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     }
 }
 
-/// A time as periods and bins, which stays exact over long captures.
+/// A time as periods and bins, so that it stays exact over long captures.
 #[derive(Clone, Copy)]
 struct Time {
     pulse: u64,
@@ -216,10 +216,11 @@ mod tests {
         }
     }
 
-    /// Constant light of r per bin with dead times τ between part of a period and several periods. The count
-    /// in a time T is that of a renewal process whose intervals τ + Exp(r) have mean μ = τ + 1/r and
-    /// deviation 1/r. The diode is armed at the start, as if the last event had occurred τ before. The mean
-    /// is therefore (T + τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the
+    /// Counts of constant light saturate as in theory, for a rate r per bin and dead times τ
+    /// between part of a period and several periods. The count in a time T is that of a renewal
+    /// process whose intervals τ + Exp(r) have mean μ = τ + 1/r and deviation 1/r. The diode is
+    /// armed at the start, as if the last event had occurred τ before. The mean is therefore (T +
+    /// τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the
     /// variance is r T/(1 + rτ)³. Uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
@@ -241,9 +242,9 @@ mod tests {
         }
     }
 
-    /// Each detection causes another one with probability p, and so on: clusters have geometric size with
-    /// mean 1/(1 - p) and mean square (1 + p)/(1 - p)². Uses 4000 captures with about 100 photons in 10⁶
-    /// pulses.
+    /// Each detection causes another detection with probability p, so the cluster size is geometric
+    /// with mean 1/(1 - p) and mean square (1 + p)/(1 - p)². Uses 4000 captures with about 100
+    /// photons in 10⁶ pulses.
     #[test]
     fn after_pulses_multiply_the_counts() {
         let p: f64 = 0.2;

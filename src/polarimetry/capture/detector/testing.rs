@@ -1,4 +1,5 @@
-//! Sample moments, and their comparison with closed forms at five standard errors.
+//! Computes sample moments and compares them with closed forms, with a tolerance of five standard
+//! errors.
 
 /// Count, mean and unbiased variance of a sample.
 pub struct Moments {

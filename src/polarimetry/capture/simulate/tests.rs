@@ -26,7 +26,7 @@ fn camera(photons_per_unit: f64) -> Noise {
     Noise::Cmos { camera: Cmos { photons_per_unit, ..Cmos::default() }, demosaic: None }
 }
 
-/// Returns a camera whose only noise is 24-bit quantization of 1e7 electrons.
+/// Returns a camera without noise except the quantization of 1e7 electrons to 24 bits.
 fn still(demosaic: Option<Method>, binning: u32) -> Noise {
     Noise::Cmos {
         camera: Cmos {

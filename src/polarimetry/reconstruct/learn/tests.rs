@@ -21,7 +21,7 @@ fn objective(estimator: Estimator, angle_error: f64) -> Objective {
     }
 }
 
-/// A metric of two functionals of the elements.
+/// Returns the metric of two functionals of the elements.
 fn functionals() -> Moment {
     let of = |f: f64| std::array::from_fn(|e| (f * e as f64).cos());
     metric(&[of(1.3), of(0.4)])

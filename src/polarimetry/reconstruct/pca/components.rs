@@ -1,14 +1,14 @@
 //! Principal components of a set of Mueller matrices.
 //!
-//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X -
-//! mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows from its
-//! eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. The drawback: singular values below about
-//! 1e-8 of the first are rounding errors.
+//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ
+//! (X - mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows
+//! from its eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. Drawback: singular values
+//! below about 1e-8 of the first are rounding errors.
 
 use super::moments::{MatrixRow, Moments};
 use nalgebra::{SMatrix, SymmetricEigen};
 
-/// Maximum number of steps of the eigenvalue iteration; a few per value suffice.
+/// Maximum number of steps of the eigenvalue iteration; a few steps per eigenvalue suffice.
 const MOST_STEPS: usize = 10_000;
 
 /// Principal components in descending order. Matrices are row-major, Stokes out first.
@@ -18,9 +18,10 @@ pub struct Components {
     pub count: f64,
     /// Mean of the rows.
     pub mean: MatrixRow,
-    /// Singular values of X - mean in descending order; they grow with √n.
+    /// Singular values of X - mean in descending order. Singular values are proportional to √n.
     pub spectrum: MatrixRow,
-    /// Fraction of each in the total variance, σ² / Σ σ²; all 0 for a set without variance.
+    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set
+    /// without variance.
     pub share: MatrixRow,
     /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
     /// positive.

@@ -5,7 +5,7 @@ use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Slabs between two merges: enough for many threads, few enough for little memory.
+/// Number of slabs between two merges: enough for many threads, and small enough to limit memory.
 const BATCH: u32 = 64;
 
 /// Settings of the data kept for each material.
@@ -31,13 +31,13 @@ pub struct Material {
     pub plain: Moments,
     /// Moments of arctan(c T / T00).
     pub mapped: Moments,
-    /// Number of valid bins, and of bins excluded for each reason.
+    /// Number of valid bins, and number of bins excluded for each reason.
     pub tally: Tally,
     /// Sampled bins, T / T00, row-major, in random order.
     pub samples: Vec<[f32; 16]>,
 }
 
-/// Materials in order of name.
+/// A set of materials, in order of name.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     pub materials: Vec<Material>,
@@ -46,11 +46,12 @@ pub struct DataSet {
 /// The weight of each material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
-    /// In proportion to its valid bins, as in the paper, whose X stacks all bins. If all tables have one
-    /// resolution, this is nearly the same as [`Self::Materials`].
+    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X
+    /// stacks all bins. If all tables have one resolution, this is nearly the same as
+    /// [`Self::Materials`].
     #[default]
     Bins,
-    /// Equal for all materials.
+    /// Equal weight for all materials.
     Materials,
 }
 
@@ -80,7 +81,7 @@ pub enum DataError {
     /// A material has no valid bin.
     #[error("{name}: no bin is valid (finite, M00 > 0, no element larger than M00); exclude this material")]
     NoBins { name: String },
-    /// c of arctan(c T) is invalid.
+    /// The factor c of arctan(c T) is invalid.
     #[error("expected a positive number c of arctan(c T), got {0}; the paper uses 8")]
     Factor(f64),
     /// One side of a split would be empty.

@@ -21,7 +21,8 @@ pub struct Fold {
     pub test_names: Vec<String>,
 }
 
-/// Splits the numbers 0..n into k lists f, f + k, …; the number of lists is at most n.
+/// Splits the indices 0 to n - 1 into k lists, of which list f is f, f + k, f + 2k, …; returns at
+/// most n lists.
 pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
     let k = k.min(n);
     (0..k).map(|f| (f..n).step_by(k).collect()).collect()
@@ -90,7 +91,7 @@ mod tests {
         assert!(split(0, 5).is_empty());
     }
 
-    /// Materials with equal weights have the mean of their means.
+    /// Materials with equal weights have pooled moments that are the mean of their moments.
     #[test]
     fn materials_can_count_alike() {
         let data = data(4);

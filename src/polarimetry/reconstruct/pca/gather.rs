@@ -15,18 +15,18 @@ use optics::sampling::mix::mix;
 
 /// Largest valid magnitude of a normalized element: 1, plus 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
-/// Below this T00 the other elements lose digits in single precision, so the entry counts as dark.
+/// Smallest T00 of a valid entry. Below it, the other elements lose digits in single precision.
 const LEAST: f32 = 1e-30;
 
 /// Number of entries of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     pub valid: u64,
-    /// Not a number, infinite, or below the horizon.
+    /// Entries that are non-finite or below the horizon.
     pub holes: u64,
-    /// T00 is not positive.
+    /// Entries whose T00 is not positive.
     pub dark: u64,
-    /// A normalized element exceeds [`GREATEST`].
+    /// Entries with a normalized element above [`GREATEST`] in magnitude.
     pub unreal: u64,
 }
 
@@ -40,7 +40,8 @@ impl Tally {
     }
 }
 
-/// The map of §3.2: arctan(c v) per element. It expands small elements, in which most materials differ.
+/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials
+/// differ.
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
@@ -49,7 +50,7 @@ pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
 #[derive(Clone, Debug)]
 struct Choice {
     most: usize,
-    /// Keys from here on are not among the smallest.
+    /// Upper bound of keys: greater or equal keys are not among the smallest.
     bound: u64,
     kept: Vec<(u64, [f32; 16])>,
 }
@@ -90,7 +91,7 @@ pub struct Gathered {
     pub tally: Tally,
     c: f64,
     choice: Choice,
-    /// Index of the next entry; the upper half contains the slab.
+    /// Index of the next entry, with the slab in the upper half.
     next: u64,
 }
 
@@ -107,15 +108,15 @@ impl Gathered {
         }
     }
 
-    /// Creates an empty accumulator for another slab, which skips samples that cannot displace those chosen
-    /// here.
+    /// Creates an empty accumulator for another slab. The new accumulator skips samples that would
+    /// not be chosen over the samples of this one.
     pub fn beside(&self, slab: u32) -> Self {
         let mut new = Self::new(slab, self.c, self.choice.most);
         new.choice.bound = self.choice.bound;
         new
     }
 
-    /// Adds the next entry, a row-major matrix; `None` is a hole.
+    /// Adds the next entry, a row-major matrix; `None` stands for an invalid entry.
     #[inline]
     pub fn take(&mut self, m: Option<&[f32; 16]>) {
         self.next += 1;

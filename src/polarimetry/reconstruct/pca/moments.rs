@@ -22,7 +22,7 @@ const CHUNK: usize = 4096;
 pub struct Moments {
     count: f64,
     mean: MatrixRow,
-    /// C, symmetric.
+    /// The symmetric co-moments C.
     about_mean: [MatrixRow; 16],
 }
 
@@ -169,7 +169,8 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 with a mean of 1e4, which a sum of squares would lose entirely.
+    /// A variance of 1e-12 is computed correctly with a mean of 1e4, where a sum of squares would
+    /// lose it.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> =

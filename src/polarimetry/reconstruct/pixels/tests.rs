@@ -58,8 +58,8 @@ fn every_wavelength_has_its_own_optics() {
     assert!(worst(&out) > 1e-2);
 }
 
-/// Saturated and missing measurements affect only their own pixel. A pixel with too few measurements is lost,
-/// but not its neighbours.
+/// Saturated and missing measurements affect only their own pixel. A pixel with too few
+/// measurements is not determined, but its neighbours are.
 #[test]
 fn saturation_is_left_out_pixel_by_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
@@ -134,7 +134,8 @@ fn projections_are_realizable() {
     assert!(projected.chunks(16).all(|m| is_realizable(&of(m), 1e-9)));
 }
 
-/// With few captures, there is no estimate without a prior, and a good one with it at any brightness.
+/// With few captures, reconstruction fails without a prior and succeeds with a prior at any
+/// brightness.
 #[test]
 fn priors_serve_few_captures() {
     let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);

@@ -1,4 +1,5 @@
-//! An emulated controller with its stage that follows the protocol document and can be set to fail.
+//! An emulated controller with a stage. The emulator follows the protocol document and can simulate
+//! faults.
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
@@ -7,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
-/// Fault of the emulator; can be set while it runs.
+/// A fault of the emulator, which a test can set while the emulator runs.
 #[derive(Clone, Debug, Default)]
 pub struct Trouble(Arc<AtomicU8>);
 
@@ -15,7 +16,7 @@ impl Trouble {
     pub const NONE: u8 = 0;
     /// The controller does not reply.
     pub const SILENT: u8 = 1;
-    /// The stage stops half way.
+    /// The stage stops halfway.
     pub const STALLS: u8 = 2;
     /// Noise precedes every reply.
     pub const NOISE: u8 = 3;
@@ -30,7 +31,7 @@ impl Trouble {
     }
 }
 
-/// A motion: start, goal, start time, duration.
+/// A motion of the stage: start, goal, start time, duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,
@@ -51,7 +52,8 @@ struct Controller {
 }
 
 impl Controller {
-    /// Advances time; returns the message that reports the end of a motion.
+    /// Advances the simulated stage to the current time; returns the message that reports the end
+    /// of a motion.
     fn pass(&mut self) -> Option<Message> {
         let motion = self.motion?;
         let share = motion.begun.elapsed().as_secs_f64() / motion.time.as_secs_f64().max(1e-6);

@@ -13,21 +13,21 @@ const CHANNEL: u8 = 1;
 /// Maximum length of a message's data, in bytes.
 const LONGEST: usize = 255;
 
-/// Bits of a status.
+/// Status bits of a stage.
 pub mod bits {
-    /// A limit switch is active.
+    /// Set if a limit switch is active.
     pub const LIMITS: u32 = 0x3;
-    /// The stage is moving, in either direction.
+    /// Set if the stage is moving, in either direction.
     pub const MOVING: u32 = 0x30 | 0xC0;
-    /// The stage is homing.
+    /// Set while the stage is homing.
     pub const HOMING: u32 = 0x200;
-    /// The stage is homed: its zero is known.
+    /// Set if the stage is homed, that is, if its zero is known.
     pub const HOMED: u32 = 0x400;
-    /// The stage has settled at its goal.
+    /// Set if the stage has settled at its goal.
     pub const SETTLED: u32 = 0x2000;
-    /// Motion error: the motor cannot follow.
+    /// Set on a motion error: the motor cannot follow.
     pub const MOTION_ERROR: u32 = 0x4000;
-    /// The channel is enabled.
+    /// Set if the channel is enabled.
     pub const ENABLED: u32 = 0x8000_0000;
 }
 
@@ -36,7 +36,7 @@ pub mod bits {
 pub struct Status {
     /// Position, in encoder counts.
     pub position: i32,
-    /// Encoder counts; for DC controllers, the velocity (i16) and a reserved word.
+    /// Additional encoder counts. For DC controllers: the velocity (i16) and a reserved word.
     pub extra: u32,
     /// Status bits, see [`bits`].
     pub bits: u32,
@@ -44,7 +44,7 @@ pub struct Status {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Message {
-    /// MGMSG_HW_REQ_INFO.
+    /// MGMSG_HW_REQ_INFO: requests [`Self::Info`].
     RequestInfo,
     /// MGMSG_HW_GET_INFO: serial number, model, type, firmware (minor, interim, major, unused), hardware
     /// version, modification, channels.
@@ -57,15 +57,15 @@ pub enum Message {
     },
     /// MGMSG_MOD_IDENTIFY: flash the front panel.
     Identify,
-    /// MGMSG_MOD_SET_CHANENABLESTATE.
+    /// MGMSG_MOD_SET_CHANENABLESTATE: enables or disables the channel.
     Enable(bool),
     /// MGMSG_HW_STOP_UPDATEMSGS: send a status only on request.
     StopUpdates,
     /// MGMSG_MOT_SET_VELPARAMS: acceleration and maximum velocity in the controller's units.
     SetVelocity { acceleration: i32, velocity: i32 },
-    /// MGMSG_MOT_MOVE_HOME.
+    /// MGMSG_MOT_MOVE_HOME: homes the stage.
     Home,
-    /// MGMSG_MOT_MOVE_HOMED.
+    /// MGMSG_MOT_MOVE_HOMED: the stage has been homed.
     Homed,
     /// MGMSG_MOT_MOVE_ABSOLUTE with the position in counts.
     MoveAbsolute(i32),
@@ -73,16 +73,16 @@ pub enum Message {
     MoveCompleted(Option<Status>),
     /// MGMSG_MOT_MOVE_STOP: immediate or with a ramp.
     Stop {
-        /// Stop without a ramp.
+        /// Whether the stage stops without a ramp.
         abrupt: bool,
     },
     /// MGMSG_MOT_MOVE_STOPPED, with or without a status.
     MoveStopped(Option<Status>),
-    /// MGMSG_MOT_REQ_STATUSUPDATE.
+    /// MGMSG_MOT_REQ_STATUSUPDATE: requests [`Self::Status`].
     RequestStatus,
     /// MGMSG_MOT_GET_STATUSUPDATE.
     Status(Status),
-    /// MGMSG_MOT_REQ_DCSTATUSUPDATE.
+    /// MGMSG_MOT_REQ_DCSTATUSUPDATE: requests [`Self::DcStatus`].
     RequestDcStatus,
     /// MGMSG_MOT_GET_DCSTATUSUPDATE.
     DcStatus(Status),
@@ -198,7 +198,7 @@ impl Message {
     }
 }
 
-/// Parser of messages in a byte stream. It skips bytes until a valid header begins.
+/// Parser of messages in a byte stream. The parser skips bytes until a valid header begins.
 #[derive(Debug)]
 pub struct Parser {
     /// Address of the receiver; headers with other destinations are invalid.

@@ -15,9 +15,9 @@ const STANDS: u32 = 3;
 pub struct Model {
     /// Encoder counts per degree.
     pub counts_per_degree: f64,
-    /// Controller units per degree per second.
+    /// Velocity in controller units that equals one degree per second.
     pub velocity: f64,
-    /// Controller units per degree per second squared.
+    /// Acceleration in controller units that equals one degree per second squared.
     pub acceleration: f64,
     pub limits: StageLimits,
 }

@@ -25,7 +25,7 @@ fn emulated() -> (AptStage, Trouble) {
     (AptStage::new("retarder_2", Box::new(ours), quick()).expect("a stage"), trouble)
 }
 
-/// Bytes listed in Thorlabs' document.
+/// Messages are encoded to the bytes listed in Thorlabs' document.
 #[test]
 fn bytes_are_the_documents() {
     let to = |m: Message| m.bytes(CONTROLLER, HOST);

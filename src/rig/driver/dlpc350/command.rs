@@ -3,18 +3,18 @@
 /// Source of the patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// Bit planes of the video port.
+    /// Patterns are bit planes of the video port.
     Video,
-    /// Images in flash.
+    /// Patterns are bit planes of the images in flash.
     Flash,
 }
 
 /// State of the pattern sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Run {
-    /// Stopped; a start begins the sequence from its first pattern.
+    /// The sequence is stopped; a start begins it from its first pattern.
     Stop,
-    /// Paused; a start resumes the sequence.
+    /// The sequence is paused; a start resumes it.
     Pause,
     Start,
 }
@@ -22,13 +22,13 @@ pub enum Run {
 /// Trigger that begins a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
-    /// The controller's internal clock.
+    /// The controller's internal clock begins the pattern.
     Internal,
-    /// A rising edge.
+    /// A rising edge begins the pattern.
     Rising,
-    /// A falling edge.
+    /// A falling edge begins the pattern.
     Falling,
-    /// The end of the previous pattern.
+    /// The end of the previous pattern begins the pattern.
     Continue,
 }
 
@@ -39,25 +39,26 @@ pub enum Begin {
 pub struct Entry {
     /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Bit of the image: for one-bit patterns the plane, 0 to 23 from green's lowest bit, or [`Self::WHITE`].
+    /// Plane of the flash image, 0 to 23 from the lowest bit of green for one-bit patterns, or
+    /// [`Self::WHITE`].
     pub plane: u8,
     /// Bits per pixel, 1 to 8.
     pub bits: u8,
     /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
     pub leds: u8,
-    /// Inverts the pattern.
+    /// Whether the pattern is inverted.
     pub negative: bool,
-    /// Inserts 230 µs of black after the pattern.
+    /// Whether 230 µs of black follow the pattern.
     pub dark_after: bool,
-    /// Loads a new image before the pattern.
+    /// Whether a new image is loaded before the pattern.
     pub fetch: bool,
-    /// Keeps the trigger output active from the previous pattern.
+    /// Whether the trigger output stays active from the previous pattern.
     pub joined: bool,
 }
 
 impl Entry {
-    /// Plane that lights all pixels. The guide says "25, with a bit depth of 1" of numbers that it counts
-    /// from 0; this driver uses 24, as TI's own program does.
+    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although it
+    /// numbers planes from 0. This driver uses 24, as TI's own program does.
     pub const WHITE: u8 = 24;
 
     /// Encodes the entry as three bytes.
@@ -89,16 +90,16 @@ impl Entry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mailbox {
     Closed,
-    /// Image numbers.
+    /// Receives image numbers.
     Images,
-    /// Pattern entries.
+    /// Receives pattern entries.
     Patterns,
 }
 
 /// A command from the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Pattern mode if true, video mode if false.
+    /// Selects pattern mode if true, video mode if false.
     PatternMode(bool),
     /// Source of the patterns.
     Source(Source),
@@ -106,14 +107,14 @@ pub enum Command {
     TriggerMode(u8),
     /// Output 1, once per pattern: edges are 0 to 213 steps of 107.2 ns from 20.05 µs before the pattern.
     TriggerOut1 {
-        /// Active low.
+        /// Whether the output is active low.
         inverted: bool,
         rise: u8,
         fall: u8,
     },
     /// Output 2, active once per sequence; only its rising edge is set.
     TriggerOut2 {
-        /// Active low.
+        /// Whether the output is active low.
         inverted: bool,
         rise: u8,
     },
@@ -129,7 +130,7 @@ pub enum Command {
     Config {
         /// Number of patterns, 1 to 128.
         entries: u8,
-        /// Restarts the sequence after its end.
+        /// Whether the sequence restarts after its end.
         repeat: bool,
         /// Number of patterns per pulse of trigger output 2.
         per_pulse: u8,

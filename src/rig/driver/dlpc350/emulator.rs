@@ -1,4 +1,4 @@
-//! An emulated controller that follows the guide and can be set to fail.
+//! An emulated controller that follows the guide and can simulate faults.
 
 use super::super::line::LineError;
 use super::command::{Entry, Mailbox, Question};
@@ -92,7 +92,7 @@ impl Emulator {
         self.state().triggers.get(&code).cloned()
     }
 
-    /// Returns the projected light, if any.
+    /// Returns the light that the controller projects, or `None` if it projects no light.
     pub fn light(&self) -> Option<Light> {
         let state = self.state();
         let entry = state.table.first_chunk::<3>().map(|b| Entry::read(*b))?;

@@ -10,10 +10,10 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Planes per image.
+/// Number of one-bit planes per image.
 const PLANES: usize = 24;
 
-/// Returns the byte of an RGB pixel and the bit that contain a plane.
+/// Returns the byte of an RGB pixel and the bit in this byte that contain a plane.
 fn place(plane: usize) -> (usize, usize) {
     ([1, 0, 2][plane / 8], plane % 8)
 }
@@ -127,7 +127,8 @@ mod tests {
         assert_eq!(held, made.iter().collect::<Vec<_>>());
     }
 
-    /// Plane 0 is the lowest bit of green, 8 the lowest of red, 23 the highest of blue.
+    /// Planes are numbered as in the controller: plane 0 is the lowest bit of green, 8 the lowest
+    /// of red, 23 the highest of blue.
     #[test]
     fn planes_are_counted_as_the_controller_counts() {
         let rgb = &images(&(1..=24).map(|k| pattern(|x, _| x == k)).collect::<Vec<_>>())[0];

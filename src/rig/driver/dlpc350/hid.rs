@@ -7,7 +7,7 @@ use std::time::Duration;
 pub const REPORT: usize = 64;
 /// Longest accepted message, in bytes after its header.
 const LONGEST: usize = 512;
-/// Bits of the first byte.
+/// Bits of the first byte of a message.
 const READ: u8 = 0x80;
 const REPLY: u8 = 0x40;
 const NACK: u8 = 0x20;
@@ -36,9 +36,9 @@ pub trait HidLine: Send {
 /// A message. The host's payload begins with the command code; the controller's payload is the reply data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// The message requests data or returns them.
+    /// Whether the message requests data or returns them.
     pub read: bool,
-    /// The controller refused the command (NACK).
+    /// Whether the controller refused the command (NACK).
     pub refused: bool,
     /// Sequence number, which the reply repeats.
     pub number: u8,

@@ -333,7 +333,8 @@ impl PatternProjector for Dlpc350 {
         self.stands(until)
     }
 
-    /// Turns off the LEDs manually first, so that they are dark regardless of the sequence.
+    /// Turns off the LEDs under manual control first, so that they are dark regardless of the
+    /// sequence.
     fn dark(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         self.tell(&Command::Leds(0), until)?;

@@ -130,9 +130,9 @@ fn what_no_controller_can_is_refused() {
     assert_eq!(complaints(0b11).len(), 2);
 }
 
-/// The emulator rejects sequences that the guide calls invalid; no other test checks that the driver asks for
-/// validation. Triggers are set before the sequence is validated, in steps of 107.2 ns: 0xBB is the begin of
-/// the pattern (TI's own program).
+/// The emulator rejects sequences that the guide calls invalid; no other test checks that the
+/// driver asks for validation. Triggers are set before the sequence is validated, in steps of 107.2
+/// ns: 0xBB is the start of the pattern (TI's own program).
 #[test]
 fn triggers_are_the_guides() {
     let triggers = Triggers {

@@ -1,28 +1,27 @@
 //! Triggers: output pulses of the controller and inputs that begin patterns.
 //!
-//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the begin of the
-//! pattern. Output 1 has a rising and a falling edge, output 2 only a rising one. The delay of input 1 is at
-//! most 2¹⁹ -
-//! 1 of these
-//! steps (DLPC350 programmer's guide, DLPU010, "Trigger controls"; ranges as in TI's own program).
+//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the
+//! start of the pattern. Output 1 has a rising and a falling edge, output 2 has only a rising edge.
+//! The delay of input 1 is at most 2¹⁹ - 1 of these steps (DLPC350 programmer's guide, DLPU010,
+//! "Trigger controls"; ranges as in TI's own program).
 
 use super::command::{Begin, Command};
 use serde::Deserialize;
 
 /// Time step, in microseconds.
 const STEP_US: f64 = 0.1072;
-/// Earliest edge relative to the begin of the pattern, in microseconds.
+/// Earliest edge relative to the start of the pattern, in microseconds.
 const EARLIEST_US: f64 = -20.05;
 /// Number of steps from the earliest to the latest edge.
 const LATEST: f64 = 213.0;
-/// Maximum delay, in steps.
+/// Maximum delay, in steps of [`STEP_US`].
 const LONGEST: f64 = 524_287.0;
 
-/// Edges of an output, in microseconds from the begin of the pattern.
+/// Edges of an output, in microseconds from the start of the pattern.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
-    /// Active low.
+    /// Whether the output is active low.
     pub active_low: bool,
     /// Time of the rising edge.
     pub rise_us: f64,
@@ -34,9 +33,9 @@ pub struct Output {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
-    /// From low to high.
+    /// An edge from low to high.
     Rising,
-    /// From high to low.
+    /// An edge from high to low.
     Falling,
 }
 
@@ -45,18 +44,19 @@ pub enum Edge {
 #[serde(deny_unknown_fields)]
 pub struct Input {
     pub edge: Edge,
-    /// Delay from the edge to the begin of the pattern, in microseconds.
+    /// Delay from the edge to the start of the pattern, in microseconds.
     #[serde(default)]
     pub delay_us: f64,
 }
 
-/// All triggers. Absent outputs keep the controller's settings; without an input, its clock begins patterns.
+/// All triggers. Absent outputs keep the controller's settings; without an input, the controller's
+/// clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {
     /// Output 1: a pulse per pattern.
     pub output_1: Option<Output>,
-    /// Output 2: a pulse at the begin of the sequence.
+    /// Output 2: a pulse at the start of the sequence.
     pub output_2: Option<Output>,
     /// External trigger that begins patterns.
     pub input: Option<Input>,

@@ -1,4 +1,5 @@
-//! Galvo mirrors on an analog output card: volts for degrees, moves as buffers of samples, settling.
+//! Galvo mirrors on an analog output card: conversion of degrees to volts, moves as buffers of
+//! samples, and settling.
 
 pub mod scanner;
 pub mod wiring;

@@ -1,8 +1,9 @@
 //! A galvo scanner on any analog output.
 //!
-//! The card knows its output voltage but not the mirrors' position: [`GalvoScanner::point`] returns the
-//! present voltage as an angle. After a failure the beam's position is unknown; the next move is a single
-//! step, followed by enough settling time for a move from any position.
+//! The card reports its output voltage but not the mirrors' position. [`GalvoScanner::point`]
+//! therefore converts the present voltage to an angle. After a failure the beam's position is
+//! unknown; the next move is a single step, followed by enough settling time for a move from any
+//! position.
 
 use super::wiring::Wiring;
 use crate::clock::Clock;
@@ -18,7 +19,7 @@ pub struct AnalogGalvo {
     wiring: Wiring,
     limits: AnalogLimits,
     configured: bool,
-    /// A buffer may still be playing.
+    /// Whether a buffer may still be playing.
     running: bool,
     /// Present output in volts, if known.
     at: Option<[f64; 2]>,
@@ -28,7 +29,7 @@ impl AnalogGalvo {
     /// Creates a scanner on `card` with `wiring`. The scanner's name is that of the card.
     ///
     /// # Errors
-    /// [`Failure`]: limit, if the card cannot drive the mirrors.
+    /// [`Failure`] with limit if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
         wiring.check(&limits).map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;

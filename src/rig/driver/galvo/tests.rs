@@ -19,7 +19,7 @@ const WITHIN: Duration = Duration::from_secs(5);
 const CARD: AnalogLimits =
     AnalogLimits { channels: 3, volts: [-10.0, 10.0], bits: 16, rate_hz: [1.0, 1e6], samples: 65_536 };
 
-/// y is mounted in reverse and has a smaller gain.
+/// Test wiring: y is mounted in reverse and has a smaller gain.
 const WIRING: Wiring = Wiring {
     channels: [2, 0],
     volts_per_degree: [0.8, -0.5],
@@ -55,7 +55,8 @@ fn scanner(world: &Shared, wiring: Wiring) -> AnalogGalvo {
     AnalogGalvo::new(Box::new(card(world)), world.clock(), wiring).expect("a scanner")
 }
 
-/// 16 bits over ±10 V: zero is a step, and the largest output is one step below 10 V.
+/// The steps are those of 16 bits over ±10 V: zero is a step, and the largest output is one step
+/// below 10 V.
 #[test]
 fn steps_are_those_of_the_bits() {
     assert_eq!(CARD.step(), 20.0 / 65_536.0);

@@ -10,9 +10,10 @@ use std::time::Duration;
 /// Motion of the beam between two positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Travel {
-    /// A single step of one sample.
+    /// The beam moves in a single step of one sample.
     Stepped,
-    /// An S-curve with zero speed and acceleration at its ends; its maximum speed, in degrees per second.
+    /// The beam moves along an S-curve with zero speed and acceleration at its ends. The number is
+    /// its maximum speed, in degrees per second.
     Smooth(f64),
 }
 

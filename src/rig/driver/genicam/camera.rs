@@ -1,6 +1,7 @@
 //! A GenICam camera as an area camera: one frame per trigger.
 //!
-//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers: exposures start immediately.
+//! After [`AreaCamera::configure`] the camera acquires and waits for triggers. An exposure
+//! therefore starts immediately at its trigger.
 
 use super::nodes::{Control, Nodes};
 use super::stream::{Block, Frames, fault};
@@ -19,9 +20,10 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// The camera acquires or may acquire: an earlier program or connection may not have stopped it.
+    /// Whether the camera acquires or may acquire: an earlier program or connection may not have
+    /// stopped it.
     acquiring: bool,
-    /// An exposure was started whose frame has not arrived.
+    /// Whether an exposure was started whose frame has not arrived.
     pending: bool,
 }
 
@@ -34,10 +36,12 @@ fn common_multiple(a: u32, b: u32) -> u32 {
 }
 
 impl GenICamCamera {
-    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which no feature reports.
+    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which the camera
+    /// does not report.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is
+    /// missing).
     pub fn new(
         name: &str,
         control: Control,

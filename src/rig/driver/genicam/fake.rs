@@ -41,7 +41,7 @@ pub struct State {
     pub trouble: Trouble,
     /// Whether the line is open.
     pub opened: bool,
-    /// Whether the stream is enabled, and whether it is received.
+    /// Whether the camera has enabled the stream, and whether the host receives it.
     pub streaming: [bool; 2],
     acquiring: bool,
     begun: Instant,

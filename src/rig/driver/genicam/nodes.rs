@@ -60,7 +60,7 @@ impl Nodes {
         &self.name
     }
 
-    /// Fails with a failure of this camera.
+    /// Returns an error with a failure of this camera.
     pub fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure> {
         Err(self.failure(fault, what))
     }
@@ -70,7 +70,7 @@ impl Nodes {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Accesses the line directly.
+    /// Calls a function with direct access to the line.
     pub fn line<T>(
         &mut self,
         doing: &str,
@@ -93,7 +93,7 @@ impl Nodes {
         ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
-    /// Accesses a feature; `f` returns `None` if the feature has another type.
+    /// Calls `f` with a feature. `f` returns `None` if the feature has another type.
     fn with<T>(
         &mut self,
         feature: &str,
@@ -110,7 +110,7 @@ impl Nodes {
         }
     }
 
-    /// Returns an integer feature.
+    /// Returns the value of an integer feature.
     pub fn integer(&mut self, feature: &str) -> Result<i64, Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
     }
@@ -140,7 +140,7 @@ impl Nodes {
         })
     }
 
-    /// Returns a numeric feature.
+    /// Returns the value of a numeric feature.
     pub fn number(&mut self, feature: &str) -> Result<f64, Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -163,7 +163,7 @@ impl Nodes {
         })
     }
 
-    /// Returns a string feature.
+    /// Returns the value of a string feature.
     pub fn text(&mut self, feature: &str) -> Result<String, Failure> {
         let text = self.with(feature, |n, p| n.as_string(p).map(|n| n.value(p)))?;
         Ok(text.trim_end_matches('\0').trim().to_owned())
@@ -177,9 +177,10 @@ impl Nodes {
         })
     }
 
-    /// Sets an enumeration.
+    /// Selects an entry of an enumeration feature.
     ///
     /// # Errors
+    ///
     /// [`Failure`]: limit (no such entry), and errors of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
@@ -191,7 +192,7 @@ impl Nodes {
         self.with(feature, |n, p| n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry)))
     }
 
-    /// Sets an enumeration if the camera has the feature and the entry.
+    /// Selects an entry of an enumeration feature if the camera has the feature and the entry.
     pub fn choose_if(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         if self.has(feature) && self.entries(feature)?.iter().any(|e| e == entry) {
             self.choose(feature, entry)?;

@@ -15,11 +15,11 @@ const POLL: Duration = Duration::from_millis(1);
 pub struct Block {
     /// Region of the sensor.
     pub region: Region,
-    /// Pixel format, if it is supported.
+    /// Pixel format, or `None` if the format is not supported.
     pub format: Option<PixelFormat>,
     pub bytes: Vec<u8>,
     pub number: u64,
-    /// Timestamp of the camera's clock.
+    /// Time of the frame on the camera's clock.
     pub timestamp: Duration,
 }
 

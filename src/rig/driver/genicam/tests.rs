@@ -173,7 +173,8 @@ impl PayloadStream for Broken {
     }
 }
 
-/// Outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a closed sender.
+/// The driver handles the outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a
+/// closed sender.
 #[test]
 fn streams_of_cameleon_are_waited_for() {
     let mut frames = Streamed::new(Broken(None));

@@ -5,7 +5,7 @@ use super::stream::Streamed;
 use crate::instrument::{Failure, Fault};
 use std::time::Duration;
 
-/// Opens the camera with a serial number, or the first one.
+/// Opens the camera with a serial number, or the first camera if `serial` is `None`.
 ///
 /// # Errors
 /// [`Failure`]: disconnected (lists the available cameras), and errors of [`GenICamCamera::new`].

@@ -1,4 +1,4 @@
-//! An emulated laser that speaks SCPI over a socket and can be set to fail.
+//! An emulated laser that accepts SCPI commands over a socket and can simulate faults.
 
 use crate::clock::locked;
 use std::io::{BufRead, BufReader, Write};
@@ -57,7 +57,7 @@ impl Emulator {
         locked(&self.0).trouble = trouble;
     }
 
-    /// Returns whether the laser emits light.
+    /// Returns whether the emulated laser emits light.
     pub fn shines(&self) -> bool {
         locked(&self.0).on
     }

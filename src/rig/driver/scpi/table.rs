@@ -45,9 +45,9 @@ pub struct LaserTable {
     pub ask_rate: Option<String>,
     /// Query for the mean power, in any unit; if absent, the power is assumed to be nominal.
     pub ask_power: Option<String>,
-    /// Nominal power, in the same unit.
+    /// Nominal power, in the unit of `ask_power`.
     pub nominal_power: Option<f64>,
-    /// Query whether the interlock is closed; the reply 1 or ON means that it is.
+    /// Query whether the interlock is closed; the reply 1 or ON means closed.
     pub ask_interlock: Option<String>,
     /// Query for the oldest error; the reply is 0 if there is none.
     #[serde(default = "errors")]
@@ -91,7 +91,7 @@ impl LaserTable {
         LaserLimits { nm: self.nm, rate_hz: self.rate_hz }
     }
 
-    /// Returns the command that sets a rate.
+    /// Returns the command that sets the pulse rate to `hz`, or `None` if the rate is fixed.
     pub fn rate(&self, hz: f64) -> Option<String> {
         // Every SCPI number may have an exponent.
         self.set_rate.as_ref().map(|c| c.replace("{hz}", &format!("{hz:E}")))

@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// A late reply may be pending, which would be mistaken for the reply to another query.
+    /// Whether a late reply may be pending, which would be mistaken for the reply to another query.
     out_of_step: bool,
 }
 
@@ -35,7 +35,7 @@ impl Talk {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Fails with a failure of this instrument.
+    /// Returns an error with a failure of this instrument.
     pub fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure> {
         Err(self.failure(fault, what))
     }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 const LONG: Duration = Duration::from_secs(5);
 const SHORT: Duration = Duration::from_millis(100);
 
-/// Starts an emulator; returns its table and itself.
+/// Starts an emulator; returns its command table and the emulator.
 fn served() -> (String, Emulator) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a socket");
     let address = listener.local_addr().expect("bound").to_string();
@@ -177,7 +177,8 @@ impl Line for Garbage {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Ten thousand random streams: no panic, no hang, and the laser never emits without reporting it.
+    /// Ten thousand random streams cause no panic and no hang, and the laser never emits without
+    /// reporting it.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn garbage_is_no_answer(

@@ -1,4 +1,4 @@
-//! A simulated board in memory that records the commands it receives and can be set to fail.
+//! A simulated board in memory that records the received commands and can simulate faults.
 
 use super::library::{Hardware, Order, Question, Th260};
 use crate::clock::locked;
@@ -14,7 +14,7 @@ pub struct State {
     pub model: &'static str,
     /// All commands received, in order.
     pub reported: Vec<Order>,
-    /// Prefix of a call's `Debug` text, and the error code with which such calls fail.
+    /// Prefix of a call's `Debug` text, and the error code that such calls return.
     pub fails: Option<(&'static str, i32)>,
     pub flags: i32,
     /// Laser pulses per second.

@@ -78,7 +78,7 @@ pub(super) struct ScanFile {
 pub struct Limits {
     /// Maximum number of retries of a step.
     pub retries: u32,
-    /// First wait before a retry in seconds. It doubles at each retry, up to 30 s.
+    /// First wait before a retry in seconds. The wait doubles at each retry, up to 30 s.
     pub backoff_s: f64,
     /// Maximum time in seconds that a call to an instrument may take beyond the duration of its operation.
     pub deadline_s: f64,
@@ -86,7 +86,8 @@ pub struct Limits {
     pub suspend_s: f64,
     /// Minimum laser power relative to nominal.
     pub laser_power: f64,
-    /// Maximum fraction of saturated pixels in the shortest exposure. Beyond it a frame is taken again.
+    /// Maximum fraction of saturated pixels in the shortest exposure. A frame with a larger
+    /// fraction is captured again.
     pub saturated_share: f64,
 }
 

@@ -1,4 +1,5 @@
-//! Tests of plans: valid plans, rejected plans, and no panic on any text.
+//! Tests that valid plans are accepted, that invalid plans are rejected, and that no text causes a
+//! panic.
 
 use super::*;
 use proptest::prelude::*;

@@ -18,7 +18,8 @@ fn readings(camera: &Cmos, radiance: f64, key: u32) -> Moments {
     Moments::of((0..100_000).map(|_| f64::from(camera.sample(radiance, NM, 1.0, &mut stream).dn)))
 }
 
-/// Covers 0 to 9100 of 10 700 e⁻ and two gains. κ₄ of the readings is that of the Poisson number.
+/// Readings have the expected mean and variance for 0 to 9100 of 10 700 e⁻ and two gains. The
+/// fourth cumulant κ₄ of the readings is that of the Poisson number.
 #[test]
 fn readings_have_the_expected_mean_and_variance() {
     for gain in [None, Some(1.3)] {
@@ -34,8 +35,9 @@ fn readings_have_the_expected_mean_and_variance() {
     }
 }
 
-/// Photon transfer: the slope of variance over mean is 1/K. Uses least squares over 8 levels of 100 000
-/// readings. The relative error of each variance is √(2/n), and the error of the slope follows from it.
+/// The slope of variance over mean (photon transfer) is 1/K. Uses least squares over 8 levels of
+/// 100 000 readings. The relative error of each variance is √(2/n), and the error of the slope
+/// follows from it.
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
@@ -100,8 +102,8 @@ fn too_much_light_saturates() {
     }
 }
 
-/// Brackets from read-noise to shot-noise levels, and one with saturated long exposures: 40 000 captures
-/// each.
+/// Exposure brackets are unbiased from read-noise to shot-noise levels, and with saturated long
+/// exposures. Uses 40 000 captures each.
 #[test]
 fn bracketing_is_unbiased_with_its_stated_variance() {
     let camera = Cmos { bracket: vec![0.125, 1.0, 8.0], read_noise_e: 5.0, ..camera() };
