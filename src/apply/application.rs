@@ -26,8 +26,11 @@ pub struct Application {
     pub run: Run,
     /// Returns the task of the first method, learned from training observations, if it computes a
     /// few linear functionals of Mueller matrices. Captures can then be optimized for this task.
-    pub task: Option<fn(&[Observation]) -> Result<Task, ApplyError>>,
+    pub task: Option<Learn>,
 }
+
+/// Returns a task that is learned from training observations.
+pub type Learn = fn(&[Observation]) -> Result<Task, ApplyError>;
 
 /// Fits every method on the first observations and tests it on the second observations. All
 /// observations have the same seed.

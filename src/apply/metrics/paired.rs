@@ -1,10 +1,10 @@
 //! Differences between two methods on the same renders, and their standard errors.
 //!
 //! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random
-//! effects: d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V
-//! + σb²/S + σe²/(V S). Its unbiased estimate is (MSa + MSb - MSe)/(V S), from the mean squares of
-//! the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3), and at least
-//! MSe/(V S). With one seed, the variance is the usual MSa/V.
+//! effects: d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is
+//! σa²/V + σb²/S + σe²/(V S). The unbiased estimate of this variance is (MSa + MSb - MSe)/(V S), from the
+//! mean squares of the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3), and at
+//! least MSe/(V S). With one seed, the variance is the usual MSa/V.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {

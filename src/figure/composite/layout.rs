@@ -1,7 +1,8 @@
 //! Computes the layout of a composite, in millimetres from the upper left corner.
 //!
-//! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n
-//! - 1) gap) / n. An image that spans k columns also covers the space between these columns. The
+//! All images have the same width
+//! p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1) gap) / n.
+//! An image that spans k columns also covers the space between these columns. The
 //! space next to a column fits the widest axis on the left and the widest colour bar on the right.
 //! The space above and below a row is computed in the same way.
 
