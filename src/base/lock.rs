@@ -9,8 +9,9 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Number of attempts to read the holder from a lock file. The next constant is the time between attempts.
+/// Number of attempts to read the holder from a lock file.
 const TRIES: u32 = 100;
+/// Time between these attempts.
 const WAIT: Duration = Duration::from_millis(2);
 
 /// A lock that is held until it is dropped.

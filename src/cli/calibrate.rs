@@ -37,9 +37,9 @@ commands! {
     Sensor(calibrate_detector::Sensor) => calibrate_detector::sensor,
 }
 
-/// Longest side of a square, in metres, for which the unit can be omitted. The next constant is the longest
-/// side of a board.
+/// Longest side of a square, in metres, for which the unit can be omitted.
 const LONGEST_SQUARE: f64 = 0.5;
+/// Longest side of a board, in metres, for which the unit can be omitted.
 const LONGEST_BOARD: f64 = 2.0;
 
 /// The calibration target and the options of the fit.

@@ -10,8 +10,9 @@ use super::marker::{Marker, palette};
 use super::text::{INK, LABEL, NAME, TICK, fit, width};
 use super::ticks::{Ticks, brief};
 
-/// Width and height of a panel in pixels. The next constant is the space above a panel for the name.
+/// Width and height of a panel in pixels.
 const SIZE: (f64, f64) = (900.0, 140.0);
+/// Space above a panel for the name, in pixels.
 const HEAD: f64 = 34.0;
 /// A panel extends by this fraction of the period beyond both ends, so that markers at the ends are not
 /// clipped.

@@ -9,10 +9,11 @@ use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::marker::Marker;
 use crate::text::{Align, TICK, fit, width};
 
-/// Height of a legend entry in pixels. The next constants are the width of a sample and the space around and
-/// between entries.
+/// Height of a legend entry in pixels.
 const LINE: f64 = 24.0;
+/// Width of a sample in pixels.
 const SAMPLE: f64 = 38.0;
+/// Space around and between entries, in pixels.
 const SPACE: f64 = 8.0;
 /// Distance of the legend from the frame, in pixels.
 const OFF: f64 = 12.0;
@@ -22,11 +23,13 @@ const NAME: f64 = 320.0;
 const MOST_INSIDE: usize = 9;
 /// Maximum fraction of a legend's pixels that can cover lines and markers if the legend is inside the plot.
 const COVERED: f64 = 0.02;
-/// Sampling distance along a line in pixels. The next constants are the maximum number of samples
-/// per segment, and the numbers of pixels that a line sample and a marker cover.
+/// Sampling distance along a line in pixels.
 const STEP: f64 = 4.0;
+/// Maximum number of samples per segment.
 const MOST_STEPS: f64 = 20_000.0;
+/// Number of pixels that a sample of a line covers.
 const PIECE: f64 = STEP * NIB.line;
+/// Number of pixels that a marker covers.
 const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 
 /// Draws the legend of all named series; a legend to the right of the plot widens the page.

@@ -19,12 +19,13 @@ const PER_INCH: f64 = 300.0;
 const MM_PER_INCH: f64 = 25.4;
 /// Width of thin lines in millimetres.
 const THIN: f64 = 0.25;
-/// Width of curves in millimetres. The next constant is the radius of their markers.
+/// Width of curves in millimetres.
 const CURVE: f64 = 0.35;
+/// Radius of the markers of curves, in millimetres.
 const DOT: f64 = 0.7;
-/// Width of an arrow's shaft in millimetres. The next constants are the length and the half width of the
-/// head.
+/// Width of an arrow's shaft in millimetres.
 const SHAFT: f64 = 0.5;
+/// Length and half width of an arrow's head, in millimetres.
 const HEAD: (f64, f64) = (1.9, 0.8);
 /// Width of the rim around arrows in millimetres.
 const RIM: f64 = 0.25;

@@ -40,8 +40,9 @@ pub const BAR: f64 = 1.6;
 pub const LINE: f64 = 1.28;
 /// Assumed length of an axis, in millimetres, to measure its ticks before the real length is computed.
 const NOMINAL: f64 = 30.0;
-/// Length of a series' sample in a legend, in millimetres. The next constant is the space between entries.
+/// Length of a series' sample in a legend, in millimetres.
 pub const SAMPLE: f64 = 5.0;
+/// Space between the entries of a legend, in millimetres.
 const APART: f64 = 2.6;
 /// Maximum height of a colour bar in millimetres.
 const HIGHEST_BAR: f64 = 60.0;

@@ -37,10 +37,10 @@ struct Strata {
 /// Empty nets for unstratified samples.
 static NO_NETS: Nets = [0; POINTS];
 
-/// Number of stratified numbers per vertex of a path. The next constant is the number of vertices with
-/// stratified numbers. All further numbers are independent. After several random vertices, stratification
-/// has no effect.
+/// Number of stratified numbers per vertex of a path.
 const PER_VERTEX: u32 = 8;
+/// Number of vertices with stratified numbers. All further numbers are independent, because stratification
+/// has no effect after several random vertices.
 const VERTICES: u32 = 3;
 
 /// The number of samples of a pixel that are stratified together: a power of two.

@@ -8,9 +8,9 @@ use glam::{DAffine3, DMat3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 use syntax::values::TimeBins;
 
-/// Mitsuba's default near clipping plane in metres. The next constant is the far plane, on which lenses focus
-/// by default.
+/// Mitsuba's default near clipping plane in metres.
 const NEAR: f64 = 1e-2;
+/// Mitsuba's default far clipping plane in metres, on which lenses focus by default.
 const FAR: f64 = 1e4;
 
 /// Distance in metres that light travels in one picosecond in vacuum.

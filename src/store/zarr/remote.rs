@@ -14,9 +14,9 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of files of one concurrent fetch. The next constant limits the total bytes, if the
-/// manifest contains the sizes.
+/// Maximum number of files of one concurrent fetch.
 const AHEAD_FILES: usize = 64;
+/// Maximum number of bytes of one concurrent fetch, if the manifest contains the sizes.
 const AHEAD_BYTES: u64 = 64 << 20;
 /// Maximum gap, in bytes, between ranges of one file that one request fetches together. Another request
 /// would take longer than the transfer of the gap.

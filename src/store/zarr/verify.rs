@@ -11,8 +11,9 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use tensor::part::Part;
 
-/// Maximum number of objects in memory at a time. The next constant limits their bytes.
+/// Maximum number of objects in memory at a time.
 const BATCH: usize = 64;
+/// Maximum number of bytes of these objects.
 const BATCH_BYTES: u64 = 64 << 20;
 
 /// The result of a verification.

@@ -22,9 +22,9 @@ pub const LARGEST_G: f64 = 0.999;
 pub struct HenyeyGreenstein {
     /// Mean cosine of the scattering angle per wavelength.
     g: Spectral,
-    /// Preserved fraction l of linear polarization. The next field is the fraction c of circular
-    /// polarization.
+    /// Preserved fraction l of linear polarization.
     linear: f32,
+    /// Preserved fraction c of circular polarization.
     circular: f32,
 }
 

@@ -51,8 +51,9 @@ const RARELY: f32 = 0.04;
 /// Number of camera samples that determine which connections are efficient.
 const PILOT: u32 = 2048;
 
-/// Number of plain paths per sample of redirected light. The next constant is the minimum number of samples.
+/// Number of plain paths per sample of redirected light.
 const PATHS_PER_SAMPLE: u32 = 16;
+/// Minimum number of samples of redirected light.
 const LEAST_SAMPLES: u32 = 8;
 
 /// Returns the number of subpath samples of a camera pixel with `spp` samples.

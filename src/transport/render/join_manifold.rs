@@ -25,8 +25,9 @@ use optics::spectrum::{Spectral, max_lane};
 /// The wavelengths that use a specular path, and the weight of the path.
 #[derive(Clone, Copy)]
 pub(super) struct Takers {
-    /// The wavelengths that use the path. The next field is the one whose refractive indices were used.
+    /// The wavelengths that use the path.
     pub lanes: Lanes,
+    /// The wavelength whose refractive indices were used.
     pub lane: usize,
     /// Weight of the path.
     pub factor: f32,

@@ -102,8 +102,9 @@ struct Search<'a> {
 pub(super) struct Passed {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Mean transmittance of the media. The next field is the refractive index at the emitter.
+    /// Mean transmittance of the media.
     pub mean: f32,
+    /// Refractive index at the emitter.
     pub index: f32,
 }
 

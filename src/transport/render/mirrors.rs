@@ -25,8 +25,9 @@ use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
 
-/// Group number of surfaces that are not mirrors. The next constant is that of all curved mirrors.
+/// Group number of surfaces that are not mirrors.
 const NONE: u32 = u32::MAX;
+/// Group number of all curved mirrors.
 const CURVED: u32 = u32::MAX - 1;
 
 /// Index of a primitive (as in [`Hit::leaf`]) and its owner.

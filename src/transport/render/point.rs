@@ -78,9 +78,10 @@ pub(super) struct Point {
     pub label: u8,
     /// True if the subpath continued from this vertex by a delta lobe.
     pub delta: bool,
-    /// Density with which the subpath sampled this vertex. The next field is the density with which a
-    /// subpath in the opposite direction would have sampled this vertex from the next vertex.
+    /// Density with which the subpath sampled this vertex.
     pub forward: f32,
+    /// Density with which a subpath in the opposite direction would have sampled this vertex from the next
+    /// vertex.
     pub reverse: f32,
     /// Factor that converts a density of the direction `back` to a density at the previous vertex.
     pub spread: f32,

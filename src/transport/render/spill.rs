@@ -24,9 +24,9 @@ pub(super) struct Spill {
     pixels: u32,
 }
 
-/// Number of bytes of a pixel's number, which precedes a splat in the file. The next constant is the number
-/// of bytes of a splat with a straight connection, for which the file omits the direction.
+/// Number of bytes of a pixel's number, which precedes a splat in the file.
 const PIXEL: usize = size_of::<u32>();
+/// Number of bytes of a splat with a straight connection, for which the file omits the direction.
 const STRAIGHT: usize = std::mem::offset_of!(Splat, dir);
 
 fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {

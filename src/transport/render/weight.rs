@@ -17,9 +17,9 @@ use crate::strategy::{Strategies, Strategy};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
-    /// Density with which the subpath from this end samples the vertex. The next field is the density of
-    /// the other subpath.
+    /// Density with which the subpath from this end samples the vertex.
     pub own: f32,
+    /// Density with which the other subpath samples the vertex.
     pub other: f32,
     /// False if the vertex scatters light into a single direction, so that no connection can end at it.
     pub connects: bool,
