@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_has_its_radius_measures() {
+    fn a_sphere_has_its_radius_area_and_volume() {
         let sphere = vol([33, 41, 37], |p| p.distance(DVec3::splat(0.5)) - 0.3);
         for normals in [Normals::Smooth, Normals::Analytic] {
             let found = surface(&sphere, normals).unwrap();

@@ -43,7 +43,6 @@ pub(super) struct Wants<'a> {
 }
 
 /// The samples of a camera pixel to trace, and their groups for stratification.
-#[derive(Clone)]
 pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub views: &'a Views,

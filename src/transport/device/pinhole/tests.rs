@@ -149,7 +149,7 @@ fn the_plane_in_focus_is_sharp() {
         assert!((seen.origin - p.origin).length() < 0.0501);
         assert!((seen.origin - p.origin).dot(p.axes.z_axis).abs() < 1e-6);
         let d = seen.direction(pixel);
-        let hit = seen.origin + d * ((2.0) / d.dot(p.axes.z_axis));
+        let hit = seen.origin + d * (2.0 / d.dot(p.axes.z_axis));
         assert!((hit - target).length() < 1e-5);
         let (back, _) = seen.project(seen.origin + d * 5.0).unwrap();
         assert!((back - pixel).length() < 1e-2);
