@@ -327,9 +327,7 @@ impl TensorStore {
         let Some(objects) = remote_store::objects_of(path).map_err(refused)? else {
             return Ok(path.exists());
         };
-        let has = |name: &str| Ok(objects.get(name).map_err(refused)?.is_some());
-        Ok(has(remote_store::ROOT)?
-            && (!has(build::ORIGIN)? || has(manifest::FILE)? || has(manifest::OF_PART)?))
+        remote_store::is_taken(|name| Ok(objects.get(name).map_err(refused)?.is_some()))
     }
 
     /// Opens a store for writing, as [`TensorStore::open`] does, and removes leftovers of a killed process.

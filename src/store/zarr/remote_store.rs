@@ -71,7 +71,7 @@ impl Making<'_> {
     ) -> Result<(AtomicDirectory, Held), CreateError> {
         self.objects.may_be_written().map_err(|e| self.refused(e))?;
         // Do not take a lock if the creation is refused anyway.
-        if !self.replace && self.get(ROOT)?.is_some() && self.get(ORIGIN)?.is_none() {
+        if !self.replace && is_taken(|name| Ok(self.get(name)?.is_some()))? {
             return Err(self.exists());
         }
         let lock = locked(self.path, &self.objects)?;
@@ -104,14 +104,13 @@ impl Making<'_> {
     /// store that may not be replaced.
     fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
         let is_there = |name: &str| known.contains_key(name);
-        let is_finished = is_there(manifest::FILE) || is_there(manifest::OF_PART);
-        let is_begun = is_there(ORIGIN) && !is_finished;
+        let is_begun = is_begun(|name| Ok::<_, CreateError>(is_there(name)))?;
+        if !self.replace && is_taken(|name| Ok::<_, CreateError>(is_there(name)))? {
+            return Err(self.exists());
+        }
         let is_ours = if is_begun {
             true
         } else if is_there(ROOT) {
-            if !self.replace {
-                return Err(self.exists());
-            }
             self.get(ROOT)?.is_some_and(|bytes| is_root(self.path, &bytes))
         } else {
             known.keys().all(|name| !manifest::is_part(name))
@@ -138,6 +137,18 @@ impl Making<'_> {
         self.objects.put_many(others)?;
         self.objects.put_many(root)
     }
+}
+
+/// Returns whether a store was begun with its values (a merge) and is unfinished; `has` tells which objects
+/// exist.
+fn is_begun<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
+    Ok(has(ORIGIN)? && !has(manifest::FILE)? && !has(manifest::OF_PART)?)
+}
+
+/// Returns whether a store exists that a new one may only replace on request. An unfinished merge does not
+/// count, because the same merge resumes it.
+pub(super) fn is_taken<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
+    Ok(has(ROOT)? && !is_begun(has)?)
 }
 
 /// Returns whether metadata is that of the root of a Sunstone store.
