@@ -1,9 +1,9 @@
 //! Output that `validation/dlpc350.py` and `validation/scpi.py` compare with independent packages.
 //!
-//!     cargo run --release --example instrument_bytes dlpc350            name and bytes of every message to
-//!     the controller cargo run --release --example instrument_bytes scpi-emulator      listens, prints its
-//!     address, ends with its input cargo run --release --example instrument_bytes scpi-laser TABLE
-//!     controls a laser like a session, prints the steps
+//! - `cargo run --release --example instrument_bytes dlpc350`: name and bytes of every message to the
+//!   controller
+//! - `… instrument_bytes scpi-emulator`: listens, prints its address, ends with its input
+//! - `… instrument_bytes scpi-laser TABLE`: controls a laser like a session, prints the steps
 
 use std::io::Read;
 use std::net::TcpListener;

@@ -21,7 +21,7 @@ def enter():
         pip = [venv / "bin/python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
         wanted = ["-r", HERE / "requirements.txt"]
         # uv needs 14 processor-seconds for these packages, pip 225. Where only pip is set up to reach an index, pip installs them.
-        subprocess.run([*pip, "uv==0.13.9"], check=True)
+        subprocess.run([*pip, next(line for line in requirements.splitlines() if line.startswith("uv=="))], check=True)
         uv = [venv / "bin/uv", "pip", "install", "--quiet", "--python", venv / "bin/python"]
         if subprocess.run([*uv, *wanted]).returncode != 0:
             subprocess.run([*pip, *wanted], check=True)
