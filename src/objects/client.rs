@@ -1,7 +1,7 @@
 //! Requests to object stores: reads whole objects or parts, and lists, writes and removes objects. Each
 //! object is written atomically.
 
-use super::{AT_ONCE, ATTEMPTS, Key, Objects, again, chain, up_to, wait};
+use super::{AT_ONCE, Key, Objects, again, chain, wait};
 use bytes::Bytes;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::{
@@ -156,24 +156,21 @@ async fn fetch(
     key: &Key,
     range: Option<GetRange>,
 ) -> Result<Option<(Bytes, u64)>, Error> {
-    let mut attempts = ATTEMPTS;
-    loop {
-        attempts -= 1;
-        let options = || GetOptions { range: range.clone(), ..GetOptions::default() };
-        // The client itself retries, except when a reused connection was closed.
-        let found = match up_to(2, || store.get_opts(key, options())).await {
-            Ok(found) => found,
-            Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => return Ok(None),
-            Err(e) => return Err(e),
-        };
+    let options = || GetOptions { range: range.clone(), ..GetOptions::default() };
+    // The client itself retries most failures, but not if the connection closes in the response of an error.
+    let read = again(|| async {
+        let found = store.get_opts(key, options()).await?;
         let size = found.meta.size;
-        if found.range.end.saturating_sub(found.range.start) > LARGEST {
+        let fits = found.range.end.saturating_sub(found.range.start) <= LARGEST;
+        Ok((if fits { Some(found.bytes().await?) } else { None }, size))
+    });
+    match read.await {
+        Ok((Some(bytes), size)) => Ok(Some((bytes, size))),
+        Ok((None, size)) => {
             let source = format!("{key} has {size} bytes, more than any file of a store");
-            return Err(Error::Generic { store: "object", source: source.into() });
+            Err(Error::Generic { store: "object", source: source.into() })
         }
-        match found.bytes().await {
-            Err(Error::Generic { .. }) if attempts > 0 => {}
-            result => return result.map(|bytes| Some((bytes, size))),
-        }
+        Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => Ok(None),
+        Err(e) => Err(e),
     }
 }

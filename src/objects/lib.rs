@@ -24,7 +24,7 @@ use tokio::runtime::{Builder, Runtime};
 
 /// Maximum number of concurrent requests.
 const AT_ONCE: usize = 32;
-/// Number of attempts to read a truncated body if the server does not return its version.
+/// Maximum number of attempts of a request.
 const ATTEMPTS: usize = 6;
 /// Pause before the first retry.
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
@@ -156,17 +156,10 @@ fn retry() -> RetryConfig {
 
 /// Repeats an idempotent request whose response was lost or truncated; the client library does not repeat
 /// requests that change objects.
-async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
-    up_to(ATTEMPTS, ask).await
-}
-
-async fn up_to<T, F: Future<Output = Result<T, Error>>>(
-    attempts: usize,
-    mut ask: impl FnMut() -> F,
-) -> Result<T, Error> {
+async fn again<T, F: Future<Output = Result<T, Error>>>(mut ask: impl FnMut() -> F) -> Result<T, Error> {
     let begun = Instant::now();
     let mut pause = PAUSE;
-    for _ in 1..attempts {
+    for _ in 1..ATTEMPTS {
         match ask().await {
             Err(Error::Generic { .. }) if begun.elapsed() < PATIENCE => {}
             result => return result,

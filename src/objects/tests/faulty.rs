@@ -31,7 +31,7 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Fails temporarily: of ten requests, one is lost, and the response to another is lost.
+    /// Fails temporarily: of ten requests, two are lost, one after the other, and the response to another is lost.
     Flaky(Arc<AtomicU64>),
     /// Fails permanently after a number of changes.
     Mortal(Arc<AtomicI64>),
@@ -62,7 +62,7 @@ impl Faulty {
     fn fate(&self, changes: i64) -> Result<Fate> {
         match &self.kind {
             Kind::Flaky(count) => Ok(match count.fetch_add(1, Ordering::Relaxed) % 10 {
-                3 => Fate::Unheard,
+                3 | 4 => Fate::Unheard,
                 7 => Fate::Unanswered,
                 _ => Fate::Done,
             }),
@@ -106,9 +106,11 @@ impl ObjectStore for Faulty {
 
     async fn get_opts(&self, key: &Key, options: GetOptions) -> Result<GetResult> {
         let fate = self.fate(0)?;
+        if matches!(fate, Fate::Unheard) {
+            return Err(lost());
+        }
         let mut found = self.inner.get_opts(key, options).await?;
-        if !matches!(fate, Fate::Done) {
-            // The client itself retries until a response begins.
+        if matches!(fate, Fate::Unanswered) {
             found.payload = GetResultPayload::Stream(stream::iter([Err(lost())]).boxed());
         }
         Ok(found)
