@@ -208,7 +208,7 @@ LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
     (of_frame(number="seven"), "`number` is 'seven'; expected the camera's frame number, or None"),
     (of_frame(number=-1), "`number` is -1"),
     (of_frame(timestamp_ns=None), "`timestamp_ns` is None; expected an integer number of nanoseconds"),
-    (of_frame(number=1), "an old frame arrived again"),
+    (of_frame(number=1), "an earlier frame arrived again"),
 ]
 
 

@@ -4,7 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 pub enum ApplyError {
     /// An observation lacks a planned slice or map.
-    #[error("variant {variant} has no {what} `{name}`: render it again")]
+    #[error("variant {variant} has no {what} `{name}`: render the variant again")]
     Missing {
         variant: u64,
         /// Kind of the missing item: a slice or a map.

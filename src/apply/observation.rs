@@ -138,7 +138,7 @@ impl Observation {
     pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
         let variant = self.variant;
         let cause = format!("variant {variant} has no pixel that shows {what}");
-        ApplyError::Empty(cause + "; render it at a higher resolution")
+        ApplyError::Empty(cause + "; render the variant at a higher resolution")
     }
 }
 

@@ -55,9 +55,9 @@ impl Fit {
                 .map(|i| names.get(i).map_or("?", String::as_str))
                 .collect();
             match parts[..] {
-                [one] => format!("{one}: no sample depends on it; it keeps its initial value"),
+                [one] => format!("{one}: no sample depends on this parameter, so the initial value is kept"),
                 _ => format!(
-                    "{} together: the samples determine only a combination of them; the others keep their initial values",
+                    "{}: the samples determine these parameters only together; undetermined combinations keep their initial values",
                     parts.join(", ")
                 ),
             }

@@ -95,7 +95,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 (Some((part, values)), _) => {
                     if values.iter().any(|v| part.with(&chain, *v).is_none()) {
                         bail!(
-                            "{}: its optics come from a file, so `{}` cannot be swept; set optics = {{ axis_error_deg, \
+                            "{}: the optics come from a file, so `{}` cannot be swept; set optics = {{ axis_error_deg, \
                              retardance_error_deg, extinction }}",
                             path.display(),
                             part.name()

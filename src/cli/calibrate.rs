@@ -225,7 +225,7 @@ impl Target {
             eprintln!("note: {note}");
         }
         for (v, c) in fit.outliers.iter().take(10) {
-            eprintln!("note: view {}, corner {} excluded: its residual is an outlier", v + 1, c + 1);
+            eprintln!("note: view {}, corner {} excluded: the residual is an outlier", v + 1, c + 1);
         }
         if fit.outliers.len() > 10 {
             eprintln!("note: {} corners excluded in total", fit.outliers.len());
@@ -270,14 +270,14 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
         if other.image.size() != one.image.size() {
             let [w, h] = other.image.size();
             bail!(
-                "{name}: its size is {w} × {h} pixels, but {first} is {} × {} pixels; use images of one camera",
+                "{name} has {w} × {h} pixels, but {first} has {} × {} pixels; use images of one camera",
                 one.image.width,
                 one.image.height
             );
         }
         if other.orientation != one.orientation {
             bail!(
-                "{name}: its EXIF orientation is {}, but that of {first} is {}; use images with the same EXIF orientation, or without one",
+                "{name} has EXIF orientation {}, but {first} has {}; use images with one EXIF orientation",
                 other.orientation,
                 one.orientation
             );
@@ -389,7 +389,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         })?;
         let here = images[0].size();
         if *size.get_or_insert(here) != here {
-            bail!("{name}: the size of its images differs from that of the first folder");
+            bail!("{name}: the images differ in size from those of the first folder; use images of one size");
         }
         let white = [(
             format!("{name}, white"),
@@ -419,7 +419,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        bail!("no folder shows the complete board under the projector's light");
+        bail!("no folder contains images of the complete board in the light of the projector");
     };
     let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;

@@ -63,7 +63,10 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
     places::extension([&a.output], "calibrations are", &["toml"])?;
     if a.distance.len() != a.runs.len() {
-        bail!("--distance: expected one distance per run, {} in total", a.runs.len());
+        bail!(
+            "--distance: expected one distance per run, that is {} distances separated by commas",
+            a.runs.len()
+        );
     }
     let distances = a.distance.iter().map(|d| d.within(LONGEST_DISTANCE, "--distance"));
     let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
@@ -87,7 +90,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     let (counter, points) = (all[0].counter, all[0].points);
     if let Some(k) = all.iter().position(|h| h.counter != counter || h.points != points) {
         bail!(
-            "{}: its counter settings or its points differ from those of {}; calibrate only runs of one plan together",
+            "{}: the counter settings or scan points differ from those of {}; pass only runs of one plan",
             a.runs[k].display(),
             a.runs[0].display()
         );

@@ -58,11 +58,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
-        _ => bail!("--errors: its dtype differs from that of the matrices; save both with one dtype"),
+        _ => bail!("--errors: the dtype differs from that of the matrices; save both arrays with one dtype"),
     };
     if missing == all {
         bail!(
-            "{}: none of its {all} matrices is realizable (m00 <= 0, diattenuation above 1, or not finite); no file was written",
+            "{}: none of the {all} matrices is realizable (m00 <= 0, diattenuation above 1, or not finite); no file was written",
             a.from.source.display()
         );
     }

@@ -98,7 +98,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
         if a.view.is_some() || a.partial || of_view || moved {
-            bail!("--view, its options and --partial apply only to stores; set the view in the figure file");
+            bail!(
+                "--view, the options of views and --partial apply only to stores; set the view in the figure file"
+            );
         }
         let further = a.names.iter().map(PathBuf::from);
         let files: Vec<PathBuf> = a.store.iter().cloned().chain(further).collect();

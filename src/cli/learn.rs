@@ -128,7 +128,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let several = templates.len() * a.estimator.len() > 1;
     check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
-        bail!("--angles draws one scheme; pass only one -k, --sensor and --estimator");
+        bail!("--angles draws a single scheme; pass only one value of -k, --sensor and --estimator");
     }
     // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
     // needed.

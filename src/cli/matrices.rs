@@ -60,7 +60,7 @@ impl MatrixSource {
 pub fn image(matrices: Matrices, wavelengths: &[f64]) -> Result<MuellerImage, Failure> {
     if matrices.facts.is_some() && !wavelengths.is_empty() {
         bail!(
-            "--wavelengths: a slice stores its wavelengths; remove the option, or select some with -k wavelength=550"
+            "--wavelengths: the slice already has wavelengths; remove the option, or select a wavelength with -k wavelength=550"
         );
     }
     matrices.image(wavelengths).map_err(|e| match e {

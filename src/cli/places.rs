@@ -71,7 +71,7 @@ pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Res
 
 fn lies_in(output: &Path, store: &Path) -> Failure {
     Failure::input(format!(
-        "{}: is inside the store {}; choose an output outside it",
+        "{}: is inside the store {}; choose an output outside this store",
         output.display(),
         store.display()
     ))
@@ -130,7 +130,9 @@ fn check<'a>(
                 return refused(format!("is both an input ({read}) and the output; choose another output"));
             }
             if is_within(&real, input) {
-                return refused(format!("is inside the input store ({read}); choose an output outside it"));
+                return refused(format!(
+                    "is inside the input store ({read}); choose an output outside this store"
+                ));
             }
             if input.exists() && is_within(&self::real(input), output) {
                 return refused(format!("this store contains the input {read}; choose another output"));

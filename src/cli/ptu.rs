@@ -234,7 +234,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
     let by_pixels = plan.scan.is_some_and(|s| s.clock.sweep.is_none());
     let step = if by_pixels { "pixels" } else { "lines" };
     if found.beyond > 0 {
-        note(format!("{} {step} begin after the last one of their frame", found.beyond));
+        note(format!("{} {step} begin after the last of the {step} of a frame", found.beyond));
     }
     if found.missing > 0 {
         note(format!("the last frame lacks {} {step}", found.missing));
@@ -291,7 +291,9 @@ fn of_header(
 ) -> Result<Scan, Failure> {
     let file = a.file.display();
     let scan = Scan::of_header(reader.header()).map_err(|why| {
-        Failure::input(format!("{file}: {why}; if each pixel has a marker, set it with --pixel-marker"))
+        Failure::input(format!(
+            "{file}: {why}; if each pixel has a marker, pass its number with --pixel-marker"
+        ))
     })?;
     if (scan.width, scan.height) != (width, height) {
         bail!(

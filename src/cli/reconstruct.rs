@@ -49,7 +49,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bail!("--saturation: expected a positive number, in units of the intensities");
     }
     if a.prior.is_some() && a.noise.is_none() {
-        bail!("--prior needs the standard deviation of the intensities; pass it with --noise");
+        bail!("--prior needs the standard deviation of the intensities; pass the value with --noise");
     }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
@@ -68,7 +68,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     if !shape.starts_with(want) {
         let want = if channels == 1 { format!("({k}, ...)") } else { format!("({k}, {channels}, ...)") };
         bail!(
-            "{}: its shape is {shape:?}, but the {} captures need shape {want}; pass the scheme of these captures, with the captures on \
+            "{} has shape {shape:?}, but {} captures need shape {want}; pass the scheme of these captures, with the captures on \
              the first axis",
             a.source.display(),
             scheme.name
@@ -116,7 +116,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     let variances = a.variance.as_deref().map(NumpyReader::open).transpose().map_err(Failure::input)?;
     if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
         bail!(
-            "--variance: its shape {:?} differs from that of the intensities, {:?}",
+            "--variance: the shape {:?} differs from that of the intensities, {:?}",
             other.shape,
             intensities.shape
         );
@@ -178,11 +178,11 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         start.elapsed().as_secs_f64()
     );
     if tally.partial > 0 {
-        eprintln!("note: {} of {} pixels lack some measurements", tally.partial, tally.pixels);
+        eprintln!("note: {} of {} pixels have missing measurements", tally.partial, tally.pixels);
     }
     if tally.lost > 0 {
         eprintln!(
-            "note: {} of {} pixels are NaN: their unsaturated measurements do not determine the matrix",
+            "note: {} of {} pixels are NaN: the unsaturated measurements do not determine the matrix",
             tally.lost, tally.pixels
         );
     }
@@ -192,7 +192,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
 /// Returns the error if the captures determine no pixel.
 fn nothing_left(source: &Path, pixels: usize) -> Failure {
     Failure::input(format!(
-        "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite; no file was written",
+        "{}: none of the {pixels} pixels is determined: all measurements are saturated or not finite; no file was written",
         source.display()
     ))
 }

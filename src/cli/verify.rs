@@ -23,7 +23,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if found.faults.is_empty() {
         let size = found.bytes as f64 / 1e6;
         if let Some(refusal) = &found.unlisted {
-            eprintln!("note: cannot list other files in this store: {refusal}");
+            eprintln!("note: cannot check for unexpected files in the store: {refusal}");
         }
         return print(&format!(
             "{store}: {}{files} files, {size:.1} MB, all intact",

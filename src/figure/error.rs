@@ -14,14 +14,14 @@ pub enum FigureError {
         /// The line of a slice definition that adds the axis.
         fix: &'static str,
     },
-    #[error("slice `{slice}` has no values: its axis `{axis}` is empty; keep at least one entry")]
+    #[error("slice `{slice}` has no values: axis `{axis}` is empty; keep at least one entry")]
     Empty {
         slice: String,
         /// Name of the empty axis.
         axis: &'static str,
     },
     /// The values do not fill the axes, or an axis occurs twice.
-    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; render it again")]
+    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; render the scene again")]
     Damaged {
         slice: String,
         found: usize,
@@ -37,7 +37,7 @@ pub enum FigureError {
         index: usize,
         len: usize,
     },
-    #[error("option `{option}` of the view is {value}; it must be {must}")]
+    #[error("option `{option}` of the view is {value}; the value must be {must}")]
     Option {
         option: &'static str,
         value: String,

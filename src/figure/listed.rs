@@ -48,7 +48,7 @@ pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Resul
             return Err(error(
                 figure,
                 format!("duplicate figure `{name}`"),
-                "rename one of them: each figure is a file".to_owned(),
+                "rename one of the figures: each figure is a file".to_owned(),
             ));
         }
         check(&figure.view, drawn, nm).map_err(|e| {

@@ -245,7 +245,7 @@ impl Sweep {
             if ring.tangent == DVec3::ZERO {
                 let Some(tangent) = last else {
                     let what = "all points of a curve coincide";
-                    return Err(ImportError::new(what, "remove the curve, or correct its points"));
+                    return Err(ImportError::new(what, "remove the curve, or correct the points"));
                 };
                 (ring.tangent, ring.q, ring.w, ring.s) = (tangent, 1.0, DVec3::ZERO, DVec3::ZERO);
             }

@@ -16,12 +16,12 @@ pub struct ImportError {
 #[non_exhaustive]
 pub enum ImportProblem {
     /// The mesh file, or a file to which the mesh file refers, cannot be read.
-    #[error("cannot read {what} ({cause}); check that it exists and is readable")]
+    #[error("cannot read {what} ({cause}); check that the file exists and is readable")]
     Read { what: String, cause: std::io::Error },
     /// The extension is not a known mesh format.
     #[error("unknown mesh format {0:?}; expected .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
-    #[error("the file is empty; export it again")]
+    #[error("the file is empty; export the mesh again")]
     EmptyFile,
     /// The file is invalid, or uses an unsupported feature.
     #[error("{what}; {fix}")]

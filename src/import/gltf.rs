@@ -172,7 +172,7 @@ impl Importer<'_> {
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
             if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.parts.notes.add(format!("{name:?} is invisible; it and its children are skipped"));
+                self.parts.notes.add(format!("{name:?} is invisible and is skipped with its children"));
                 continue;
             }
             if let Some(mesh) = node.mesh {
@@ -181,7 +181,7 @@ impl Importer<'_> {
             stack.extend(node.children.iter().flatten().rev().map(Index::value));
         }
         let left = root.nodes.iter().zip(visited).filter(|(n, seen)| n.mesh.is_some() && !seen);
-        let note = "a node with a mesh is skipped: it is not part of the scene";
+        let note = "a node with a mesh is skipped because the node is not part of the scene";
         self.parts.notes.add_times(note, left.count());
         Ok(())
     }
@@ -347,7 +347,7 @@ fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
     };
     let column = |i: usize| DVec3::new(m[i].into(), m[i + 1].into(), m[i + 2].into());
     if [m[3], m[7], m[11], m[15] - 1.0].iter().any(|x| x.abs() > 1e-5) {
-        let what = format!("the matrix of node {index} is not affine (its bottom row is not 0 0 0 1)");
+        let what = format!("the matrix of node {index} is not affine (the bottom row is not 0 0 0 1)");
         return Err(broken(what));
     }
     let linear = DMat3::from_cols(column(0), column(4), column(8));

@@ -94,7 +94,7 @@ impl Tables {
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
                         let what = format!("position {} divided by w is not finite", rest.trim());
-                        return Err(at_line(ImportError::new(what, "remove w or set it to 1")));
+                        return Err(at_line(ImportError::new(what, "remove w or set w to 1")));
                     }
                     tables.positions.push(p);
                     coloured += usize::from(n >= 6);

@@ -319,7 +319,7 @@ impl File<'_> {
                     self.positions.len(),
                     names.join(", ")
                 ),
-                "reconstruct a surface from the points and export it as a mesh",
+                "reconstruct a surface from the points and export the surface as a mesh",
             ));
         }
         let corners = self.triangles.as_flattened().iter();

@@ -174,7 +174,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             let what = format!(
                 "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"
             );
-            return Err(ImportError::new(what, "the file is truncated: export or copy it again"));
+            return Err(ImportError::new(what, "the file is truncated: export or copy the file again"));
         }
     }
     Ok(())

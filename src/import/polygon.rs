@@ -25,7 +25,7 @@ pub(super) enum Cut {
 }
 
 pub(super) const CROSSING: &str =
-    "a polygon is self-intersecting or not planar: its triangulation is approximate";
+    "a polygon is self-intersecting or not planar: the triangulation is approximate";
 
 pub(super) fn too_large(corners: usize) -> ImportError {
     ImportError::new(

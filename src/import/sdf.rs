@@ -67,7 +67,7 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
             Err(ImportError::new(format!("the surface has more than {MOST} triangles"), "use fewer points"))
         }
         Some(found) if found.mesh.indices.is_empty() => {
-            Err(ImportError::new("the distances have no change of sign", FIX))
+            Err(ImportError::new("all distances of the grid have the same sign", FIX))
         }
         Some(found) => Ok(found),
     }

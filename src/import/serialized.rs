@@ -200,7 +200,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
         ..Mesh::default()
     };
     if flags & TANGENTS_5 != 0 {
-        parts.notes.add("normals are not used: they are stored with tangents");
+        parts.notes.add("normals are not used because the file stores them with tangents");
     } else if flags & FACE_NORMALS_5 != 0 {
         parts.notes.add("the mesh has face normals: set `flat`");
     } else if flags & NORMALS != 0 {

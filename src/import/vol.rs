@@ -56,7 +56,7 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     let values: Vec<f32> = numbers[..total.unwrap_or(0)].iter().map(|b| f32::from_le_bytes(*b)).collect();
     let bbox = [[5, 6, 7], [8, 9, 10]].map(|corner| corner.map(number));
     if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-        return refuse(format!("value {i} of the grid is {}", values[i]));
+        return refuse(format!("value {i} of the grid is {}, not a finite number", values[i]));
     }
     Ok(Vol { size: [x, y, z], channels, bbox, values })
 }

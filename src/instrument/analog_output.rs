@@ -54,7 +54,10 @@ impl AnalogLimits {
         }
         let [least, most] = self.rate_hz;
         if !(settings.rate_hz >= least && settings.rate_hz <= most) {
-            return Err(format!("{} samples per second; expected {least} to {most}", settings.rate_hz));
+            return Err(format!(
+                "the sample rate is {} samples per second; expected {least} to {most}",
+                settings.rate_hz
+            ));
         }
         Ok(())
     }
@@ -72,11 +75,11 @@ impl AnalogLimits {
             ));
         }
         if samples == 0 || samples > self.samples {
-            return Err(format!("{samples} samples; expected 1 to {}", self.samples));
+            return Err(format!("got {samples} samples; expected 1 to {}", self.samples));
         }
         let [least, most] = self.volts;
         let beyond = buffer.iter().flatten().find(|v| !(**v >= least && **v <= most));
-        beyond.map_or(Ok(()), |v| Err(format!("{v} V is outside {least} to {most} V")))
+        beyond.map_or(Ok(()), |v| Err(format!("voltage {v} V is outside the range {least} to {most} V")))
     }
 }
 

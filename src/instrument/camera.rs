@@ -113,24 +113,29 @@ impl CameraLimits {
             && u64::from(r.x) + u64::from(r.width) <= u64::from(width)
             && u64::from(r.y) + u64::from(r.height) <= u64::from(height);
         if !inside {
-            return Err(format!("region {r:?} is outside {width} x {height} pixels"));
+            return Err(format!("region {r:?} is outside the sensor of {width} x {height} pixels"));
         }
         let [sx, sy] = self.step.map(|s| s.max(1));
         if r.x % sx + r.width % sx + r.y % sy + r.height % sy > 0 {
-            return Err(format!("region {r:?} must be a multiple of {sx} columns and {sy} rows"));
+            return Err(format!(
+                "position and size of region {r:?} must be multiples of {sx} columns and {sy} rows"
+            ));
         }
         let [least, most] = self.exposure;
         if settings.exposure < least || settings.exposure > most {
-            return Err(format!("exposure {:?} is outside {least:?} to {most:?}", settings.exposure));
+            return Err(format!(
+                "exposure time {:?} is outside the range {least:?} to {most:?}",
+                settings.exposure
+            ));
         }
         let [least, most] = self.gain_db;
         if !(settings.gain_db >= least && settings.gain_db <= most) {
-            return Err(format!("gain {} dB is outside {least} to {most} dB", settings.gain_db));
+            return Err(format!("gain {} dB is outside the range {least} to {most} dB", settings.gain_db));
         }
         if !self.formats.contains(&settings.format) {
             let known: Vec<&str> = self.formats.iter().map(|f| f.name()).collect();
             return Err(format!(
-                "format {} is not supported; available: {}",
+                "pixel format {} is not supported; available: {}",
                 settings.format.name(),
                 known.join(", ")
             ));

@@ -23,7 +23,7 @@ impl LaserLimits {
         if hz >= least && hz <= most {
             return Ok(());
         }
-        Err(format!("{hz} Hz is outside {least} to {most} Hz"))
+        Err(format!("pulse rate {hz} Hz is outside the range {least} to {most} Hz"))
     }
 }
 

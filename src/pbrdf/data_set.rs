@@ -22,7 +22,7 @@ pub enum DataError {
     #[error("{}: cannot list the folder: {cause}; give a folder of .pbsdf files", path.display())]
     Folder { path: PathBuf, cause: std::io::Error },
     /// The folder contains no tables.
-    #[error("{}: the folder contains no .pbsdf file; create some with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
+    #[error("{}: the folder contains no .pbsdf file; create tables with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
     NoTables { path: PathBuf },
     /// A table is invalid.
     #[error("{}: {cause}", path.display())]

@@ -65,7 +65,7 @@ impl Direction {
 
 /// Error: the material has no such specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the material does not {} specularly at this point; evaluate its BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
+#[error("the material does not {} specularly at this point; evaluate the BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
 
 /// Value of a BRDF for a pair of directions.

@@ -31,11 +31,11 @@ pub enum TrialError {
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.
     #[error(
-        "its rank is below 16 and every pixel has its own ray: use a prior, more captures, or rays along the axis"
+        "the rank of the scheme is below 16 and the rays of the pixels differ: use a prior, more captures, or rays along the axis"
     )]
     Oblique,
     /// `repeat` is 0.
-    #[error("there was no trial")]
+    #[error("the number of trials is 0; use at least 1")]
     NoTries,
     /// The simulation rejected its settings or data.
     #[error(transparent)]

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = *b"PQTTTR\0\0";
 /// Maximum size of a header in bytes. Real headers have a few thousand.
 pub const MOST: u64 = 64 << 20;
 
-const DAMAGED: &str = "the file is damaged or truncated: copy it again from the instrument's computer";
+const DAMAGED: &str = "the file is damaged or truncated: copy the file again from the instrument's computer";
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Header {
@@ -218,7 +218,7 @@ impl Header {
         out.extend_from_slice(&version);
         for tag in &self.tags {
             if tag.name == LAST {
-                return Err(format!("tag {LAST}: reserved; it is written automatically"));
+                return Err(format!("tag {LAST} is reserved and is written automatically; remove the tag"));
             }
             tag.write(&mut out)?;
         }

@@ -62,7 +62,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let divider = is("HWSync_Divider");
     if mode == Mode::T2 && divider > 1.0 {
         notes.push(format!(
-            "HWSync_Divider is {divider}: the file has one sync pulse per {divider} laser pulses, and times are relative to it"
+            "HWSync_Divider is {divider}: the file has one sync pulse per {divider} laser pulses, and times are relative to the sync pulse"
         ));
     }
     if is("ReqHdr_ScanningPattern") != 0.0 && !is_bidirectional(header) && scan.is_some() {

@@ -24,10 +24,10 @@ impl std::fmt::Display for Mismatch {
         let Self { stated, found, torn } = self;
         write!(f, "the header states {stated} records, but the file contains {found}")?;
         if *torn > 0 {
-            write!(f, " and {torn} bytes of an incomplete one")?;
+            write!(f, " and {torn} bytes of an incomplete record")?;
         }
         if found > stated {
-            write!(f, "; only the first {stated} are read")?;
+            write!(f, "; only the first {stated} records are read")?;
         }
         Ok(())
     }

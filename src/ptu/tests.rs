@@ -271,7 +271,7 @@ fn damage_is_told_in_words() {
     let message = cut.mismatch().expect("a mismatch").to_string();
     assert_eq!(
         message,
-        "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete one"
+        "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete record"
     );
     let plan = Plan { bin: 1, bins: 1 << 15, channels: vec![0], scan: None };
     let large = by_pixels(1 << 40, 1 << 40);

@@ -128,7 +128,7 @@ impl<W: Write + Seek> Writer<W> {
         };
         if periods / most > LONGEST_PAUSE {
             return Err(refused(format!(
-                "gap of {periods} clock overflows before time {time}; the gap is too long"
+                "the gap of {periods} clock overflows before time {time} is too long"
             )));
         }
         while periods > 0 {

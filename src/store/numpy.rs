@@ -32,17 +32,17 @@ pub enum NumpyError {
     #[error("{}: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
-    #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
+    #[error("{}: the elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
     Elements {
         path: PathBuf,
         /// The element type that was found.
         found: String,
     },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
-    #[error("{}: its elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
+    #[error("{}: the elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
     /// The file is shorter than its header states.
-    #[error("{}: the file ends before the end of the array of shape {shape:?}; save it again", path.display())]
+    #[error("{}: the file ends before the end of the array of shape {shape:?}; save the array again", path.display())]
     Short {
         path: PathBuf,
         /// Shape of the array in the header.

@@ -55,7 +55,7 @@ pub enum SinkError {
     Denoised(#[from] Denoised),
     /// The store to resume contains another render.
     #[error(
-        "{path} contains another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
+        "{path} contains another render: {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
          --force to replace it"
     )]
     Mismatch {

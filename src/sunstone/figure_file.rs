@@ -166,7 +166,7 @@ impl Prepared<'_> {
         }
         tile.bar.take_if(|_| !panel.colour_bar);
         if let Some(inset) = panel.insets.first().filter(|_| tile.size().is_none()) {
-            let help = "remove it, or show a single element";
+            let help = "remove the inset, or show a single element";
             let message = "an inset needs a view with a single picture";
             return Err(source.error(inset, message, help).into());
         }

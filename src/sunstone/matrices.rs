@@ -15,7 +15,7 @@ pub enum MatricesError {
     Read(#[from] NumpyError),
     /// The last two axes of the array do not have the lengths 4, 4.
     #[error(
-        "{}: its shape is {shape:?}; expected (..., 4, 4), with the outgoing Stokes elements in rows",
+        "{} has shape {shape:?}; expected (..., 4, 4), with the outgoing Stokes elements in rows",
         path.display()
     )]
     Shape { path: PathBuf, shape: Vec<usize> },

@@ -35,7 +35,7 @@ pub enum RoundsError {
     )]
     Rounds { path: PathBuf },
     /// The folder of rounds contains other files, so it is not removed.
-    #[error("{path} contains other files than rounds: {found}; move it, or choose another name")]
+    #[error("{path} contains other files than rounds: {found}; move this file, or choose another name")]
     Other {
         path: PathBuf,
         /// Name of one of the other files.
@@ -253,7 +253,7 @@ impl ToError<'_> {
         match &standing.next {
             Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
             _ => Err(RoundsError::Goal(format!(
-                "round {round} is not needed: {} rounds are enough, or are the maximum",
+                "round {round} is not needed: the render ends after {} rounds",
                 standing.round
             ))),
         }

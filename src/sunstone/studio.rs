@@ -55,7 +55,7 @@ pub enum StudioError {
     #[error(transparent)]
     Open(#[from] OpenError),
     /// The store at the render's path belongs to another render.
-    #[error("{cause}; or delete {path} and run the same command again to render it")]
+    #[error("{cause}; or delete {path} and run the same command again to repeat the render")]
     Kept {
         /// Path of the store.
         path: PathBuf,

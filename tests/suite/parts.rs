@@ -278,7 +278,7 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "p3"], &["part 2 of 3 is missing", "--part 2/3"]);
     refused(&["p3"], &["parts 1 and 2 of 3 are missing"]);
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
-    refused(&["p1", "p2", "p3", "first"], &["both contain tile", "remove one of them"]);
+    refused(&["p1", "p2", "p3", "first"], &["both contain tile", "pass only one of the two parts"]);
     refused(&["p1", "half"], &["both contain tile 0"]);
     // Negative controls: one part has another seed, or other samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);

@@ -185,7 +185,7 @@ fn filled_meshes_are_closed_and_look_outward() {
     cube(folder.path(), |faces| faces.iter_mut().for_each(|f| f.swap(0, 1)));
     let (light, notes) = fog(folder.path(), object).expect("a cube inside out");
     assert!((light - want).abs() < 1e-5, "{light}");
-    assert!(notes.len() == 1 && notes[0].contains("point inward: its orientation is reversed"), "{notes:?}");
+    assert!(notes.len() == 1 && notes[0].contains("point inward: the orientation is reversed"), "{notes:?}");
     cube(folder.path(), |faces| {
         faces.pop();
     });

@@ -66,7 +66,7 @@ impl Expected {
         let squares = sum[(0, 0)];
         if !(squares > 0.0 && sum.iter().all(|v| v.is_finite())) {
             return Err(ApplyError::Empty(format!(
-                "slice `{slice}` of the training variants is dark; check the lights of the scene"
+                "slice `{slice}` of the training variants contains no light; check the lights of the scene"
             )));
         }
         Ok(Self { moment: sum / squares, brightness: (squares / count).sqrt(), nm })

@@ -198,7 +198,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             if !degrees(t.axis_error_deg) || !degrees(t.retardance_error_deg) {
                 return Err(fault(
                     span,
-                    "an error of the optics is out of range".into(),
+                    "`axis_error_deg` or `retardance_error_deg` is out of range".into(),
                     "set 0 to 90 degrees",
                 ));
             }
@@ -213,10 +213,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let exposure = file.exposure.as_ref().map_or_else(Exposure::default, |e| **e);
     if let Some(at) = &file.exposure {
         exposure.check().map_err(|e| {
-            fault(at.span(), e.to_string(), "correct the value, or remove it to use the default")
+            fault(at.span(), e.to_string(), "correct the value, or remove the key to use the default")
         })?;
         if file.cmos.is_none() && file.spad.is_none() {
-            let fix = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
+            let fix = "add [cmos] for the noise of a camera, or [spad] for that of a photon counter; all settings have defaults";
             return Err(fault(at.span(), "`exposure` is set, but there is no detector".into(), fix));
         }
     }
@@ -228,7 +228,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         return Err(fault(
             span,
             format!("`{name}` is empty"),
-            "list at least one entry, or remove it to use all",
+            "list at least one entry, or remove the key to use all entries",
         ));
     }
     // A repeated sample would be captured with the same noise twice, but counted as independent.
@@ -244,7 +244,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         let bad =
             bad.or_else(|| (camera.binning > 1).then(|| "`binning` is not supported in a chain".into()));
         if let Some(message) = bad {
-            return Err(fault(camera.span(), message, "correct the value, or remove it to use the default"));
+            return Err(fault(
+                camera.span(),
+                message,
+                "correct the value, or remove the key to use the default",
+            ));
         }
     }
     Ok(Chain {

@@ -64,7 +64,7 @@ impl Bench {
             Ok(bench)
         } else {
             Err(ApplyError::Empty(format!(
-                "variant {} is dark, but errors are relative to its mean intensity",
+                "variant {} contains no light, but errors are relative to the mean intensity; check the lights of the scene",
                 o.variant
             )))
         }

@@ -45,7 +45,7 @@ pub enum CodeError {
         patterns: usize,
     },
     /// The number of captures does not match the code.
-    #[error("got {got} captures, but the code has {want}: capture all of its patterns")]
+    #[error("got {got} captures, but the code has {want} patterns: capture every pattern once")]
     Captures {
         /// Number of captures given.
         got: usize,

@@ -130,7 +130,9 @@ pub enum ShapeError {
     #[error(transparent)]
     Code(#[from] CodeError),
     /// A map does not have the camera's size.
-    #[error("{what} has {got:?} pixels, but the camera has {want:?}: use maps of one camera")]
+    #[error(
+        "{what} has {got:?} pixels, but the camera has {want:?}: use maps with the resolution of the camera"
+    )]
     Size {
         what: &'static str,
         /// Size of the map.

@@ -5,13 +5,11 @@
 pub enum Fault {
     #[error("no view shows the board: use images that show the complete board")]
     NoViews,
-    #[error("view {view}: got {found} points, but the board has {wanted}")]
+    #[error("view {view}: got {found} points, but the board has {wanted} corners")]
     Count { view: usize, found: usize, wanted: usize },
     #[error("view {view}: a coordinate is not a finite number of pixels")]
     NotFinite { view: usize },
-    #[error(
-        "view {view}: its points are on a line or at one place, so the pose is undetermined; exclude the view"
-    )]
+    #[error("view {view}: all points are on one line, so the pose is undetermined; exclude the view")]
     Collinear { view: usize },
     #[error(
         "a board of {columns} × {rows} corners with squares of {square} m: expected at least 3 × 3 inner corners and a positive length"
@@ -19,7 +17,7 @@ pub enum Fault {
     Board { columns: usize, rows: usize, square: f64 },
     #[error("{measured} coordinates do not determine {unknown} unknowns: use more views, or fix parameters")]
     TooFew { measured: usize, unknown: usize },
-    #[error("these views do not determine {what}; {fix}")]
+    #[error("the views do not determine {what}; {fix}")]
     NotDetermined { what: String, fix: String },
     #[error(
         "no camera model fits the points: the best fit has {rms:.3} pixels RMS; check the columns, the rows and the order of the corners, \

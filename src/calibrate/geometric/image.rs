@@ -94,7 +94,7 @@ impl Image {
         let loaded = loaded.map_err(error)?;
         let values = &loaded.image.values;
         if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
-            return Err(error("it has no pixels, or pixels that are not finite numbers".into()));
+            return Err(error("the image has no pixels, or a pixel value is not a finite number".into()));
         }
         Ok(loaded)
     }
@@ -134,12 +134,12 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     };
     let other = image::guess_format(&bytes).ok().filter(|found| *found != format);
     if let Some(other) = other {
-        return Err(format!("its content is {other:?}, not {name}: change the extension"));
+        return Err(format!("the file contains {other:?} data, not {name}: change the extension"));
     }
     if format == ImageFormat::Jpeg && is_cut_off(&bytes) {
-        return Err("the JPEG file is truncated: copy it again".into());
+        return Err("the JPEG file is truncated: copy the file again".into());
     }
-    let bad = |e: image::ImageError| format!("cannot read it as {name}: {e}");
+    let bad = |e: image::ImageError| format!("cannot read the file as {name}: {e}");
     let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     let mut limits = Limits::default();
     limits.max_alloc = Some(8 * MOST as u64);
@@ -163,9 +163,12 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
         ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
             photo.as_bytes().as_chunks().0.iter().map(|b| f32::from(u16::from_ne_bytes(*b))).collect()
         }
-        other => return Err(format!("its pixels are {other:?}: convert it to 8 or 16 bits")),
+        other => {
+            return Err(format!("unsupported pixel format {other:?}: convert the image to 8 or 16 bits"));
+        }
     };
-    let image = Image::new(width, height, grey(&samples, channels)).ok_or("it is damaged")?;
+    let image = Image::new(width, height, grey(&samples, channels))
+        .ok_or("the file is damaged: copy the file again")?;
     Ok(Loaded { image, orientation: orientation.to_exif() })
 }
 
@@ -175,7 +178,7 @@ fn npy(path: &Path) -> Result<Image, String> {
         [h, w] => (h, w, 1),
         [h, w, d] if d > 0 => (h, w, d),
         _ => {
-            return Err(format!("its shape is {:?}; expected (height, width)", reader.shape));
+            return Err(format!("the array has shape {:?}; expected (height, width)", reader.shape));
         }
     };
     if reader.len() > MOST {
@@ -184,7 +187,7 @@ fn npy(path: &Path) -> Result<Image, String> {
     let mut all = vec![0.0_f32; reader.len()];
     reader.read(0, &mut all).map_err(|e| e.to_string())?;
     let values = all.chunks_exact(depth).map(|c| c.iter().sum::<f32>() / depth as f32).collect();
-    Image::new(width, height, values).ok_or_else(|| "it is damaged".into())
+    Image::new(width, height, values).ok_or_else(|| "the file is damaged: copy the file again".into())
 }
 
 /// Encodes an image as a gray PNG of 8 bits.
@@ -327,7 +330,7 @@ mod tests {
             assert!(loaded("a.jpg", &whole[..keep]).is_err(), "{keep} bytes of {}", whole.len());
         }
         let said = loaded("a.png", &whole).unwrap_err();
-        assert!(said.contains("its content is Jpeg, not PNG"), "{said}");
+        assert!(said.contains("the file contains Jpeg data, not PNG"), "{said}");
         let said = loaded("a.tif", &whole).unwrap_err();
         assert!(said.contains(".png"), "{said}");
     }

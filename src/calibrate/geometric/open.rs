@@ -94,7 +94,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
                     what: format!("{} {name}: {size:.0} ± {:.0} pixels", title(d), error(i)),
                     fix: match device.model {
                         Model::Eight | Model::Twelve => format!("use 5 coefficients, or {TILT}"),
-                        _ => format!("{TILT}, or fix it"),
+                        _ => format!("{TILT}, or fix this parameter"),
                     },
                 });
             }

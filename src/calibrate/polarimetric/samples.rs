@@ -34,13 +34,15 @@ pub struct Sample {
 pub enum CalibrationError {
     #[error("no samples; capture air, a mirror or a known plate")]
     NoSample,
-    #[error("sample `{name}` has {found} intensities, but its scheme has {want} measurements")]
+    #[error("sample `{name}` has {found} intensities, but the scheme has {want} measurements")]
     Lengths { name: String, found: usize, want: usize },
     #[error(
-        "sample `{name}` is dark, or its noise is not positive; increase the light, and exclude saturated captures"
+        "sample `{name}`: the light or its noise is not positive; increase the light, and exclude saturated captures"
     )]
     Dark { name: String },
-    #[error("samples `{first}` and `{other}` were captured with different elements")]
+    #[error(
+        "samples `{first}` and `{other}` were captured with different polarizing elements; use one scheme for all samples"
+    )]
     Elements { first: String, other: String },
     #[error(transparent)]
     Fit(#[from] FitError),

@@ -86,12 +86,12 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     let dark = Dark::of(frames, options.limit)?;
     let mut untold = vec![];
     if dark.rate.is_none() {
-        untold.push("dark current: dark frames with only one exposure; the offset contains it".to_owned());
+        untold.push("dark current: all dark frames have the same exposure time, so the offset includes the dark current".to_owned());
     }
     let levels = self::levels(&dark, light);
     let saturation = saturation(&levels);
     if saturation.is_none() {
-        untold.push("saturation: no light level reaches it".to_owned());
+        untold.push("saturation: no light level saturates the pixels".to_owned());
     }
     let linearity = Linearity::of(&levels, saturation, options.degree, options.light_sigma)
         .map_err(|e| untold.push(e))
@@ -107,7 +107,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     };
     if flat.is_some() {
         untold.push(
-            "flat field: it includes the non-uniformity of the light, which the frames cannot separate from that of the pixels"
+            "flat field: includes the non-uniformity of the light, because the frames cannot separate light and pixels"
                 .to_owned(),
         );
     }

@@ -3,13 +3,13 @@
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RadiometricError {
-    #[error("no dark frames; capture some with the lens cap on")]
+    #[error("no dark frames; capture dark frames with the lens cap on")]
     NoDark,
     #[error(
         "the stack of {exposure_s} s has {frames} frames; a noise estimate needs at least 2, and 16 or more are recommended"
     )]
     Frames { exposure_s: f64, frames: u32 },
-    #[error("a frame has {found} pixels, but the others have {want}; use frames of one region")]
+    #[error("a frame has {found} pixels, but the other frames have {want}; use frames of the same region")]
     Size { found: usize, want: usize },
     #[error("{what} is {value}; expected {need}")]
     Setting { what: &'static str, value: f64, need: &'static str },
@@ -18,6 +18,8 @@ pub enum RadiometricError {
          several times"
     )]
     Constant { exposure_s: f64 },
-    #[error("no usable pixels: {hot} hot, {noisy} noisy, {stuck} stuck")]
+    #[error(
+        "no usable pixels: {hot} are hot, {noisy} are noisy, {stuck} are stuck; capture the frames again"
+    )]
     NoPixel { hot: usize, noisy: usize, stuck: usize },
 }

@@ -61,7 +61,8 @@ impl Flat {
         }
         if whole <= 0.0 {
             return Err(
-                "flat field: no stack of uniform light at 5 to 70 % of saturation; capture one".into()
+                "flat field: no stack has uniform light at 5 to 70 % of saturation; capture such a stack"
+                    .into(),
             );
         }
         let used: Vec<usize> = (0..pixels).filter(|p| usable[*p]).collect();

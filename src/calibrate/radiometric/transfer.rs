@@ -66,7 +66,7 @@ impl Transfer {
             points.push((linearity.linear(l.signal) + l.dark, l.variance * slope * slope, freedom(l)));
         }
         if points.len() <= dark.len() {
-            return Err("gain: no light level below saturation; capture some".into());
+            return Err("gain: no light level is below saturation; capture frames with less light".into());
         }
         let brightest = points.iter().map(|p| p.0).fold(0.0, f64::max);
         let at_brightest = points.iter().find(|p| p.0 == brightest).map_or(without, |p| p.1);

@@ -56,7 +56,7 @@ pub enum TemporalError {
         "no histogram shows a pulse above the background ({dark} dark, {saturated} saturated); count longer, or attenuate the light"
     )]
     NoPulse { dark: usize, saturated: usize },
-    #[error("the fit of the response does not converge: start closer to it, or free fewer of its parameters")]
+    #[error("the fit of the response does not converge: improve the initial values, or fit fewer parameters")]
     Unsettled,
 }
 
@@ -85,21 +85,21 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
     for (index, c) in captures.iter().enumerate() {
         let wrong = |what: String| Err(TemporalError::Capture { index, what });
         if c.pixel >= pixels {
-            return wrong(format!("its pixel is {}, but there are only {pixels} pixels", c.pixel));
+            return wrong(format!("pixel {} does not exist: there are only {pixels} pixels", c.pixel));
         }
         if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
             return wrong(format!(
-                "its travel time is {}; expected the optical path over c, at most 1e12 ps",
+                "the travel time is {} ps; expected optical path length / c, at most 1e12 ps",
                 c.travel_ps
             ));
         }
         if c.pulses == 0 {
-            return wrong("its number of pulses is 0; set the number of laser pulses".into());
+            return wrong("the number of pulses is 0; set the number of laser pulses".into());
         }
         let whole = counter.mode == Mode::Synchronous && (8..=bins).contains(&c.counts.len());
         if c.counts.len() != bins && !whole {
             return wrong(format!(
-                "it has {} bins, but the period has {bins}; pass all bins of the counter",
+                "got {} bins, but the period has {bins} bins; pass all bins of the counter",
                 c.counts.len()
             ));
         }

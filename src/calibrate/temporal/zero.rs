@@ -294,7 +294,10 @@ fn finish(
     let clock = clock(&by_pixel, covariance);
     let mut untold = vec![];
     if clock.is_none() {
-        untold.push("clock error: with only one distance it cannot be separated from time zero".to_owned());
+        untold.push(
+            "clock error: with only one distance, the clock error cannot be separated from time zero"
+                .to_owned(),
+        );
     }
     let correction = clock.filter(|_| correct_clock);
     let pixel = |ones: &Vec<One>| {

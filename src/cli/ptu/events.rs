@@ -132,7 +132,7 @@ fn event(line: &str) -> Option<Event> {
 pub fn write(a: &FromText) -> Result<(), Failure> {
     places::files([Some(&a.events)], [Some(&a.output)])?;
     places::extension([&a.output], "photons are", &["ptu"])?;
-    let fix = "write lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
+    let fix = "write lines of kind,time,dtime,channel,markers, in the format of `sunstone ptu records`";
     let text = document::read(&a.events, "events", fix)?;
     let description = Description {
         record: a.record,

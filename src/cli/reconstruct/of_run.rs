@@ -19,11 +19,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
-            bail!("--errors: a store already contains the errors; remove the option");
+            bail!("--errors: the output is a store, which already contains the errors; remove --errors");
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
-        bail!("--variance, --noise and --saturation come from the run's detector; remove them");
+        bail!("--variance, --noise and --saturation come from the run's detector; remove these options");
     }
     let scheme = a.scheme.as_deref().map(load).transpose()?;
     let run = Run::open(&a.source, scheme.as_ref()).map_err(Failure::input)?;
@@ -34,7 +34,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if array && masks.len() != 1 {
         bail!(
-            "an array holds one mask, but the run has {}; choose one with --mask, or write a store: -o {}",
+            "an array contains one mask, but the run has {}; select a mask with --mask, or write a store: -o {}",
             masks.join(", "),
             a.output.with_extension("zarr").display()
         );

@@ -42,7 +42,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
-        bail!("expected runs of known samples");
+        bail!("no run has a known sample; capture runs with `sunstone rig run PLAN --sample air`");
     };
     for s in samples.iter().filter(|s| s.left_out > 0) {
         eprintln!(

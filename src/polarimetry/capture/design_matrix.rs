@@ -17,7 +17,7 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
-    "scheme `{name}` has rank {rank} of 16: its {captures} captures do not determine a Mueller matrix; {}",
+    "scheme `{name}` has rank {rank} of 16: the {captures} captures do not determine a Mueller matrix; {}",
     fix(*captures, *least)
 )]
 pub struct RankError {

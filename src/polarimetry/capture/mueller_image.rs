@@ -30,7 +30,7 @@ pub enum ImageError {
     },
     /// The slice has an axis that no sensor can resolve.
     #[error(
-        "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice summed over it"
+        "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice that is summed over this axis"
     )]
     Parts(&'static str),
     #[error("there are no matrices; keep at least one entry of each axis")]

@@ -61,7 +61,7 @@ pub enum SchemeError {
     },
     #[error("the scheme has no captures; add at least one setting")]
     Empty,
-    #[error("the setting of `{name}` at capture {capture} is not a finite number; correct it")]
+    #[error("the setting of `{name}` at capture {capture} is not a finite number; correct the setting")]
     NotFinite {
         name: String,
         /// The capture, counted from 0.

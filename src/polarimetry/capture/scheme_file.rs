@@ -42,7 +42,7 @@ use std::path::Path;
 /// # Errors
 /// [`InputError`] with file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
-    let fix = "create one: sunstone scheme drr -k 36 -o scheme.toml";
+    let fix = "create a scheme file: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         from_csv(path, &text)

@@ -83,7 +83,7 @@ struct SecondMomentOut<'a> {
     second_moment: Vec<Vec<f64>>,
 }
 
-const FIX: &str = "create one: sunstone pbrdf pca --prior prior.toml -o components.png";
+const FIX: &str = "create a prior: sunstone pbrdf pca --prior prior.toml -o components.png";
 
 /// Reads a second moment.
 ///

@@ -152,7 +152,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     let mut rig = Rig::new(&plan.name, clock);
     let bench = |name: &str| {
         world.cloned().ok_or_else(|| {
-            AssembleError(format!("`{name}` is simulated, but the rig file has no [bench]; add one"))
+            AssembleError(format!("`{name}` is simulated, but the rig file has no [bench]; add [bench]"))
         })
     };
     let missing = |name: &str, driver: &Driver| {
@@ -279,7 +279,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     let found = camera.limits().size;
     if found != limits.size {
         return Err(AssembleError(format!(
-            "`camera` has {found:?} pixels, but the rig file says {:?}; correct `size`",
+            "`camera` has {found:?} pixels, but the rig file has {:?}; correct `size`",
             limits.size
         )));
     }

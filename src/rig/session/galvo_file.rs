@@ -43,7 +43,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), F
             ("card", file.card.is_some()),
         ];
         if let Some((name, _)) = others.iter().find(|(_, given)| *given) {
-            let help = "add driver = \"analog\", or remove it";
+            let help = "add driver = \"analog\", or remove the key";
             return Err((format!("`{name}` applies only to driver = \"analog\""), help));
         }
         let limits = GalvoLimits { range_deg, resolution_deg: RESOLUTION_DEG, settle };

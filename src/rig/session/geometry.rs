@@ -59,7 +59,9 @@ impl Lens {
             ));
         }
         if !k.iter().all(|v| v.is_finite()) {
-            return Err(format!("`{name}.distortion` contains a number that is not finite; correct it"));
+            return Err(format!(
+                "`{name}.distortion` contains a number that is not finite; correct the number"
+            ));
         }
         Self::of(file.matrix, Opencv::from_list(k).into(), name)
     }

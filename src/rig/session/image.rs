@@ -58,8 +58,7 @@ impl Run {
     /// [`ImageError`] if the run is missing, unfinished or damaged, or if the scheme has other elements.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(failed)?;
-        let damaged =
-            |what: &str| ImageError(format!("{}: its attribute `{what}` is damaged", path.display()));
+        let damaged = |what: &str| ImageError(format!("{}: attribute `{what}` is damaged", path.display()));
         let attribute = |name: &str| store.attributes().get(name).cloned().ok_or_else(|| damaged(name));
         let text = attribute("scheme")?;
         let planned =
@@ -298,7 +297,7 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
     let frames = store.layout().frames();
     let per = frames / captures.max(1);
     if per * captures != frames {
-        return Err("its number of frames does not match its scheme".into());
+        return Err("the number of frames does not match the scheme".into());
     }
     let mut out = given.clone();
     for name in elements(given) {

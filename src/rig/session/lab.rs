@@ -71,6 +71,6 @@ pub fn absent(role: &str) -> Failure {
     Failure::new(
         crate::instrument::Fault::Refused,
         role,
-        format!("the plan needs a {role}, but the rig has none; add it to the rig file"),
+        format!("the plan needs a {role}, but the rig has none; add a {role} to the rig file"),
     )
 }

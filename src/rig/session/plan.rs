@@ -158,7 +158,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         (Some(camera), None) => Work::Camera(camera_work(camera).map_err(|e| fault(camera.span(), e))?),
         (None, Some(scan)) => Work::Scan(scan_work(scan).map_err(|e| fault(scan.span(), e))?),
         (Some(_), Some(second)) => {
-            let help = "keep one of them; write two plans to use both";
+            let help = "keep one table; write two plans to use both tables";
             return Err(fault(second.span(), ("[camera] and [scan] are both present".into(), help)));
         }
         (None, None) => {
@@ -180,7 +180,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     };
     if plan.frames() > MOST_FRAMES {
         let what = format!("the plan has {} frames, but the limit is {MOST_FRAMES}", plan.frames());
-        return Err(fault(0..0, (what, "split it into several plans")));
+        return Err(fault(0..0, (what, "split the plan into several plans")));
     }
     Ok(plan)
 }

@@ -305,8 +305,9 @@ fn check_wavelength(nm: f64) -> Result<(), Fault> {
 
 /// Checks the detectors of a table.
 fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
-    let wrong =
-        |kind: &str, e: DetectorError| (format!("[{table}.{kind}]: {e}"), "correct the value, or remove it");
+    let wrong = |kind: &str, e: DetectorError| {
+        (format!("[{table}.{kind}]: {e}"), "correct the value, or remove the key")
+    };
     cmos.check().map_err(|e| wrong("cmos", e))?;
     spad.check().map_err(|e| wrong("spad", e))
 }

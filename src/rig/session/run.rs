@@ -336,7 +336,8 @@ impl Session<'_> {
         let frame = camera.frame(settings.exposure + self.within)?;
         let name = camera.name().to_owned();
         if frame.region != settings.region || frame.format != settings.format {
-            let what = format!("unexpected frame of {:?} {}", frame.region, frame.format.name());
+            let what =
+                format!("unexpected frame with region {:?} and format {}", frame.region, frame.format.name());
             return Err(Failure::new(Fault::Timeout, &name, what));
         }
         let Some(part) = pixels::unpack(&frame) else {
@@ -345,7 +346,7 @@ impl Session<'_> {
         };
         // A frame number that does not increase means an earlier frame.
         if self.last_number.is_some_and(|last| frame.number <= last) {
-            return Err(Failure::new(Fault::Timeout, &name, "an old frame arrived again"));
+            return Err(Failure::new(Fault::Timeout, &name, "an earlier frame arrived again"));
         }
         self.last_number = Some(frame.number);
         self.saturated(step, &part, settings.format.bits(), &name)?;

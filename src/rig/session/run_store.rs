@@ -20,7 +20,7 @@ pub enum RunStoreError {
     Open(#[from] OpenError),
     /// The store belongs to another run.
     #[error(
-        "{path}: started with another plan, scheme or rig ({what} differs); resume with those, or choose another `-o`"
+        "{path}: started with another plan, scheme or rig ({what} differs); resume with the same files, or choose another `-o`"
     )]
     Other {
         path: String,

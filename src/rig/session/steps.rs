@@ -246,7 +246,7 @@ fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failu
             }
             goals.insert(element.name.clone(), angles);
         } else if turns {
-            let what = "the scheme rotates this element, but the rig has no stage with this name; add it to the rig file";
+            let what = "the scheme rotates this element, but the rig has no stage with this name; add the stage to the rig file";
             return Err(Failure::new(Fault::Refused, &element.name, what));
         }
         let first = element.set_at(0).retardance;

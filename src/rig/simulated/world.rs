@@ -203,7 +203,7 @@ impl Shared {
             return Err(Failure::new(
                 Fault::Disconnected,
                 instrument,
-                "the instrument cannot be found; plug it in and resume",
+                "instrument not found; connect the instrument and resume",
             ));
         }
         self.clock().sleep(Duration::from_millis(500).min(within));

@@ -261,7 +261,7 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
             bail!(ctx, object.span(), "the object's name is empty", "set a name, or remove the key");
         }
         if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
-            bail!(ctx, object.span(), "duplicate object name `{name}`", "rename one of them");
+            bail!(ctx, object.span(), "duplicate object name `{name}`", "rename one of the objects");
         }
     }
     Ok(())

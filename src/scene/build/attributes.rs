@@ -74,8 +74,8 @@ pub(super) fn begin(ctx: &mut Context) -> Uses {
 pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
     let own = std::mem::replace(&mut ctx.attributes.open, outer);
     if let Uses { asked: Some(asked), images: true, .. } = &own {
-        let message = "a material uses a mesh attribute together with an image or a checkerboard, but a mesh can have texture \
-                       coordinates for only one of them";
+        let message = "a material uses a mesh attribute together with an image or a checkerboard, but a mesh can have only one \
+                       set of texture coordinates";
         return Err(ctx.error(asked.name.span(), message, "keep one of the two"));
     }
     ctx.attributes.of_material.insert(material, own);
@@ -145,7 +145,7 @@ pub(super) fn give(
     }
     if values.iter().any(|v| f64::from(*v) * asked.albedo > 1.0) {
         ctx.note(format!(
-            "{file}: values of `{}` are above 1 and reflect more light than they receive",
+            "{file}: values of `{}` are above 1, so the surface reflects more light than it receives",
             *asked.name
         ));
     }

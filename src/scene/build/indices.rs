@@ -57,7 +57,7 @@ pub(super) fn complex_index(
             let given = [("metal", metal.is_some()), ("n", n.is_some()), ("k", k.is_some())];
             let given: Vec<&str> =
                 given.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| *key).collect();
-            let found = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
+            let found = if given.is_empty() { "neither".to_owned() } else { given.join(" and ") };
             Err(ctx.error(
                 place.span(),
                 format!("expected either `metal` or both `n` and `k`, got {found}"),

@@ -72,7 +72,7 @@ pub(crate) fn intrinsics(
             return Err(ctx.error(
                 m.span(),
                 "the principal point is given both by opencv_matrix and by cx or cy",
-                "remove cx and cy (they are relative to the corner of the first pixel, those of opencv_matrix to its centre)",
+                "remove cx and cy (relative to the corner of the first pixel; opencv_matrix is relative to the centre)",
             ));
         }
         Some(m) => opencv_principal(ctx, m)?,

@@ -99,7 +99,7 @@ pub(crate) fn place(
     if let (Some(_), Some(image)) = (&asked, object.emission.as_ref().and_then(|e| e.image.as_ref())) {
         return Err(ctx.error(
             image.span(),
-            "the emission has an image and the material uses a mesh attribute, but a mesh can have texture coordinates for only one of them",
+            "the emission has an image and the material uses a mesh attribute, but a mesh can have only one set of texture coordinates",
             "use another material for the object",
         ));
     }

@@ -47,7 +47,7 @@ pub(crate) fn build(
             ));
         }
         if slices.iter().any(|o| o.name == *name) {
-            bail!(ctx, s.name.span(), "duplicate slice name `{name}`", "rename one of them");
+            bail!(ctx, s.name.span(), "duplicate slice name `{name}`", "rename one of the slices");
         }
         let slice = Slice {
             name: name.clone(),

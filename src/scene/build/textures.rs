@@ -87,8 +87,10 @@ fn note_reflectance_above_one(ctx: &mut Context, number: u32, scale: Spectral, n
     let above = |t: &&[f32; 4]| t.iter().zip(scale).any(|(v, s)| v * s > 1.0);
     let bright = ctx.textures.texels[first..first + count].iter().filter(above).count();
     if bright > 0 {
-        let note =
-            format!("{}: {bright} texels are above 1 and reflect more light than they receive", **name);
+        let note = format!(
+            "{}: {bright} texels are above 1, so the surface reflects more light than it receives",
+            **name
+        );
         ctx.note(note);
     }
 }

@@ -58,7 +58,11 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
         format!("`{name}`{}", ctx.line(o.span()))
     };
     let [x, y, z] = gap.at.to_array();
-    let way = if off < 0.0 { "into it to remove the air between them" } else { "away from it" };
+    let way = if off < 0.0 {
+        "into the other object, to remove the air between the objects"
+    } else {
+        "away from the other object"
+    };
     let note = format!(
         "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): the surface is moved by {:.1e} m {way}",
         named(object),

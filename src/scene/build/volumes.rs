@@ -87,7 +87,7 @@ impl<'a> Volume<'a> {
         if closed::turn_outward(&mut meshes) {
             let line = ctx.line(object.shape.span());
             ctx.notes.push(format!(
-                "the filled mesh{line} has normals that point inward: its orientation is reversed"
+                "the filled mesh{line} has normals that point inward: the orientation is reversed"
             ));
         }
         let inside = closed::Inside::new(&meshes);

@@ -138,7 +138,7 @@ fn run(
             source.report(source.error(
                 child.span(),
                 "a reference at the top level has no effect",
-                "move it into a shape, or remove it",
+                "move the reference into a shape, or remove the reference",
             ));
             continue;
         };

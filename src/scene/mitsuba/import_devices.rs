@@ -441,7 +441,11 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
             (2.0 * (diagonal / (2.0 * mm)).atan().to_degrees(), "diagonal".into())
         }
         (Some(_), Some(_)) => {
-            return importer.error(&node.span, "both fov and focal_length are given", "keep one of the two");
+            return importer.error(
+                &node.span,
+                "both fov and focal_length are given",
+                "keep either fov or focal_length",
+            );
         }
     };
     let half = (fov.to_radians() / 2.0).tan();

@@ -29,7 +29,7 @@ fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), I
             return importer.error(
                 child.span(),
                 message,
-                "move it to another shape, or convert this shape to PLY",
+                "move the element to another shape, or convert this shape to PLY",
             );
         }
     }

@@ -40,7 +40,7 @@ impl<'a> Groups<'a> {
                 _ if inner.tag != "shape" => importer.error(
                     child.span(),
                     format!("a {} in a shapegroup has no effect", inner.tag),
-                    "move it into a shape of the group, or remove it",
+                    "move the element into a shape of the group, or remove the element",
                 ),
                 _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
             });

@@ -84,7 +84,11 @@ pub(super) fn principled<'a>(
         (Some(eta), None) => eta,
         (None, specular) => 2.0 / (1.0 - (0.08 * specular.unwrap_or(0.5)).sqrt()) - 1.0,
         (Some(_), Some(_)) => {
-            return importer.error(&node.span, "both eta and specular are given", "keep one of the two");
+            return importer.error(
+                &node.span,
+                "both eta and specular are given",
+                "keep either eta or specular",
+            );
         }
     };
     let mut lost = vec![];

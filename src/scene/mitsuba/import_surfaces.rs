@@ -86,7 +86,7 @@ pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), In
         Some(_) => importer.error(
             &node.span,
             format!("{name} of {} is not supported", node.kind),
-            "remove it; to darken a material, blend it with black",
+            "remove the parameter; to darken a material, use a blendbsdf with black",
         ),
     }
 }
@@ -336,7 +336,7 @@ pub(super) fn scalar<'a>(
         None => importer.error(
             &node.span,
             format!("{} has no `{name}`", node.kind),
-            "add it as <float> or a bitmap",
+            "add the parameter as <float> or a bitmap",
         ),
     }
 }

@@ -177,7 +177,7 @@ impl Node {
             source.report(source.error(
                 span,
                 format!("unsupported parameter `{name}` of {} `{}`", self.tag, self.kind),
-                "remove it, or export the scene without it",
+                "remove the parameter, or export the scene without this parameter",
             ));
         };
         for p in &self.properties {

@@ -10,7 +10,9 @@ pub enum MergeError {
     #[error("nothing to merge: pass at least two stores")]
     TooFew,
     /// A store lacks an attribute that merging requires.
-    #[error("cannot merge {path}: its attribute `{key}` is missing or invalid; render it with this program")]
+    #[error(
+        "cannot merge {path}: attribute `{key}` is missing or invalid; render the scene again with this program"
+    )]
     Attribute { path: PathBuf, key: &'static str },
     #[error(
         "{first} and {second} are renders of different scenes (`scene_sha256` differs): merge renders of one scene"

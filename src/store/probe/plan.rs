@@ -77,7 +77,7 @@ impl Plan {
                     reduced(axis.kind, 0, weights.into_iter().map(|w| vec![(0, w)]).collect())
                 }
                 Step::Weights(weights) => {
-                    let reason = format!("it has {n} entries, expected {}", weights.len());
+                    let reason = format!("the slice has {n} entries, expected {}", weights.len());
                     return Err(ProbeError::Selection { axis: axis.kind.name(), reason });
                 }
                 Step::Joint => reduced(axis.kind, 0, vec![vec![(0, 1.0)]; n]),
@@ -160,7 +160,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
             let sigma = fwhm_ps / (8.0 * std::f64::consts::LN_2).sqrt() / bin_ps;
             let reach = (6.0 * sigma).ceil();
             if !(0.0..=MAX_KERNEL).contains(&reach) {
-                return fault("its width must be a finite number of bins within the limit");
+                return fault("the width must be a finite number of bins within the limit");
             }
             let gauss = |k: i64| {
                 if k == 0 { 1.0 } else { (-0.5 * (k as f64 / sigma).powi(2)).exp() }
@@ -171,7 +171,9 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     };
     let sum: f64 = weights.iter().map(|(_, w)| w).sum();
     if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
-        return fault("its samples must have a positive, finite sum, and not be too many");
+        return fault(
+            "the samples must have a positive, finite sum, and their number must be within the limit",
+        );
     }
     Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
 }
@@ -180,7 +182,7 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
     for (i, Selection { axis, range }) in probe.select.iter().enumerate() {
         let fault = |reason: &str| ProbeError::Selection { axis: axis.name(), reason: reason.into() };
         if probe.select[..i].iter().any(|s| s.axis == *axis) {
-            return Err(fault("it is selected twice: use one selection per axis"));
+            return Err(fault("selected twice: use one selection per axis"));
         }
         let by_pattern = matches!(axis, AxisKind::V | AxisKind::U) && probe.pattern.is_some();
         let by_stokes = *axis == AxisKind::StokesIn && probe.stokes.is_some();
@@ -277,7 +279,7 @@ fn joint_weights(
         reason,
     };
     if pattern.values.len() as u64 != u64::from(pattern.width) * u64::from(pattern.height) {
-        return Err(fault(format!("it has {} values; expected width × height", pattern.values.len())));
+        return Err(fault(format!("got {} values; expected width × height", pattern.values.len())));
     }
     let (Some(v), Some(u)) = (layout.find(AxisKind::V), layout.find(AxisKind::U)) else {
         return if pattern.is_full_on() {
@@ -317,7 +319,7 @@ fn joint_weights(
     let lost = kept.iter().zip(&pattern.values).filter(|(kept, p)| !**kept && **p != 0.0).count();
     if lost > 0 {
         notes.push(format!(
-            "the pattern drives {lost} projector pixels that slice `{}` does not contain: their light is missing",
+            "the pattern drives {lost} projector pixels that slice `{}` does not contain: the light of these pixels is missing",
             layout.name
         ));
     }

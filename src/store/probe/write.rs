@@ -39,7 +39,7 @@ impl ProbeResult {
             Some("npy") => self.write_npy(path),
             Some("csv") => self.write_csv(path),
             Some("zarr") => self.write_zarr(path, &Map::new(), attributes, replace),
-            _ => Err(failed(path, "its extension must be .npy, .csv or .zarr")),
+            _ => Err(failed(path, "the extension must be .npy, .csv or .zarr")),
         }
     }
 

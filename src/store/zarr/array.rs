@@ -67,43 +67,43 @@ impl Array {
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
         let lengths =
             |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
-        let keys = json.as_object().ok_or("it is not a JSON object")?;
+        let keys = json.as_object().ok_or("the metadata is not a JSON object")?;
         for (key, value) in keys {
             if !KEYS.contains(&key.as_str()) && value["must_understand"] != false {
                 return Err(format!("unknown key `{key}`"));
             }
         }
         if json["zarr_format"] != 3 || json["node_type"] != "array" {
-            return Err("it does not describe an array of Zarr format 3".into());
+            return Err("the metadata does not describe an array of Zarr format 3".into());
         }
         if name(&json["data_type"]) != Some(data_type) {
-            return Err(format!("data type is {}, expected {data_type}", json["data_type"]));
+            return Err(format!("the data type is {}, expected {data_type}", json["data_type"]));
         }
         if !is_zero(&json["fill_value"]) {
-            return Err(format!("fill value is {}, expected 0", json["fill_value"]));
+            return Err(format!("the fill value is {}, expected 0", json["fill_value"]));
         }
         let transformers = json.get("storage_transformers").and_then(Value::as_array);
         if transformers.is_some_and(|list| !list.is_empty()) {
             return Err("storage transformers are not supported".into());
         }
-        let shape = lengths(&json["shape"]).ok_or("it has no shape")?;
+        let shape = lengths(&json["shape"]).ok_or("the array has no shape")?;
         let grid = Some(&json["chunk_grid"]).filter(|grid| name(grid) == Some("regular"));
         let stored = grid.and_then(|grid| lengths(&grid["configuration"]["chunk_shape"]));
         let stored = stored.filter(|stored| stored.len() == shape.len());
-        let stored = stored.ok_or("chunk grid must be regular and match the dimensions")?;
+        let stored = stored.ok_or("the chunk grid must be regular and match the dimensions")?;
         let (coding, inner) = coding::of(&json["codecs"])?;
         let names = match json.get("dimension_names").and_then(Value::as_array) {
             None => vec![String::new(); shape.len()],
             Some(names) => names.iter().map(|n| n.as_str().unwrap_or_default().to_owned()).collect(),
         };
         if names.len() != shape.len() {
-            return Err(format!("{} names for {} dimensions", names.len(), shape.len()));
+            return Err(format!("the array has {} names for {} dimensions", names.len(), shape.len()));
         }
         let keys = &json["chunk_key_encoding"];
         let (beginning, usual) = match name(keys) {
             Some("default") => ("c", '/'),
             Some("v2") => ("", '.'),
-            _ => return Err("chunk key encoding must be `default` or `v2`".into()),
+            _ => return Err("the chunk key encoding must be `default` or `v2`".into()),
         };
         let separator = match keys["configuration"]["separator"].as_str() {
             None => usual,

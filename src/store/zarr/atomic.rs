@@ -141,7 +141,7 @@ impl AtomicDirectory {
         }
         match self.read(file).map_err(|e| OpenError::of_read(&path, &e))? {
             Some(bytes) => description::parse_json(&path, &bytes),
-            None => Err(OpenError::Damaged { path, reason: "it is missing".into() }),
+            None => Err(OpenError::Damaged { path, reason: "the file is missing".into() }),
         }
     }
 

@@ -17,11 +17,11 @@ const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let coords = &axis.coords;
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
-        return Some(format!("its coordinate {bad} is not a number"));
+        return Some(format!("coordinate {bad} is not a number"));
     }
     let falls = |pair: &[f64]| matches!(pair, [a, b] if a >= b);
     if let Some([a, b]) = coords.windows(2).find(|pair| falls(pair)) {
-        return Some(format!("its coordinates do not increase: {b} follows {a}"));
+        return Some(format!("coordinates must increase, but {b} follows {a}"));
     }
     let (least, most) = match axis.kind {
         AxisKind::Y | AxisKind::X | AxisKind::V | AxisKind::U | AxisKind::Bounces => {
@@ -36,7 +36,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     // Coordinates are increasing, so checking the ends is enough.
     let ends = [coords.first(), coords.last()].into_iter().flatten();
     let mut outside = ends.filter(|c| !(least..=most).contains(*c));
-    outside.next().map(|bad| format!("its coordinate {bad} is outside {least} to {most}"))
+    outside.next().map(|bad| format!("coordinate {bad} is outside {least} to {most}"))
 }
 
 /// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis
@@ -50,7 +50,7 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     };
     if !(start.is_finite() && bin.is_finite() && bin > 0.0) {
         return Some(format!(
-            "its time bins of {bin} ps from {start} ps are invalid: `time_bin_ps` must be positive"
+            "time bins of {bin} ps from {start} ps are invalid: `time_bin_ps` must be positive"
         ));
     }
     // The start of the bins of a part of a slice is a sum with rounding error.
@@ -79,7 +79,7 @@ pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<St
         let axis = &layout.axes[layout.find(kind)?];
         let last = axis.coords.last().filter(|c| **c > limit as f64 - 1.0)?;
         let name = kind.name();
-        Some(format!("its axis `{name}` reaches pixel {last}, but the sample counts have only {limit}"))
+        Some(format!("axis `{name}` reaches pixel {last}, but the sample counts have only {limit} pixels"))
     };
     beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
 }
@@ -150,7 +150,7 @@ const OF_SLICES: [(&str, Form); 4] = [
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
     if part.is_some_and(|value| Part::from_json(value).is_none()) {
-        return Some(format!("its attribute `{}` is not a valid part of a render", part::ATTRIBUTE));
+        return Some(format!("attribute `{}` is not a valid part of a render", part::ATTRIBUTE));
     }
     attributes_fault(attributes, &OF_ROOT)
 }
@@ -167,6 +167,6 @@ fn attributes_fault(attributes: &Map<String, Value>, forms: &[(&str, Form)]) -> 
         if shown.chars().count() > 60 {
             shown = shown.chars().take(60).chain(['…']).collect();
         }
-        Some(format!("its attribute `{key}` is {shown}, expected {}", form.words()))
+        Some(format!("attribute `{key}` is {shown}, expected {}", form.words()))
     })
 }

@@ -101,7 +101,7 @@ impl<T: Number> ChunkedArray<T> {
     pub(super) fn open(storage: &Arc<AtomicDirectory>, node: &str) -> Result<Self, OpenError> {
         let damaged = |reason: String| OpenError::Damaged { path: node_path(storage, node), reason };
         if !storage.has_description(node)? {
-            return Err(damaged("its description zarr.json is missing".into()));
+            return Err(damaged("the metadata file zarr.json is missing".into()));
         }
         let bytes = storage.read(&description_key(node)).map_err(|e| damaged(e.to_string()))?;
         let json = serde_json::from_slice(&bytes.unwrap_or_default());
@@ -113,7 +113,7 @@ impl<T: Number> ChunkedArray<T> {
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
-            return Err(format!("its shape {:?} has too many elements", array.shape));
+            return Err(format!("an array of shape {:?} has too many elements", array.shape));
         }
         let stored = array.stored.clone();
         let (chunk, sharded) = match &array.inner {
@@ -123,14 +123,14 @@ impl<T: Number> ChunkedArray<T> {
                 let chunk: Option<Vec<u64>> = chunk.and_then(|list| list.iter().map(Value::as_u64).collect());
                 let chunk = chunk.unwrap_or_default();
                 let sharded = Sharded::of(inner.clone(), &chunk, stored, &array.shape);
-                (chunk, Some(sharded.ok_or("its chunks do not fit into its shards")?))
+                (chunk, Some(sharded.ok_or("the chunks do not fit into the shards")?))
             }
         };
         let inside = chunk.len() == array.shape.len()
             && chunk.iter().zip(&array.shape).all(|(c, n)| (1..=*n).contains(c))
             && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
         if !inside {
-            return Err("its chunk grid must be regular, with chunks within its shape".into());
+            return Err("the chunk grid must be regular, with chunks within the shape of the array".into());
         }
         Ok(Self {
             storage: storage.clone(),

@@ -96,7 +96,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     match length {
         Ok(n) if n == out.len() => Ok(()),
         Ok(n) => Err(format!("found {n} bytes, expected {}", out.len())),
-        Err(e) => Err(format!("its Zstandard frame is damaged ({e})")),
+        Err(e) => Err(format!("the Zstandard frame is damaged ({e})")),
     }
 }
 
@@ -131,7 +131,7 @@ fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {
         Some(endian @ ("little" | "big")) => Ok(endian != ours),
-        _ => Err("its codec `bytes` needs `endian`, \"little\" or \"big\"".into()),
+        _ => Err("the codec `bytes` needs `endian`, \"little\" or \"big\"".into()),
     }
 }
 
@@ -152,14 +152,14 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 && how.get("index_location").is_none_or(|at| at == "end")
                 && how["index_codecs"][0]["configuration"]["endian"] != "big";
             let chunk = chunk.filter(|_| ours).ok_or(
-                "its shards must use the codecs `bytes`, `zstd` and `crc32c`, with an index of \
+                "the shards must use the codecs `bytes`, `zstd` and `crc32c`, with an index of \
                 `bytes` and `crc32c` at the end",
             )?;
             let swapped = is_swapped(&how["codecs"])?;
             return Ok((Coding { frame: Frame::Sealed, swapped }, Some(chunk)));
         }
         _ => {
-            return Err(format!("its codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"));
+            return Err(format!("the codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"));
         }
     };
     let swapped = is_swapped(codecs)?;

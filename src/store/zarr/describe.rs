@@ -38,7 +38,7 @@ pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     } else if name.starts_with('.') || name.starts_with("__") {
         Some("a name must not begin with `.` or `__`")
     } else if ["samples", "zarr.json", "c"].contains(&name) {
-        Some("this name is reserved by the store")
+        Some("this name is reserved for the store's own arrays")
     } else {
         None
     }
@@ -214,7 +214,7 @@ fn read_coordinates<T: Number>(
     let n = match array.shape() {
         [n] if *n == expected && (1..=MAX_AXIS).contains(n) => *n,
         shape => {
-            let reason = format!("its shape is {shape:?}, but the axis has {expected} entries");
+            let reason = format!("the array has shape {shape:?}, but the axis has {expected} entries");
             return Err(OpenError::damaged(&array.path, reason));
         }
     };
@@ -235,7 +235,11 @@ pub(super) fn read_layout(
     let damaged = |reason: String| OpenError::Damaged { path: mean.path.clone(), reason };
     let names = mean.names();
     if names.len() != mean.shape().len() {
-        return Err(damaged(format!("{} names for {} dimensions", names.len(), mean.shape().len())));
+        return Err(damaged(format!(
+            "the array has {} names for {} dimensions",
+            names.len(),
+            mean.shape().len()
+        )));
     }
     let coordinates = names.iter().filter(|n| !storage.tells(&format!("{slice}/{n}")));
     let coordinates = coordinates.map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
@@ -255,7 +259,7 @@ pub(super) fn read_layout(
         Some(value) => value
             .as_f64()
             .map(Some)
-            .ok_or_else(|| damaged(format!("attribute `{key}` of its slice is {value}, expected a number"))),
+            .ok_or_else(|| damaged(format!("attribute `{key}` of the slice is {value}, expected a number"))),
     };
     let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
     let layout = SliceLayout {

@@ -25,7 +25,7 @@ pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> 
     match serde_json::from_slice(bytes) {
         // Callers access the metadata by key.
         Ok(object @ Value::Object(_)) => Ok(object),
-        Ok(_) => Err(OpenError::damaged(path, "it is not a JSON object")),
+        Ok(_) => Err(OpenError::damaged(path, "the file is not a JSON object")),
         Err(e) => Err(OpenError::damaged(path, format!("invalid JSON: {e}"))),
     }
 }

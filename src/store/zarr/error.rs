@@ -132,7 +132,7 @@ pub enum OpenError {
         available: String,
     },
     /// An array or its metadata is damaged.
-    #[error("{path} is damaged: {reason}; render it again, or restore it from a backup")]
+    #[error("{path} is damaged: {reason}; render the scene again, or restore the file from a backup")]
     Damaged {
         /// The damaged array, group or file.
         path: PathBuf,
@@ -145,7 +145,7 @@ pub enum OpenError {
         /// Process that holds the lock.
         holder: String,
     },
-    #[error("{path} is not finished: resume it with `sunstone render --resume`, or render it again")]
+    #[error("{path} is not finished: resume the render with `sunstone render --resume`, or render again")]
     Unfinished { path: PathBuf },
     /// The object store refused a request or could not be reached.
     #[error("cannot open {path}: {refusal}")]
@@ -159,16 +159,16 @@ pub enum OpenError {
 pub enum AccessError {
     #[error("slice {path} has no field `{field}`: overflow is stored only for time-resolved slices")]
     NoField { path: PathBuf, field: &'static str },
-    #[error("{path} has no sample counts per pixel: create it with a sample grid")]
+    #[error("{path} has no sample counts per pixel: create the store with a sample grid")]
     NoSamples { path: PathBuf },
     #[error(
         "{path} belongs to an unfinished render, so some values are missing: resume with `render --resume`, or read the existing values \
-         with `--partial` (NaN where nothing is rendered)"
+         with `--partial` (values that are not rendered yet are NaN)"
     )]
     Unfinished { path: PathBuf },
     #[error(
         "{path} is {part} of a render, so most values are in other parts: join all parts with `sunstone merge PART.. -o WHOLE`, or read \
-         the existing values with `--partial` (NaN where nothing is rendered)"
+         the existing values with `--partial` (values that are not rendered yet are NaN)"
     )]
     Part { path: PathBuf, part: Part },
     /// The region is not completely inside the array.
@@ -182,7 +182,7 @@ pub enum AccessError {
         /// Shape of the array.
         array: Vec<u64>,
     },
-    #[error("{elements} values of {path} do not fit into memory: read a part of it")]
+    #[error("{elements} values of {path} do not fit into memory: read a part of the array")]
     Memory {
         path: PathBuf,
         /// Number of elements of the requested region.
@@ -200,7 +200,9 @@ pub enum AccessError {
         found: usize,
     },
     /// A chunk is truncated, corrupt or unreadable.
-    #[error("cannot read chunk {chunk:?} of {path}: {cause}; render it again, or restore it from a backup")]
+    #[error(
+        "cannot read chunk {chunk:?} of {path}: {cause}; render the scene again, or restore the store from a backup"
+    )]
     Chunk {
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
@@ -209,7 +211,7 @@ pub enum AccessError {
     },
     /// A shard is truncated, corrupt, unreadable, or replaced by another shard.
     #[error(
-        "cannot read shard {shard:?} of {path}: {cause}; restore it from a backup, or shard it again (`sunstone shard`)"
+        "cannot read shard {shard:?} of {path}: {cause}; restore the store from a backup, or shard the original again (`sunstone shard`)"
     )]
     Shard {
         path: PathBuf,
@@ -218,7 +220,7 @@ pub enum AccessError {
         cause: String,
     },
     /// The array is sharded; shards cannot be modified.
-    #[error("{path} is sharded, and shards cannot be changed: write another store, then shard it")]
+    #[error("{path} is sharded, and shards cannot be changed: write another store, then shard that store")]
     Sharded { path: PathBuf },
     /// The object store refused to return a chunk, or could not be reached.
     #[error("cannot read chunk {chunk:?} of {path}: {refusal}")]

@@ -264,7 +264,7 @@ impl FrameStore {
             layout.gathered = true;
         }
         if layout.chunk() != chunk || layout.axes.len() != shape.len() {
-            return Err(damaged("its chunks are not whole frames"));
+            return Err(damaged("the chunks are not whole frames"));
         }
         drop(group);
         Ok(Self { layout, attributes, raw, _lock: lock, storage })
@@ -387,7 +387,7 @@ impl FrameStore {
         let shape = array.shape().to_vec();
         let damaged = |reason: String| OpenError::Damaged { path: array.path.clone(), reason };
         if region::volume(&shape) != Some(expected) {
-            return Err(damaged(format!("it does not contain {expected} numbers")));
+            return Err(damaged(format!("expected {expected} numbers")));
         }
         let read = array.read(&vec![0; shape.len()], &shape);
         read.map(Some).map_err(|e| damaged(e.to_string()))
@@ -419,7 +419,7 @@ fn not_frames(path: &Path) -> OpenError {
     if !path.exists() {
         return OpenError::Missing { path: path.into() };
     }
-    OpenError::NotAStore { path: path.to_owned(), reason: "it has no group `frames`".into() }
+    OpenError::NotAStore { path: path.to_owned(), reason: "the folder has no group `frames`".into() }
 }
 
 /// Writes an array into the group of the frames.

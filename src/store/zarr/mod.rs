@@ -271,14 +271,14 @@ impl TensorStore {
         let not_a_store =
             |reason: &str| OpenError::NotAStore { path: path.to_owned(), reason: reason.into() };
         if !storage.has_description("")? {
-            return Err(not_a_store("it has no zarr.json"));
+            return Err(not_a_store("the folder has no zarr.json"));
         }
         let json = storage.json("zarr.json")?;
         if let Some(remote) = &storage.remote {
             remote.describe(&json);
         }
         let names = describe::slice_names_of(&json)
-            .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
+            .ok_or_else(|| not_a_store("the file zarr.json has no list of slices"))?;
         let mut attributes = describe::attributes_of(&json).unwrap_or_default();
         attributes.remove("slices");
         if let Some(reason) = check::root_fault(&attributes) {

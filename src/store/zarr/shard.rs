@@ -41,7 +41,7 @@ impl Piece {
             Some((frame, seal)) if u32::from_le_bytes(*seal) == self.seal => {
                 (crc32c::crc32c(frame) != self.seal).then_some("checksum mismatch")
             }
-            _ => Some("it differs from the chunk written to the shard"),
+            _ => Some("the chunk differs from the one written to the shard"),
         }
     }
 }
@@ -100,12 +100,12 @@ impl Builder {
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
     let Some(data) = size.checked_sub(tail_len(frames)).filter(|_| tail.len() as u64 == tail_len(frames))
     else {
-        return Err("it is shorter than its index");
+        return Err("the shard is shorter than the index of its chunks");
     };
     let (seals, index) = tail.split_at(frames * SEAL);
     let (index, seal) = index.split_at(frames * PLACE);
     if seal != crc32c::crc32c(index).to_le_bytes() {
-        return Err("checksum mismatch of its index");
+        return Err("the checksum of the index is wrong");
     }
     let number = |bytes: &[u8]| bytes.try_into().map_or(NOWHERE, u64::from_le_bytes);
     let piece = |(seal, place): (&[u8], &[u8])| {
@@ -118,7 +118,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
             Some(end) if end <= data && size > SEAL as u64 => {
                 Ok(Some(Piece { offset, size, seal: seal.try_into().map_or(0, u32::from_le_bytes) }))
             }
-            _ => Err("its index refers to bytes outside the file"),
+            _ => Err("the index refers to bytes outside the file"),
         }
     };
     seals.chunks_exact(SEAL).zip(index.chunks_exact(PLACE)).map(piece).collect()
@@ -128,7 +128,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
 pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let size = bytes.len() as u64;
     let Some(data) = size.checked_sub(tail_len(frames)) else {
-        return Some("it is shorter than its index".into());
+        return Some("the shard is shorter than the index of its chunks".into());
     };
     let pieces = match parse(&bytes[data as usize..], size, frames) {
         Ok(pieces) => pieces,
@@ -140,14 +140,14 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let mut end = 0;
     for (number, piece) in there {
         if piece.offset != end {
-            return Some(format!("its chunk {number} begins at byte {}, expected {end}", piece.offset));
+            return Some(format!("chunk {number} begins at byte {}, expected {end}", piece.offset));
         }
         end = piece.range().end;
         if let Some(reason) = piece.fault(&bytes[piece.offset as usize..end as usize]) {
-            return Some(format!("its chunk {number}: {reason}"));
+            return Some(format!("chunk {number}: {reason}"));
         }
     }
-    (end != data).then(|| format!("its chunks end at byte {end}, expected {data}"))
+    (end != data).then(|| format!("the chunks end at byte {end}, expected {data}"))
 }
 
 /// The files of a store that are shards, with the number of frames of each, from the metadata of arrays.

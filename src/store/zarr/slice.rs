@@ -47,7 +47,7 @@ impl StoredSlice {
         let group = path.join("zarr.json");
         let damaged = |reason: String| OpenError::Damaged { path: group.clone(), reason };
         let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
-            .ok_or_else(|| damaged("its attributes are not an object".into()))?;
+            .ok_or_else(|| damaged("the attributes are not a JSON object".into()))?;
         let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
         let layout = describe::read_layout(storage, name, &mean, &attributes)?;
         let fault = check::slice_fault(&attributes)

@@ -45,7 +45,10 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     }
     let Some((Manifest(entries), part)) = Manifest::read_any(&place, path)? else {
         if is_folder && !path.join("zarr.json").is_file() {
-            return Err(OpenError::NotAStore { path: path.to_owned(), reason: "it has no zarr.json".into() });
+            return Err(OpenError::NotAStore {
+                path: path.to_owned(),
+                reason: "the folder has no zarr.json".into(),
+            });
         }
         return Err(OpenError::Unfinished { path: path.to_owned() });
     };

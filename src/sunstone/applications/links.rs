@@ -94,7 +94,7 @@ impl Part {
             return Ok((part, part.values().to_vec()));
         };
         if part == Self::Calibration {
-            return Err(format!("`{name}` takes no values; use it without values"));
+            return Err(format!("part `{name}` takes no values; remove the values"));
         }
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();

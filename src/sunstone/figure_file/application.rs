@@ -205,8 +205,8 @@ impl<'a> Applications<'a> {
         let name = key.0;
         let found = self.all.get(&key).and_then(|r| Some((r, r.fit.as_ref()?)));
         found.ok_or_else(|| {
-            let message = format!("application `{name}` was not run");
-            self.source.error(at, message, "run it again").into()
+            let message = format!("application `{name}` has no results");
+            self.source.error(at, message, "run the application again").into()
         })
     }
 

@@ -161,7 +161,7 @@ impl Source {
                 ));
             }
             if view.application().is_some() {
-                let help = "remove it: only views of a scene have a scale bar";
+                let help = "remove the scale bar: only views of a scene have a scale bar";
                 return Err(self.error(bar, "a picture of an application has no scale bar", help));
             }
         }

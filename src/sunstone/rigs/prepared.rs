@@ -113,7 +113,7 @@ impl Prepared {
         let Some(bench) = &self.rig.bench else {
             if let Some(name) = assemble::simulated(&rest) {
                 return Err(wrong(format!(
-                    "{}: `{name}` is simulated, but there is no [bench]; add one, with the tensor, scene or sample to play",
+                    "{}: `{name}` is simulated, but there is no [bench]; add [bench] with the tensor, scene or sample to simulate",
                     self.inputs[1].display()
                 )));
             }
@@ -167,7 +167,7 @@ impl Prepared {
         self.spare_inputs(output)?;
         if output.exists() && existing == Existing::Refuse {
             return Err(wrong(format!(
-                "{} already exists: resume it, replace it (force), or choose another name",
+                "{} already exists: resume the run, replace the store (force), or choose another name",
                 output.display()
             )));
         }

@@ -26,13 +26,15 @@ pub struct Mesh {
 /// Reasons why a mesh is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
-    #[error("no triangles of non-zero area; export the mesh with faces, or remove it")]
+    #[error("no triangles of non-zero area; export the mesh with faces, or remove the mesh")]
     Empty,
     #[error("{found} {what} for {vertices} vertices; give one per vertex, or none")]
     Length { what: &'static str, found: usize, vertices: usize },
     #[error("{what} of vertex {vertex} is not finite; correct the mesh and export it again")]
     NonFinite { what: &'static str, vertex: usize },
-    #[error("the normal of vertex {vertex} is zero; correct it, or remove all normals for flat shading")]
+    #[error(
+        "the normal of vertex {vertex} is zero; correct the normal, or remove all normals for flat shading"
+    )]
     ZeroNormal { vertex: usize },
     #[error(
         "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices"

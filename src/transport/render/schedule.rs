@@ -67,7 +67,7 @@ impl Share<'_> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
         {
-            return Err(format!("expected samples for {tiles} tiles, got {}", counts.len()));
+            return Err(format!("expected sample counts for {tiles} tiles, got {}", counts.len()));
         }
         let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
@@ -83,7 +83,7 @@ impl Share<'_> {
             return Ok(None);
         };
         let Some(Part::Share { number, of }) = self.part else {
-            return Err("sharing light paths requires a part K/N, not a range of tiles".into());
+            return Err("light paths can be shared only by parts K/N, not by ranges of tiles".into());
         };
         // No other program reads the key, so the standard library's hash suffices.
         let mut hash = DefaultHasher::new();

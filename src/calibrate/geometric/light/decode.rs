@@ -53,7 +53,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let (width, height) = (images[0].width, images[0].height);
     if let Some(i) = images.iter().position(|i| i.width != width || i.height != height) {
         return Err(format!(
-            "image {} has {} × {} pixels, but the first has {width} × {height}",
+            "image {} has {} × {} pixels, but the first image has {width} × {height}",
             i + 1,
             images[i].width,
             images[i].height

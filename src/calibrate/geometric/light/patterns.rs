@@ -58,11 +58,11 @@ impl Sequence {
         }
         if shifts != 0 && !(3..=64).contains(&shifts) {
             return Err(format!(
-                "{shifts} shifts do not determine a phase: use 3 to 64, or 0 to disable them"
+                "{shifts} shifts do not determine a phase: use 3 to 64 shifts, or 0 for Gray codes only"
             ));
         }
         if !(4..=1024).contains(&period) {
-            return Err(format!("a wave of {period} pixels: expected 4 to 1024"));
+            return Err(format!("the period of the waves is {period} pixels: expected 4 to 1024 pixels"));
         }
         Ok(Self { size, shifts, period })
     }

@@ -106,7 +106,7 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     let checked = |section: Range<usize>, result: Result<(), DetectorError>| {
         result.map_err(|e| {
             let span = field_span(text, &section, &e);
-            error(Some(span), e.to_string(), "correct the value, or remove it to use the default")
+            error(Some(span), e.to_string(), "correct the value, or remove the key to use the default")
         })
     };
     let (own, found) = ((file.cmos, file.spad), (file.detector.cmos, file.detector.spad));
@@ -114,8 +114,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     if both == [true, true] {
         return Err(error(
             None,
-            "a detector is defined both above [detector] and in it".to_owned(),
-            "remove one of them",
+            "a detector is defined both above [detector] and inside [detector]".to_owned(),
+            "remove one of the two tables",
         ));
     }
     let pair = match found {
@@ -131,14 +131,14 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
             let both = demosaic.is_some() && camera.binning > 1;
             if let (true, Some(at)) = (both, &file.demosaic) {
                 let message = "`binning` would average pixels behind different polarizers before `demosaic`";
-                let help = "remove one of them; demosaic = \"superpixel\" also halves the resolution";
+                let help = "remove one of the two keys; demosaic = \"superpixel\" also halves the resolution";
                 return Err(error(Some(at.span()), message.to_owned(), help));
             }
             Ok(Detector::Cmos { camera: (*camera).clone(), demosaic })
         }
         (None, Some(diode)) => {
             if let Some(at) = file.demosaic {
-                let help = "remove it: each channel of a polarizer array has its own diode";
+                let help = "remove `demosaic`: each channel of a polarizer array has a separate diode";
                 return Err(error(Some(at.span()), "`demosaic` applies only to [cmos]".to_owned(), help));
             }
             checked(diode.span(), without_bins(&diode).check())?;
@@ -147,12 +147,12 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
         (None, None) => Err(error(
             None,
             "[cmos] and [spad] are both missing".to_owned(),
-            "add the line [cmos] for a camera; all its settings have defaults",
+            "add the line [cmos] for a camera; all settings have defaults",
         )),
         (Some(_), Some(second)) => Err(error(
             Some(second.span()),
             "[cmos] and [spad] are both present".to_owned(),
-            "remove one of them",
+            "remove one of the two tables",
         )),
     }
 }

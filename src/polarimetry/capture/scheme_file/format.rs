@@ -180,7 +180,11 @@ impl Text<'_> {
     ) -> Result<Element, InputError> {
         let is_retarder = *e.kind == KindFile::Retarder;
         let stray = |span: std::ops::Range<usize>, name: &str, of: &str| {
-            self.error(Some(span), format!("`{name}` applies only to {of}"), "remove it, or change `kind`")
+            self.error(
+                Some(span),
+                format!("`{name}` applies only to {of}"),
+                "remove the key, or change `kind`",
+            )
         };
         if is_retarder {
             if let Some(v) = &e.extinction {
@@ -206,7 +210,7 @@ impl Text<'_> {
             if let Some(at) = e.index.as_ref().filter(|_| !(1.0..=10.0).contains(&index)) {
                 return Err(self.error(
                     Some(at.span()),
-                    format!("`index` is {index}; expected 1 to 10"),
+                    format!("`index` is {index}; expected a refractive index from 1 to 10"),
                     "set the plate's mean refractive index",
                 ));
             }
@@ -248,7 +252,7 @@ impl Text<'_> {
                     Some(span) => Err(self.error(
                         Some(span),
                         "a sensor of kind \"intensity\" has no polarizers".to_owned(),
-                        "remove it, or set kind = \"polarizer_array\"",
+                        "remove the key, or set kind = \"polarizer_array\"",
                     )),
                     None => Ok(Sensor::Intensity),
                 }

@@ -173,7 +173,7 @@ impl RotationStage for AptStage {
                         return Ok(());
                     }
                     if status.bits & bits::MOTION_ERROR != 0 {
-                        let what = "cannot find its zero position; check for an obstruction";
+                        let what = "cannot find the zero position; check for an obstruction";
                         return self.fail(Fault::Stalled, what);
                     }
                 }

@@ -44,14 +44,14 @@ pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
 
 fn rgb(path: &Path) -> Result<Vec<u8>, String> {
     let file: File = base::input::open(path).map_err(|e| e.to_string())?;
-    let bad = |e: png::DecodingError| format!("cannot read it as PNG: {e}");
+    let bad = |e: png::DecodingError| format!("cannot read the file as PNG: {e}");
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(bad)?;
     let info = reader.info();
     let known = (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight);
     let [w, h] = SIZE;
     if !known || (info.width, info.height) != (w, h) {
         return Err(format!(
-            "expected an RGB image of {w} x {h} pixels with 8 bits per channel; create it with `sunstone rig flash`"
+            "expected an RGB image of {w} x {h} pixels with 8 bits per channel; create the image with `sunstone rig flash`"
         ));
     }
     let mut bytes = vec![0; 3 * w as usize * h as usize];

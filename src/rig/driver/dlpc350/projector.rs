@@ -67,7 +67,9 @@ impl Dlpc350 {
             return limit(format!("patterns in flash must have {w} x {h} pixels with values 0 or 255"));
         }
         if leds == 0 || leds > 7 {
-            return limit(format!("invalid LED selection {leds}; add 1 for red, 2 for green, 4 for blue"));
+            return limit(format!(
+                "invalid LED selection {leds}; expected the sum of 1 for red, 2 for green and 4 for blue"
+            ));
         }
         let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
         if !(SHORTEST_US..=1_000_000).contains(&period_us) {
@@ -308,7 +310,7 @@ impl PatternProjector for Dlpc350 {
                 Some(place) => places.push(place),
                 None => {
                     return limit(format!(
-                        "pattern {i} is not in flash; write it to flash with the firmware, and list its image in `flash`"
+                        "pattern {i} is not in flash; write the pattern to flash with the firmware, and list the image in `flash`"
                     ));
                 }
             }

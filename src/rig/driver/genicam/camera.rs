@@ -164,7 +164,7 @@ impl GenICamCamera {
         let found = n.number("ExposureTime")?;
         let off = (found / micros - 1.0).abs();
         if off.is_nan() || off > EXPOSURE_OFF {
-            let what = format!("the exposure is {found} us, expected {micros} us; correct the plan");
+            let what = format!("the exposure time is {found} µs, expected {micros} µs; correct the plan");
             return n.fail(Fault::Limit, what);
         }
         n.set_number("Gain", settings.gain_db)?;
@@ -182,7 +182,7 @@ impl GenICamCamera {
     fn raw(&self, block: Block, settings: &CameraSettings) -> Result<RawFrame, Failure> {
         if block.region != settings.region || block.format != Some(settings.format) {
             let what = format!(
-                "got a frame of {:?} and {:?}, expected {:?} and {}",
+                "got a frame with region {:?} and format {:?}, expected region {:?} and format {}",
                 block.region,
                 block.format,
                 settings.region,

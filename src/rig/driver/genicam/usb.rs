@@ -22,7 +22,7 @@ pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenI
         there.push(format!("{} {}", info.model_name, info.serial_number));
     }
     let what = if there.is_empty() {
-        "no USB3 Vision camera found; plug it in, and give this user access (udev)".to_owned()
+        "no USB3 Vision camera found; connect the camera, and give this user access (udev)".to_owned()
     } else {
         format!("no camera with serial number {}; found {}", serial.unwrap_or_default(), there.join(", "))
     };

@@ -109,7 +109,7 @@ impl LaserTable {
         }
         match &self.set_rate {
             None if most > least => {
-                return Err("`rate_hz` is a range, but `set_rate` is missing; add it".into());
+                return Err("`rate_hz` is a range, but `set_rate` is missing; add `set_rate`".into());
             }
             Some(c) if c.matches("{hz}").count() != 1 => {
                 return Err(format!("`set_rate` is `{c}`; it must contain {{hz}} exactly once"));

@@ -57,7 +57,7 @@ impl Talk {
     /// [`Failure`]: refused (not a single line), disconnected, timeout.
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-            let what = format!("{command:?} is not a command: it must be a single line");
+            let what = format!("{command:?} is not a command: a command must be a single line");
             return self.fail(Fault::Refused, what);
         }
         if self.out_of_step {

@@ -50,7 +50,7 @@ pub fn fix(code: i32) -> &'static str {
         OPEN_FAIL => "; check that the board and its driver are installed",
         -2 | -11 | -16 => "; close the program that uses the board",
         -9 | -12 | -33 => "; install matching versions of driver and library",
-        -80 => "; this board does not support it",
+        -80 => "; this board does not support the function",
         _ => "",
     }
 }

@@ -99,7 +99,10 @@ impl Measurement {
     /// A message that names the setting that the board does not support.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
-            return Err(format!("{} bins; expected 1 to {LONGEST_HISTOGRAM}", settings.bins));
+            return Err(format!(
+                "the histogram has {} bins; expected 1 to {LONGEST_HISTOGRAM}",
+                settings.bins
+            ));
         }
         let binning = (0..binnings).find(|b| {
             let width = base_ps * 2.0_f64.powi(*b);
@@ -107,7 +110,7 @@ impl Measurement {
         });
         let binning = binning.ok_or_else(|| {
             format!(
-                "bins of {} ps; expected {base_ps} ps times a power of two up to 2^{}",
+                "the bin width is {} ps; expected {base_ps} ps times a power of two up to 2^{}",
                 settings.bin_ps,
                 binnings - 1
             )
@@ -116,7 +119,7 @@ impl Measurement {
         let whole = (ms - ms.round()).abs() < 1e-6;
         if !(whole && ms >= 0.5 && ms <= f64::from(LONGEST_MS)) {
             return Err(format!(
-                "dwell time {ms} ms; expected a whole number of milliseconds from 1 to {LONGEST_MS}"
+                "the dwell time is {ms} ms; expected a whole number of milliseconds from 1 to {LONGEST_MS}"
             ));
         }
         // The board subtracts whole nanoseconds from the time difference; the remainder delays the sync.
@@ -125,7 +128,7 @@ impl Measurement {
         let rest = ps - offset_ns * 1e3;
         if !(rest.abs() <= f64::from(GREATEST_CHANNEL_OFFSET_PS) && (rest - rest.round()).abs() < 1e-6) {
             return Err(format!(
-                "offset {ps} ps; expected a whole number of picoseconds from -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
+                "the offset is {ps} ps; expected a whole number of picoseconds from -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
             ));
         }
         Ok(Self {

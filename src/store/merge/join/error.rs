@@ -16,7 +16,7 @@ pub enum JoinError {
         "{path} is a part of a render, and only complete sets of parts can be joined: remove `--partial`"
     )]
     Partial { path: PathBuf },
-    #[error("{path} ({part} of a render) is not finished: resume it with `sunstone render --resume`")]
+    #[error("{path} ({part} of a render) is not finished: resume the render with `sunstone render --resume`")]
     Unfinished { path: PathBuf, part: Part },
     #[error(
         "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); pass the parts of one render"
@@ -31,7 +31,9 @@ pub enum JoinError {
         /// Value of the attribute in the second part.
         ours: String,
     },
-    #[error("{first} ({part}) and {second} ({other}) both contain tile {tile}: remove one of them")]
+    #[error(
+        "{first} ({part}) and {second} ({other}) both contain tile {tile}: pass only one of the two parts"
+    )]
     Overlap {
         first: PathBuf,
         part: Part,
@@ -42,7 +44,7 @@ pub enum JoinError {
     },
     /// Two stores are the same part but have different values.
     #[error(
-        "{first} and {second} are both {part} but differ in {file}: one of them is damaged; render it again"
+        "{first} and {second} are both {part} but differ in {file}: one of the two is damaged; render both again"
     )]
     Differ {
         first: PathBuf,
@@ -60,7 +62,7 @@ pub enum JoinError {
     },
     /// An element has values in two different parts.
     #[error(
-        "{second} has values in `{field}` that another part also has ({}): one of them is damaged; render it again",
+        "{second} has values in `{field}` that another part also has ({}): one of the two parts is damaged; render both again",
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
