@@ -234,7 +234,7 @@ mod tests {
         assert_eq!(found.untold.len(), 2);
         let names = ["a", "b", "c", "d"].map(String::from);
         let words = found.untold_in_words(&names).join("; ");
-        assert!(words.contains("a, b together") && words.contains("d: no sample"), "{words}");
+        assert!(words.contains("a, b: the samples determine these parameters only together") && words.contains("d: no sample"), "{words}");
         assert_eq!(found.sigma(0), None);
         assert!(found.sigma(2).is_some());
         assert!(matches!(fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]), Err(FitError::TooFew { .. })));

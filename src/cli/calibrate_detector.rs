@@ -64,7 +64,8 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     places::extension([&a.output], "calibrations are", &["toml"])?;
     if a.distance.len() != a.runs.len() {
         bail!(
-            "--distance: expected one distance per run, that is {} distances separated by commas",
+            "--distance: got {} values for {} runs; pass one distance per run, separated by commas",
+            a.distance.len(),
             a.runs.len()
         );
     }

@@ -311,7 +311,7 @@ fn what_cannot_be_calibrated_is_said() {
     assert!(message(capture(&all, 999)).contains("at most one per pulse"));
     assert!(message(capture(&all, 0)).contains("number of pulses is 0"));
     assert!(message(capture(&all[..5], 2000)).contains("5 bins"));
-    assert!(message(Capture { pixel: 1, ..capture(&all, 2000) }).contains("pixel is 1"));
+    assert!(message(Capture { pixel: 1, ..capture(&all, 2000) }).contains("pixel 1 does not exist"));
     for travel_ps in [f64::NAN, f64::INFINITY] {
         assert!(message(Capture { travel_ps, ..capture(&all, 2000) }).contains("travel time"));
     }
