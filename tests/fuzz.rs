@@ -305,7 +305,7 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn mutated_scenes_build_or_say_why_and_render_finite() {
+fn mutated_scenes_render_finite_values_or_give_an_error() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
     // Milk takes three times as long as all the rest: hundreds of kinds of droplets. Spheres of many sizes,
@@ -353,7 +353,7 @@ range = { min = 0.9, max = 1.1 }
 /// location, and that equal numbers give equal scenes.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn mutated_templates_vary_or_say_why() {
+fn mutated_templates_vary_or_give_an_error() {
     let _alone = alone();
     let ball = "[[objects]]\nname = \"ball\"\nmaterial = \"white\"\nshape.sphere = { center = [0, 0.3, 0], radius = 0.1 }\n\
                 transform = { scale = 1, translate = [0, 0, 0] }\n";
@@ -381,7 +381,7 @@ const FIGURE: &str = include_str!("fuzz/figure.toml");
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn mutated_figure_files_are_read_or_say_why() {
+fn mutated_figure_files_are_read_or_give_an_error() {
     let _alone = alone();
     let read = |text: &str| Source::of_text(Path::new("figure.toml"), text);
     read(FIGURE).expect("everything is right");
@@ -471,11 +471,11 @@ fn commands_survive_edited_stores() {
             std::fs::write(&path, edited.to_string()).expect("an edit");
             let command = commands[edits / values.len() % commands.len()];
             let out = harness::sunstone(at, command).output().expect("the program runs");
-            let said = harness::stderr(&out);
+            let message = harness::stderr(&out);
             match out.status.code() {
                 Some(0) => {}
-                Some(2) if said.starts_with("error: ") => refused += 1,
-                code => panic!("{file}{place}: {command:?} ended with {code:?}\n{said}"),
+                Some(2) if message.starts_with("error: ") => refused += 1,
+                code => panic!("{file}{place}: {command:?} ended with {code:?}\n{message}"),
             }
             edits += 1;
         }

@@ -160,7 +160,7 @@ fn noted(store: &Path) -> Vec<u32> {
 /// Kills a run at random times and resumes it. Tests that no frame is lost and that no frame is in the store
 /// twice.
 #[test]
-fn kills_lose_nothing() {
+fn killed_runs_lose_no_frames() {
     let kills: u32 = std::env::var("SUNSTONE_KILLS").map_or(24, |n| n.parse().expect("a number"));
     let bench = Bench::new("");
     let mut killed = 0;
@@ -266,7 +266,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
 /// After a resume on an intact rig, the bytes are equal.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn faults_lose_nothing() {
+fn faults_lose_no_frames() {
     let sound = Bench::new("");
     let whole = |plan: &str| {
         let store = format!("{plan}.zarr");
@@ -282,10 +282,10 @@ fn faults_lose_nothing() {
         let begun = Instant::now();
         let output = bench.run(plan, "s.zarr", &[]);
         assert!(begun.elapsed() < Duration::from_secs(60), "{kind} takes too long");
-        let said = text(&output);
+        let shown = text(&output);
         let outcome = match ends {
             None => {
-                assert!(output.status.success(), "{plan} {kind} of {instrument}: {said}");
+                assert!(output.status.success(), "{plan} {kind} of {instrument}: {shown}");
                 let journal =
                     std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
                 let event = ["retry", "suspend", "clock_jump"]
@@ -298,9 +298,9 @@ fn faults_lose_nothing() {
                 )
             }
             Some(words) => {
-                assert_eq!(output.status.code(), Some(1), "{kind} of {instrument}: {said}");
-                let last = said.lines().find(|l| l.starts_with("error")).unwrap_or_default().to_owned();
-                assert!(said.contains(words), "{said}");
+                assert_eq!(output.status.code(), Some(1), "{kind} of {instrument}: {shown}");
+                let last = shown.lines().find(|l| l.starts_with("error")).unwrap_or_default().to_owned();
+                assert!(shown.contains(words), "{shown}");
                 let again = bench.run(
                     plan,
                     "s.zarr",
@@ -319,7 +319,7 @@ fn faults_lose_nothing() {
 /// Tests that histograms of time tags are bit-identical to those of a counter that computes
 /// histograms, and that `sunstone ptu` computes the same histograms from the stored files.
 #[test]
-fn time_tags_have_the_histograms() {
+fn time_tags_give_the_same_histograms() {
     let bench = Bench::new("");
     assert!(bench.run("scan.toml", "counts.zarr", &[]).status.success());
     assert!(bench.run("tags.toml", "tags.zarr", &[]).status.success());
@@ -334,7 +334,7 @@ fn time_tags_have_the_histograms() {
         let file = bench.path(&format!("tags.zarr/time_tags/{row:06}.ptu"));
         let out = bench.path(&format!("row{row}.npy"));
         let words = ["ptu", "histogram", "--pixels", "5,1", "--pixel-marker", "1,2", "--channel", "0"];
-        said(&words, &[&file, Path::new("-o"), &out]);
+        output_of(&words, &[&file, Path::new("-o"), &out]);
         let (shape, found) = counts_of(&out);
         let bins = *shape.last().expect("an axis");
         let frame = want.len() / width;
@@ -344,7 +344,7 @@ fn time_tags_have_the_histograms() {
     }
     assert!(photons > 1000, "{photons} photons show nothing");
     // A damaged row of tags is detected, as is a lost one.
-    said(&["verify"], &[&bench.path("tags.zarr")]);
+    output_of(&["verify"], &[&bench.path("tags.zarr")]);
     let file = bench.path("tags.zarr/time_tags/000003.ptu");
     let mut bytes = std::fs::read(&file).expect("reads");
     let last = bytes.len() - 6;
@@ -382,7 +382,7 @@ fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
 /// Tests that two sessions on one path, a different plan, and a finished store are refused with a
 /// message, and that no file changes.
 #[test]
-fn what_cannot_be_resumed_is_refused() {
+fn invalid_resumes_are_refused() {
     let bench = Bench::new("");
     assert!(bench.run("camera.toml", "s.zarr", &[]).status.success());
     let before = bench.content("s.zarr");
@@ -402,7 +402,7 @@ fn what_cannot_be_resumed_is_refused() {
 
 /// Tests that a missing or invalid laser table is reported with the location in the rig file.
 #[test]
-fn a_laser_without_a_table_is_told() {
+fn a_laser_without_a_table_is_refused() {
     let bench = Bench::new("");
     let rig = RIG.replace("[laser]\nnm = 550", "[laser]\ndriver = \"scpi\"\nnm = 550");
     bench.write("rig.toml", rig);
@@ -460,7 +460,7 @@ fn an_analog_galvo_takes_the_same_frames() {
 /// Tests that a counter with a missing library, and settings that no board supports, are reported
 /// before the first capture.
 #[test]
-fn a_counter_without_its_library_is_told() {
+fn a_counter_without_its_library_is_refused() {
     let bench = Bench::new("");
     for (counter, code, words) in [
         ("driver = \"vendor\"\nlibrary = \"absent/lib.so\"", 1, "TH260Lib package"),
@@ -478,7 +478,7 @@ fn a_counter_without_its_library_is_told() {
 /// Tests that the error for a camera without support in this build names the Cargo feature to enable.
 #[cfg(not(feature = "usb3_vision"))]
 #[test]
-fn a_camera_of_another_build_is_told() {
+fn a_camera_without_support_in_this_build_is_refused() {
     let bench = Bench::new("");
     let rig = RIG.replace("[camera]\n", "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n");
     bench.write("rig.toml", rig);
@@ -488,7 +488,7 @@ fn a_camera_of_another_build_is_told() {
 }
 
 /// Runs a command of the program, which must succeed, and returns its output.
-fn said(words: &[&str], paths: &[&Path]) -> String {
+fn output_of(words: &[&str], paths: &[&Path]) -> String {
     let mut command = program();
     command.args(words).args(paths);
     let output = command.output().expect("runs");
@@ -534,7 +534,7 @@ fn a_scanned_plane_calibrates_the_counter() {
     assert!(output.status.success(), "{}", text(&output));
     let (store, out) = (bench.path("plane.zarr"), bench.path("counter.toml"));
     let distance = format!("--distance={metres}");
-    let message = said(&["calibrate", "counter", &distance], &[&store, Path::new("-o"), &out]);
+    let message = output_of(&["calibrate", "counter", &distance], &[&store, Path::new("-o"), &out]);
     println!("{message}");
     for (name, truth) in [("width (FWHM)", 61.0), ("tail fraction", 0.3), ("tail time constant", 150.0)] {
         let [value, sigma] = stated(&message.replace(" ps", "").replace('±', ""), name);
@@ -549,7 +549,7 @@ fn a_scanned_plane_calibrates_the_counter() {
     // For a plane that is 3 mm nearer, time zeros are 20 ps late, which must be detected.
     let wrong = format!("--distance={}", metres - 3e-3);
     let message =
-        said(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
+        output_of(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
     let late = stated(&message.replace(" ps", ""), "time zero")[0];
     assert!((late - 20.01).abs() < 1.0, "{late}");
     bench.write("rig.toml", format!("calibration = [\"counter.toml\"]\n{rig}"));
@@ -600,7 +600,7 @@ fn still_frames_calibrate_the_sensor() {
     let output = bench.run("plan.toml", "still.zarr", &[]);
     assert!(output.status.success(), "{}", text(&output));
     let out = bench.path("sensor.toml");
-    let message = said(&["calibrate", "sensor"], &[&bench.path("still.zarr"), Path::new("-o"), &out]);
+    let message = output_of(&["calibrate", "sensor"], &[&bench.path("still.zarr"), Path::new("-o"), &out]);
     println!("{message}");
     let plain = message
         .replace(['±'], "")
@@ -639,7 +639,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
         assert!(bench.run("full.toml", &store, &["--sample", sample]).status.success());
     }
     let (air, mirror) = (bench.path("air.zarr"), bench.path("mirror.zarr"));
-    said(&["rig", "calibrate"], &[&air, &mirror, Path::new("-o"), file]);
+    output_of(&["rig", "calibrate"], &[&air, &mirror, Path::new("-o"), file]);
     let text = std::fs::read_to_string(file).expect("reads");
     let (all, before): (toml::Table, toml::Table) =
         (text.parse().expect("TOML"), sensor.parse().expect("TOML"));
@@ -647,14 +647,14 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert_eq!(all["detector"], before["detector"]);
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
     // Schemes. Without a sample every reading is saturated.
-    said(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
+    output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
     sunstone::store::numpy::save(&ones, &[1, 1, 4, 4], &unit).expect("writes");
     let example = ["capture", "--scheme", "SCHEME", "--detector", "SCHEME"];
     let words: Vec<&str> =
         example.iter().map(|w| if *w == "SCHEME" { file.to_str().expect("a name") } else { *w }).collect();
-    said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
+    output_of(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
     // Plans and rigs; a rig accepts a single name or a list.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
     bench.write("again.toml", plan);

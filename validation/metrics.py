@@ -45,7 +45,7 @@ def main():
         b, flatter = b + 1e-9 * np.arange(32), flatter + 1e-9 * np.arange(32)
     theirs = [ssim(a, b, 1.0), ssim(a, flatter, 1.0), ssim(a, b, 0.5), peak_signal_noise_ratio(a, b, data_range=1.0)]
     text = (environment.ROOT / "src/apply/metrics/ssim.rs").read_text()
-    test = text[text.index("fn scikit_image_gives_the_same") :]
+    test = text[text.index("fn agrees_with_scikit_image") :]
     ours = [float(n) for n in re.findall(r"\d+\.\d{12}", test)[:4]]
     if len(ours) != len(theirs):
         sys.exit("the test in src/apply/metrics/ssim.rs does not contain four numbers")

@@ -42,7 +42,7 @@ def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
 @pytest.mark.parametrize("state", ["horizontal", "right", (2.0, 0.3, -0.4, 1.1), None])
 @pytest.mark.parametrize("name", ["full", "binned", "some"])
 @pytest.mark.filterwarnings("ignore:the pattern drives")
-def test_contractions_are_the_commands(name: str, state: Any) -> None:
+def test_contraction_equals_the_command(name: str, state: Any) -> None:
     """A mask (black and white, so that the gray curve is irrelevant), a Stokes state, and both."""
     lit = written(mask(), "mask.png")
     options = [] if state is None else ["--stokes", state if isinstance(state, str) else ",".join(map(str, state))]
@@ -67,7 +67,7 @@ def test_contractions_are_the_commands(name: str, state: Any) -> None:
 
 @pytest.mark.parametrize("name", ["timed", "flight"])
 @pytest.mark.parametrize("pulse", [130.0, [1.0, 2.0, 0.5], 0.0])
-def test_pulses_are_the_commands(name: str, pulse: Any) -> None:
+def test_pulse_convolution_equals_the_command(name: str, pulse: Any) -> None:
     words = f"gaussian:{pulse}" if isinstance(pulse, float) else "samples:" + ",".join(map(str, pulse))
     mean, error = probed(name, "--pulse", words)
     data = opened(name)
@@ -85,7 +85,7 @@ def test_pulses_are_the_commands(name: str, pulse: Any) -> None:
         assert differs(result["mean"], data["mean"]) == 0
 
 
-def test_all_steps_at_once_and_sums_are_the_commands() -> None:
+def test_combined_steps_and_sums_equal_the_command() -> None:
     mean, error = probed("timed", "--stokes", "minus45", "--pulse", "gaussian:200", "--sum", "x,wavelength")
     result = opened("timed").sunstone.probe(state="minus45", pulse=200, sum=["x", "wavelength"])
     assert differs(result["mean"], mean) < ROUNDINGS
@@ -100,7 +100,7 @@ def test_all_steps_at_once_and_sums_are_the_commands() -> None:
     assert differs(data["std_error"].sum(["y", "x", "v", "u"]), error) > 1000
 
 
-def test_independent_errors_are_shorter_and_right_where_they_are_independent() -> None:
+def test_independent_errors_match_errors_of_the_steady_slice() -> None:
     """Sums over s' of rendered slices. The reference is the error of the steady slice, which is estimated directly."""
     full, steady = opened("full"), opened("steady")
     one = {"stokes_out": 0, "stokes_in": 0}
@@ -115,7 +115,7 @@ def test_independent_errors_are_shorter_and_right_where_they_are_independent() -
     assert 0.5 < ratio["independent"] < 2, ratio
 
 
-def test_patterns_and_states_in_stacks_are_those_one_by_one() -> None:
+def test_stacked_patterns_and_states_equal_single_ones() -> None:
     data = opened("full")
     patterns = np.stack([pattern(1), pattern(2)])
     states = np.array([STATES["left"], STATES["vertical"], STATES["unpolarized"]])
@@ -129,7 +129,7 @@ def test_patterns_and_states_in_stacks_are_those_one_by_one() -> None:
     assert differs(both["mean"].isel(pattern=0, state=0), alone["mean"]) > 1000
 
 
-def test_a_scene_lit_wholly_is_the_steady_slice() -> None:
+def test_uniform_pattern_equals_the_steady_slice() -> None:
     """I = Σ T P holds up to rounding for stored slices. Epipolar and non-epipolar light are its two parts."""
     full, steady = opened("full"), opened("steady")
     white = full.sunstone.probe(np.ones((10, 12)))
@@ -145,7 +145,7 @@ def test_a_scene_lit_wholly_is_the_steady_slice() -> None:
     assert bound.min() > -1e-6 * near["std_error"].values.max()
 
 
-def test_epipolar_lines_are_those_of_points() -> None:
+def test_points_lie_on_their_epipolar_lines() -> None:
     """Any point that both devices see lies on the epipolar line of its camera pixel."""
     tree = open_store(rendered.store())
     camera, projector = tree.attrs["camera"], tree.attrs["projector"]
@@ -164,7 +164,7 @@ def test_epipolar_lines_are_those_of_points() -> None:
         assert abs(a * (u + 1) + b * v + c) > 0.05
 
 
-def test_slices_that_do_not_allow_it_are_refused() -> None:
+def test_invalid_requests_are_refused() -> None:
     tree = open_store(rendered.store())
     cases: list[tuple[Any, str]] = [
         (lambda: tree["steady"].ds.sunstone.epipolar(), "no axis `v`"),
@@ -197,7 +197,7 @@ def test_slices_that_do_not_allow_it_are_refused() -> None:
         tree["some"].ds.sunstone.probe(np.ones((10, 12)))
 
 
-def test_the_degree_of_polarization_is_that_of_known_light() -> None:
+def test_degree_of_polarization_of_known_light() -> None:
     """Light of known degree. The error is compared with 20,000 draws, which never exceed the bound (5 sigma of the draws' own
     error).
     """
@@ -221,13 +221,13 @@ def test_the_degree_of_polarization_is_that_of_known_light() -> None:
     assert 0 <= float(light["mean"].min()) and float(light["mean"].max()) < 1 + 1e-5
 
 
-def test_nodes_of_a_tree_have_it_too() -> None:
+def test_tree_nodes_have_the_accessor() -> None:
     tree = open_store(rendered.store())
     ours = tree.children["timed"].sunstone.probe(state="left", pulse=80)
     assert ours.identical(opened("timed").sunstone.probe(state="left", pulse=80))
 
 
-def test_the_kernel_is_a_gaussian_of_its_width() -> None:
+def test_kernel_is_a_gaussian_of_the_requested_width() -> None:
     weights = dict(kernel(100.0, 1.0))
     assert sum(weights.values()) == pytest.approx(1)
     assert weights[50] / weights[0] == pytest.approx(0.5)

@@ -22,7 +22,7 @@ def run(*words: object) -> str:
     return subprocess.run([rendered.command(), *map(str, words)], capture_output=True, check=True, text=True).stdout
 
 
-def test_an_application_is_the_commands(tmp_path: Path) -> None:
+def test_an_application_equals_the_command(tmp_path: Path) -> None:
     """Both use the renders of the first call, so that only the methods run twice."""
     known = {a["name"]: a for a in apply.applications()}
     assert [line.split()[0] for line in run("apply", "list").splitlines()] == list(known)
@@ -32,8 +32,8 @@ def test_an_application_is_the_commands(tmp_path: Path) -> None:
     )
     assert reported
     words = ["apply", "metamerism", "--preview", "--seeds", 1, "--scenes", rendered.ROOT / "scenes"]
-    said = run(*words, "--renders", tmp_path / "renders", "-o", tmp_path / "out")
-    assert "(0 new renders)" in said
+    output = run(*words, "--renders", tmp_path / "renders", "-o", tmp_path / "out")
+    assert "(0 new renders)" in output
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert len(found.rows) == len(report["rows"]) > 4
     for row, want in zip(found.rows, report["rows"], strict=True):
@@ -58,7 +58,7 @@ def test_an_application_is_the_commands(tmp_path: Path) -> None:
     ("code", "periods", "exact"),
     [("gray", None, 0.5), ("xor-02", None, 0.5), ("xor-04", None, 0.5), ("phase-shift", None, 1e-9), ("micro-phase-shift", [16.0, 14.3, 17.9, 15.2], 1e-9)],
 )
-def test_codes_of_structured_light_name_their_columns(code: Any, periods: Any, exact: float) -> None:
+def test_structured_light_codes_decode_to_their_columns(code: Any, periods: Any, exact: float) -> None:
     rng = np.random.default_rng(2)
     columns, shape = 50, (9, 11)
     column = rng.integers(0, columns, shape)
@@ -108,7 +108,7 @@ def test_columns_of_a_plane_give_its_depth_and_normals() -> None:
     assert np.isnan(apply.depth(both, np.full_like(column, np.nan))).all()
 
 
-def test_polarization_tells_the_zenith_angle() -> None:
+def test_polarization_determines_the_zenith_angle() -> None:
     """Atkinson & Hancock 2006, eq. 9, for subsurface light through a smooth surface of index 1.5."""
     both, n = devices(), 1.5
     shape = (16, 24)
@@ -135,7 +135,7 @@ def test_polarization_tells_the_zenith_angle() -> None:
     assert ((found * guess).sum(-1) >= (other * guess).sum(-1) - 1e-9).all() and not np.allclose(found, other)
 
 
-def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     both = devices()
     camera = both.camera
     for call, words in (

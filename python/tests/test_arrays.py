@@ -55,7 +55,7 @@ def test_closed_forms() -> None:
     assert all(v.dtype == np.float64 for v in found.values())
 
 
-def test_other_program() -> None:
+def test_decompose_agrees_with_muellerkit() -> None:
     muellerkit = pytest.importorskip("muellerkit")
     found = ps.decompose(MATRICES)
     factors = muellerkit.decompose_depolarizer_retarder_diattenuator(MATRICES)
@@ -64,7 +64,7 @@ def test_other_program() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_decompose_is_the_command(tmp_path: Path, dtype: Any) -> None:
+def test_decompose_equals_the_command(tmp_path: Path, dtype: Any) -> None:
     matrices, errors = MATRICES.reshape(50, 10, 4, 4).astype(dtype), np.full((50, 10, 4, 4), 1e-3, dtype)
     np.save(tmp_path / "M.npy", matrices)
     np.save(tmp_path / "E.npy", errors)
@@ -133,7 +133,7 @@ def test_wrong_matrices(given: Any, keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("name", "captures", "array"), [("drr", 36, False), ("drr", 9, True), ("lc", 16, False)])
-def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, array: bool) -> None:
+def test_captures_equal_the_command(tmp_path: Path, name: str, captures: int, array: bool) -> None:
     scheme = getattr(ps.Scheme, name)(captures, polarizer_array=array)
     (tmp_path / "mine.toml").write_text(scheme.to_toml())
     np.save(tmp_path / "M.npy", MATRICES.reshape(-1, 2, 4, 4))
@@ -164,7 +164,7 @@ def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, arra
     assert abs((z**2).mean() - 1) < 5 * np.sqrt(2 / len(z))
 
 
-def test_design_matrix_is_what_captures_are() -> None:
+def test_captures_are_products_with_the_design_matrix() -> None:
     scheme = ps.Scheme.drr(36)
     a = ps.design_matrix(scheme)
     assert a.shape == (36, 16)
@@ -219,26 +219,26 @@ def _captures(rows: int = 3) -> tuple[Any, Any, Any]:
 
 def test_masked_captures_are_left_out() -> None:
     scheme, matrices, captures = _captures()
-    spoilt = captures.copy()
-    spoilt[5, 1] = 1e9
+    damaged = captures.copy()
+    damaged[5, 1] = 1e9
     mask = np.zeros(captures.shape, bool)
     mask[5, 1] = True
     for given in (
-        np.ma.array(spoilt, mask=mask),
-        np.ma.array(spoilt.astype(np.float64), mask=mask),
-        [np.ma.array(a, mask=m) for a, m in zip(spoilt, mask, strict=True)],
+        np.ma.array(damaged, mask=mask),
+        np.ma.array(damaged.astype(np.float64), mask=mask),
+        [np.ma.array(a, mask=m) for a, m in zip(damaged, mask, strict=True)],
     ):
         assert np.abs(ps.reconstruct(given, scheme) - matrices).max() < 1e-4
-    weights = np.ma.array(np.ones_like(spoilt), mask=mask)
-    assert np.abs(ps.reconstruct(spoilt, scheme, variance=weights) - matrices).max() < 1e-4
+    weights = np.ma.array(np.ones_like(damaged), mask=mask)
+    assert np.abs(ps.reconstruct(damaged, scheme, variance=weights) - matrices).max() < 1e-4
     # A mask without masked entries changes nothing.
     same = ps.reconstruct(np.ma.array(captures, mask=False), scheme)
     assert (same == ps.reconstruct(captures, scheme)).all()
     # Negative control: the corrupted value without its mask.
-    assert np.abs(ps.reconstruct(spoilt, scheme) - matrices).max() > 1e3
+    assert np.abs(ps.reconstruct(damaged, scheme) - matrices).max() > 1e3
 
 
-def test_masks_without_a_meaning_are_refused() -> None:
+def test_unsupported_masks_are_refused() -> None:
     scheme, matrices, _ = _captures()
     masked = np.ma.array(matrices, mask=matrices > 0.9)
     for work in (
@@ -253,7 +253,7 @@ def test_masks_without_a_meaning_are_refused() -> None:
             work()
 
 
-def test_arrays_of_other_layouts_give_the_same() -> None:
+def test_memory_layout_does_not_change_results() -> None:
     scheme, _, captures = _captures()
     want = ps.reconstruct(captures.astype(np.float64), scheme)
     wide = captures.astype(np.float64)
@@ -276,7 +276,7 @@ def test_arrays_that_are_not_real_numbers_are_refused() -> None:
             ps.Scene.from_dict({}, images={"a.png": image})
 
 
-def test_named_arrays_are_taken_in_the_order_of_their_names() -> None:
+def test_named_arrays_are_aligned_by_their_names() -> None:
     xr = pytest.importorskip("xarray")
     import pysunstone.polarimetry as by_name
 
@@ -291,16 +291,16 @@ def test_named_arrays_are_taken_in_the_order_of_their_names() -> None:
 
     variance = xr.full_like(given, 1.0)
     variance[5, 1] = 1e12
-    spoilt = given.copy()
-    spoilt[5, 1] = 50.0
+    damaged = given.copy()
+    damaged[5, 1] = 50.0
     asked = (None, None, False, False)
     for turned, weights in (
-        (spoilt, variance),
-        (spoilt.isel(capture=slice(None, None, -1)), variance),
-        (spoilt, variance.isel(x=slice(None, None, -1))),
-        (spoilt.T, variance.isel(capture=slice(None, None, -1)).T),
+        (damaged, variance),
+        (damaged.isel(capture=slice(None, None, -1)), variance),
+        (damaged, variance.isel(x=slice(None, None, -1))),
+        (damaged.T, variance.isel(capture=slice(None, None, -1)).T),
     ):
         found = by_name.reconstructed(turned, scheme, weights, *asked)["mean"].transpose("x", ...)
         assert np.abs(found.values - matrices).max() < 1e-3
     with pytest.raises(ValueError, match="coordinate `x`"):
-        by_name.reconstructed(spoilt, scheme, variance.assign_coords(x=[0, 1, 7]), *asked)
+        by_name.reconstructed(damaged, scheme, variance.assign_coords(x=[0, 1, 7]), *asked)

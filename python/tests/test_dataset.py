@@ -55,7 +55,7 @@ def everything(path: Path) -> dict[str, bytes]:
     return {**found, "dataset.json": json.dumps(content).encode()}
 
 
-def test_samples_are_the_renders_and_parameters_those_drawn(three: Path, tmp_path: Path) -> None:
+def test_samples_and_parameters_equal_those_of_single_renders(three: Path, tmp_path: Path) -> None:
     tree = open_dataset(three)
     content = manifest(three)
     for k in range(3):
@@ -84,7 +84,7 @@ def test_samples_are_the_renders_and_parameters_those_drawn(three: Path, tmp_pat
     assert not three.with_name("three.zarr.parts").exists()
 
 
-def test_what_is_there_is_not_rendered_again(three: Path, tmp_path: Path, counted: tuple[str, Path]) -> None:
+def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, counted: tuple[str, Path]) -> None:
     command, log = counted
     output = tmp_path / "data.zarr"
 
@@ -119,7 +119,7 @@ def test_what_is_there_is_not_rendered_again(three: Path, tmp_path: Path, counte
     assert everything(made(tmp_path / "five.zarr", 5)) == everything(output)
 
 
-def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
+def test_a_killed_call_resumes(three: Path, tmp_path: Path) -> None:
     """The process and its render are killed repeatedly. The data set equals that of an undisturbed call."""
     output = tmp_path / "data.zarr"
     words = f"make({str(rendered.scene(varied=True))!r}, {str(output)!r}, 3, slices={SLICES!r}, spp=32, command={rendered.command()!r})"
@@ -149,7 +149,7 @@ def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
     assert everything(output) == everything(three)
 
 
-def test_one_at_a_time_writes_a_data_set(tmp_path: Path) -> None:
+def test_only_one_process_writes_a_data_set(tmp_path: Path) -> None:
     output = tmp_path / "data.zarr"
 
     def other(done: int, of: int) -> None:
@@ -160,7 +160,7 @@ def test_one_at_a_time_writes_a_data_set(tmp_path: Path) -> None:
     assert len(manifest(output)["samples"]) == 1 and sorted(p.name for p in tmp_path.iterdir()) == ["data.zarr"]
 
 
-def test_axes_must_be_the_same(tmp_path: Path) -> None:
+def test_different_axes_are_refused(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(rendered.SCENE + '[vary.start]\npath = "slices.timed.time.start_ps"\nvalues = [18000, 18000, 19000]\n')
     options: dict[str, Any] = {"slices": ["timed"], "spp": 2, "command": rendered.command()}
@@ -169,7 +169,7 @@ def test_axes_must_be_the_same(tmp_path: Path) -> None:
         make(scene, tmp_path / "three.zarr", 3, **options)
 
 
-def test_what_does_not_fit_is_refused(three: Path, tmp_path: Path) -> None:
+def test_inconsistent_requests_are_refused(three: Path, tmp_path: Path) -> None:
     with pytest.raises(dataset.DatasetError, match="was made with spp 32, not 16"):
         made(three, spp=16)
     with pytest.raises(dataset.DatasetError, match="different numbers"):
@@ -188,7 +188,7 @@ def test_what_does_not_fit_is_refused(three: Path, tmp_path: Path) -> None:
         MuellerImages(three, "steady", parameters=["colour"])
 
 
-def test_images_are_the_samples(three: Path) -> None:
+def test_images_equal_the_samples(three: Path) -> None:
     steady = open_dataset(three, chunks=None).children["steady"].to_dataset()
     images = MuellerImages(three, "steady", parameters=["size", "roughness"])
     assert len(images) == 3 and images.dims == ["stokes_out", "stokes_in", "wavelength", "y", "x"]
@@ -208,7 +208,7 @@ def test_images_are_the_samples(three: Path) -> None:
     assert np.array_equal(pickle.loads(pickle.dumps(images))[1][0], image)
 
 
-def test_names_are_numbers_with_labels() -> None:
+def test_text_parameters_become_numbers_with_labels() -> None:
     samples = [{"variant": k, "seed": k, "values": {"metal": m, "place": [k, 2.0], "turn": k}} for k, m in enumerate(['"Au"', '"Ag"'])]
     found = dataset._coordinates(samples, {"turn": "objects.knot.transform.rotate_deg.1", "metal": "materials.a.metal"})
     assert found["metal"][0].tolist() == [1, 0] and found["metal"][2]["labels"] == ['"Ag"', '"Au"']

@@ -31,7 +31,7 @@ def matrices(*shape: int) -> Any:
 
 @pytest.mark.parametrize("preset", ["drr36", "drr9p"])
 @pytest.mark.parametrize("options", [["--detector"], ["--relative-noise", 0.01], ["--noise", 0.02], ["--noise", 0.0, "--view", 30]])
-def test_captures_are_the_commands(tmp_path: Path, preset: str, options: list[object]) -> None:
+def test_captures_equal_the_command(tmp_path: Path, preset: str, options: list[object]) -> None:
     m = matrices(6, 8, 2)
     scheme = ps.Scheme.drr(36) if preset == "drr36" else ps.Scheme.drr(9, polarizer_array=True)
     (tmp_path / "s.toml").write_text(scheme.to_toml())
@@ -64,7 +64,7 @@ def test_captures_are_the_commands(tmp_path: Path, preset: str, options: list[ob
         assert np.allclose(again, m, atol=2e-5)
 
 
-def test_a_dict_is_a_detectors_file(tmp_path: Path) -> None:
+def test_a_dict_equals_a_detector_file(tmp_path: Path) -> None:
     m, scheme = matrices(6, 8), ps.Scheme.drr(9, polarizer_array=True)
     text = 'demosaic = "superpixel"\n[cmos]\nfull_well_e = 9000.0\nexposure_s = 0.01\n'
     (tmp_path / "d.toml").write_text(text)
@@ -93,7 +93,7 @@ def test_photon_counters_count_in_time_bins() -> None:
         ps.simulate(m, scheme, detector=detector, bin_ps=500.0, variance=True)
 
 
-def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     m, scheme = matrices(4, 4), ps.Scheme.drr(16)
     i = ps.simulate(m, scheme)
     for call, words in (

@@ -60,7 +60,7 @@ def assert_same(a: Path, b: Path | str) -> None:
     assert [name for name in one if one[name] != other[name]] == []
 
 
-def test_killed_workers_change_no_byte(cluster: Any, client: Any, whole: Path, tmp_path: Path) -> None:
+def test_killed_workers_do_not_change_the_output(cluster: Any, client: Any, whole: Path, tmp_path: Path) -> None:
     begun = time.monotonic()
     counts: list[tuple[int, int]] = []
     with Killer(cluster, 2.0) as killer:
@@ -82,7 +82,7 @@ def test_killed_workers_change_no_byte(cluster: Any, client: Any, whole: Path, t
     sunstone("verify", path)
 
 
-def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole: Path, tmp_path: Path) -> None:
+def test_finished_parts_are_reused(client: Any, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.zarr"
     job = Job(SCENE, spp=16, integrator="path")
     folder = tmp_path / "out.zarr.parts"
@@ -104,7 +104,7 @@ def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole:
         distributed.render(SCENE, out, spp=16, parts=3, client=client)
 
 
-def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
+def test_duplicate_units_give_one_result(whole: Path, tmp_path: Path) -> None:
     """Two workers make the same unit simultaneously, one of them late."""
     words = tuple(Job(SCENE, spp=2, integrator="path").options())
     unit = Unit(Command(COMMAND, ("render", *words, "--part", "1/8")), str(tmp_path / "parts" / "1of8"), 1)
@@ -118,7 +118,7 @@ def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
     assert unit() == Made(0.0, 0)
 
 
-def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, tmp_path: Path) -> None:
+def test_rounds_to_a_target_error_equal_those_of_one_process(cluster: Any, client: Any, tmp_path: Path) -> None:
     """With workers killed; the scheduler and the caller receive progress reports."""
     goal = {"spp": 32, "target_error": 0.05, "target_share": 0.6, "integrator": "path", "slices": ["conventional"]}
     one = tmp_path / "one.zarr"
@@ -145,7 +145,7 @@ def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, 
         distributed.render(SCENE, tmp_path / "a.zarr", client=client, target_error=0.1, target_share=2.0)
 
 
-def test_what_the_command_refuses_is_told(client: Any, tmp_path: Path) -> None:
+def test_invalid_requests_are_refused(client: Any, tmp_path: Path) -> None:
     with pytest.raises(RenderError, match="unknown slice `nothing`"):
         distributed.render(SCENE, tmp_path / "a.zarr", spp=2, parts=2, client=client, slices=["nothing"])
     with pytest.raises(RenderError, match="no command"):

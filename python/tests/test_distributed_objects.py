@@ -114,7 +114,7 @@ def assert_same(a: Path, b: Path) -> None:
     assert [name for name in one if one[name] != other[name]] == []
 
 
-def test_scene_and_result_travel_while_workers_are_killed(
+def test_killed_workers_do_not_change_the_output(
     bucket: str, cluster: Any, client: Any, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = scene_in(tmp_path / "mine")
@@ -142,7 +142,7 @@ def test_scene_and_result_travel_while_workers_are_killed(
     assert set(map(tuple, left.values())) == {()}
 
 
-def test_finished_parts_are_found_again(bucket: str, client: Any, whole: Path, tmp_path: Path) -> None:
+def test_finished_parts_are_reused(bucket: str, client: Any, whole: Path, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
     address = f"{bucket}/again.zarr"
     reported: list[Metrics] = []
@@ -169,7 +169,7 @@ def test_finished_parts_are_found_again(bucket: str, client: Any, whole: Path, t
     assert json.loads((download(address, tmp_path / "over.zarr") / "zarr.json").read_text())["attributes"]["samples_per_pixel"] == 8
 
 
-def test_a_unit_twice_is_one(bucket: str, client: Any, tmp_path: Path) -> None:
+def test_duplicate_units_give_one_result(bucket: str, client: Any, tmp_path: Path) -> None:
     """Two workers make the same unit simultaneously: one waits for the other and finds the result."""
     address = f"{bucket}/twice.zarr"
     words = ("render", str(scene_in(tmp_path)), "--no-figures", "--spp", "512", "--part", "1/2")
@@ -186,7 +186,7 @@ def test_a_unit_twice_is_one(bucket: str, client: Any, tmp_path: Path) -> None:
     assert names(address) == []
 
 
-def test_scenes_made_in_python_travel(bucket: str, client: Any, tmp_path: Path) -> None:
+def test_scenes_built_in_python_are_sent_to_workers(bucket: str, client: Any, tmp_path: Path) -> None:
     paint = np.linspace(0.1, 0.9, 48, dtype=np.float32).reshape(4, 4, 3)
     scene = Scene.from_dict(
         {
@@ -209,7 +209,7 @@ def test_scenes_made_in_python_travel(bucket: str, client: Any, tmp_path: Path) 
         assert sorted(one) == sorted(found) and [name for name in one if one[name] != found[name]] == []
 
 
-def test_walks_from_the_light_are_the_same_without_a_folder_in_common(bucket: str, client: Any, tmp_path: Path) -> None:
+def test_bidirectional_renders_need_no_shared_folder(bucket: str, client: Any, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
     choices = ["--integrator", "bidirectional", "--spp", "8"]
     sunstone("render", file, *choices, "--no-figures", "--threads", 1, "-o", tmp_path / "one.zarr")
@@ -218,7 +218,7 @@ def test_walks_from_the_light_are_the_same_without_a_folder_in_common(bucket: st
     assert_same(tmp_path / "one.zarr", download(address, tmp_path / "there.zarr"))
 
 
-def test_rounds_to_an_error_are_those_of_one_process(bucket: str, cluster: Any, client: Any, tmp_path: Path) -> None:
+def test_rounds_to_a_target_error_equal_those_of_one_process(bucket: str, cluster: Any, client: Any, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
     words = ["--spp", 32, "--target-error", 0.02, "--target-slice", "steady", "--slices", "steady"]
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", tmp_path / "one.zarr")
@@ -238,7 +238,7 @@ def test_rounds_to_an_error_are_those_of_one_process(bucket: str, cluster: Any, 
         assert names(rest) == []
 
 
-def test_what_cannot_travel_is_told(bucket: str, client: Any, tmp_path: Path) -> None:
+def test_absolute_paths_are_refused(bucket: str, client: Any, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
     file.write_text(file.read_text().replace("../shapes/tile.ply", str(tmp_path / "shapes" / "tile.ply")))
     with pytest.raises(RenderError, match="absolute path"):

@@ -13,7 +13,7 @@ def reported() -> dict[str, set[str]]:
     return {name: {extra for words in all for extra in words.split(",")} for name, all in found.items() if all}
 
 
-def test_extras_that_pages_name_are_there() -> None:
+def test_extras_named_in_pages_exist() -> None:
     project = (ROOT / "python/pyproject.toml").read_text()
     section = project.split("[project.optional-dependencies]")[1].split("\n[")[0]
     there = set(re.findall(r"(?m)^(\w+) = \[", section))

@@ -52,7 +52,7 @@ def test_learned_schemes_reach_the_bound() -> None:
     assert ps.Scheme.drr(20).quality()["error_variance"] > 1.2 * ps.Scheme.drr(20).bound
 
 
-def test_schemes_are_the_commands(tmp_path: Path) -> None:
+def test_schemes_equal_the_command(tmp_path: Path) -> None:
     budget = ["--starts", 4, "--iterations", 60, "--adam-steps", 30, "--seed", 5, "--resolution", "9x7x11"]
     run("learn", "-k", 6, "--estimator", "prior", "--save-prior", tmp_path / "prior.toml", "-o", tmp_path / "s.toml", *budget)
     of = ps.Materials.stand_ins(resolution=(9, 7, 11))
@@ -70,7 +70,7 @@ def test_schemes_are_the_commands(tmp_path: Path) -> None:
     assert other.scheme.to_toml() != found.scheme.to_toml()
 
 
-def test_priors_are_worth_what_they_say() -> None:
+def test_error_with_a_prior_equals_the_learned_loss() -> None:
     """Few captures of matrices with known second moment: the mean squared error equals the learned loss, within 5 sigma."""
     sigma, truth = 2e-3, materials(4000, 3)
     of = ps.Materials.of_matrices(truth)
@@ -90,7 +90,7 @@ def test_priors_are_worth_what_they_say() -> None:
     assert worse > off.mean() + 5 * error
 
 
-def test_the_prior_is_the_commands(tmp_path: Path) -> None:
+def test_reconstruction_with_a_prior_equals_the_command(tmp_path: Path) -> None:
     truth = materials(300, 7)
     of = ps.Materials.of_matrices(truth)
     of.save(tmp_path / "p.toml")
@@ -105,7 +105,7 @@ def test_the_prior_is_the_commands(tmp_path: Path) -> None:
         assert np.array_equal(found, np.load(tmp_path / "m.npy")) and np.array_equal(errors, np.load(tmp_path / "e.npy"))
 
 
-def test_ctrl_c_ends_it() -> None:
+def test_ctrl_c_stops_learning() -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -128,7 +128,7 @@ def test_ctrl_c_ends_it() -> None:
         ps.learn(16, starts=1000, iterations=50, adam_steps=0, progress=fail)
 
 
-def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     for call, words in (
         (lambda: ps.learn(), "captures, or a template"),
         (lambda: ps.learn(0), "learn 1 to 256"),

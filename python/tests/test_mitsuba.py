@@ -113,7 +113,7 @@ def screen(**bitmap: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", ["exr", "exr raw", "png", "png raw", "bitmap", "bitmap of bytes", "data"])
-def test_images_are_taken_as_mitsuba_takes_them(kind: str, tmp_path: Path) -> None:
+def test_images_are_decoded_as_in_mitsuba(kind: str, tmp_path: Path) -> None:
     """Colours under a sky of radiance 1 equal those of the image: decoded if the format is encoded, else unchanged."""
     image = np.random.default_rng(2).random((3, 5, 3), dtype=np.float32)
     mi.Bitmap(image).write(str(tmp_path / "i.exr"))
@@ -136,7 +136,7 @@ def test_images_are_taken_as_mitsuba_takes_them(kind: str, tmp_path: Path) -> No
     assert abs(want**2.2 - found).mean() > 0.05 and abs(found[::-1] - want).mean() > 0.1
 
 
-def test_meshes_made_by_hand_are_read() -> None:
+def test_meshes_built_in_memory_are_read() -> None:
     mesh = mi.Mesh("hand", vertex_count=4, face_count=2)
     params = mi.traverse(mesh)
     params["vertex_positions"] = [-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]
@@ -160,13 +160,13 @@ def test_texts_and_files_are_read() -> None:
     assert quiet(minimal).sha256 == quiet({"type": "scene", "s": {"type": "perspective"}, "l": {"type": "constant"}, "b": {"type": "sphere"}}).sha256
 
 
-def test_what_changes_on_the_way_is_told() -> None:
+def test_lost_properties_are_reported() -> None:
     scene = mi.cornell_box()
     scene["mesh"] = mi.load_dict({"type": "cube"})
     with pytest.warns(UserWarning) as reported:
         ps.from_mitsuba(scene)
-    said = [str(w.message) for w in reported]
-    assert any("mesh: a mesh does not expose its material" in s for s in said), said
+    messages = [str(w.message) for w in reported]
+    assert any("mesh: a mesh does not expose its material" in s for s in messages), messages
 
 
 def test_vectorized_variants_are_read() -> None:
@@ -182,7 +182,7 @@ def test_vectorized_variants_are_read() -> None:
     assert quiet(scene).sha256 == want
 
 
-def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
+def test_unsupported_items_are_named_by_their_key() -> None:
     def changed(**changes: Any) -> dict[str, Any]:
         return {**box(), **changes}
 

@@ -19,7 +19,7 @@ __all__ = ["bucket"]
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("moto") is None, reason="needs moto[server]")
 
 
-def test_a_render_is_that_of_a_folder(bucket: str, tmp_path: Path) -> None:
+def test_a_render_equals_that_in_a_folder(bucket: str, tmp_path: Path) -> None:
     scene = Scene.from_toml(scenes.TEXT)
     scene.render(tmp_path / "here.zarr", threads=2)
     address = f"{bucket}/a.zarr"
@@ -32,7 +32,7 @@ def test_a_render_is_that_of_a_folder(bucket: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("s3fs") is None, reason="needs s3fs")
-def test_it_opens_as_a_tree(bucket: str, tmp_path: Path) -> None:
+def test_a_store_opens_as_a_tree(bucket: str, tmp_path: Path) -> None:
     scene = Scene.from_toml(scenes.TEXT)
     scene.render(tmp_path / "here.zarr")
     scene.render(f"{bucket}/b.zarr")

@@ -46,7 +46,7 @@ def mueller_of(s: Any, p: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.moveaxis(np.array(rows, dtype=float), (0, 1), (-2, -1))
 
 
-def test_a_lambert_surface_is_its_albedo_over_pi() -> None:
+def test_a_lambertian_brdf_equals_albedo_over_pi() -> None:
     wi, wo = hemisphere(50, 1), hemisphere(50, 2)
     m = pbrdf.evaluate({"diffuse": {"albedo": 0.6}}, wi[:, None], wo[None])
     assert m.shape == (50, 50, 4, 4) and m.dtype == np.float32
@@ -83,7 +83,7 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
 
 
 @pytest.mark.parametrize("material", [GOLD, PLASTIC, {"rough_dielectric": {"ior": 1.5, "alpha": 0.4}}])
-def test_brdfs_are_reciprocal_and_can_exist(material: dict[str, Any]) -> None:
+def test_brdfs_are_reciprocal_and_physical(material: dict[str, Any]) -> None:
     """Reversed light: M(i, o) is D M(o, i)ᵀ D, with D = diag(1, 1, -1, 1) for frames whose horizontal stays."""
     wi, wo = hemisphere(2000, 3), hemisphere(2000, 4)
     built = pbrdf.Material(material, wavelengths_nm=NM)
@@ -109,7 +109,7 @@ def test_brdfs_are_reciprocal_and_can_exist(material: dict[str, Any]) -> None:
     assert np.linalg.eigvalsh(np.einsum("ij,ijab->ab", np.diag([1, 1.2, 0, 0]), basis) / 4)[0] < -1e-2
 
 
-def test_numbers_are_the_commands(tmp_path: Path) -> None:
+def test_values_equal_the_command(tmp_path: Path) -> None:
     wi, wo = [[40.0, 10.0], [70.0, 300.0], [5.0, 0.0]], [[20.0, 120.0], [60.0, 125.0], [30.0, 250.0]]
     (tmp_path / "m.toml").write_text(
         "[materials]\ngold.rough_conductor = { n = [1.3831, 0.4242, 0.1399], k = [1.9155, 2.4721, 3.7015], alpha = 0.3 }\n"
@@ -119,7 +119,7 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
     (tmp_path / "d.csv").write_text("\n".join(rows))
     incoming, outgoing = (pbrdf.direction(*np.transpose(w)) for w in (wi, wo))
     for name in ("gold", "red", "both"):
-        said = json.loads(
+        printed = json.loads(
             subprocess.run(
                 [rendered.command(), "pbrdf", "eval", str(tmp_path / "m.toml"), "--name", name, "--directions", str(tmp_path / "d.csv")],
                 capture_output=True,
@@ -127,10 +127,10 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
                 text=True,
             ).stdout
         )
-        want = np.array([d["mueller"] for d in said])
+        want = np.array([d["mueller"] for d in printed])
         found = pbrdf.evaluate(tmp_path / "m.toml", incoming, outgoing, name=name, wavelengths_nm=NM)
         assert np.allclose(found, want, rtol=1e-6, atol=1e-9 * want.max())
-        assert np.allclose(pbrdf.frame(outgoing), [d["out"]["frame"] for d in said], atol=1e-12)
+        assert np.allclose(pbrdf.frame(outgoing), [d["out"]["frame"] for d in printed], atol=1e-12)
     # Wavelengths in any order and number give the same values as one by one.
     nm = [660.0, 450.0, 500.0, 550.0, 601.5, 450.0]
     many = pbrdf.evaluate(GOLD, incoming, outgoing, wavelengths_nm=nm)
@@ -185,7 +185,7 @@ def test_every_model_is_evaluated(name: str) -> None:
         assert np.allclose(powers, 0.5, atol=0.01)
 
 
-def test_scenes_and_tables_have_materials(tmp_path: Path) -> None:
+def test_materials_of_scenes_and_tables_are_evaluated(tmp_path: Path) -> None:
     wi, wo = hemisphere(20, 5), hemisphere(20, 6)
     scene = ps.Scene.from_toml(scenes.TEXT)
     of_dict = pbrdf.evaluate({"rough_conductor": {**GOLD["rough_conductor"], "alpha": 0.2}}, wi, wo, wavelengths_nm=NM)
@@ -202,7 +202,7 @@ def test_scenes_and_tables_have_materials(tmp_path: Path) -> None:
     assert m[0, 0] > 0 and abs(m[0, 1]) < m[0, 0] and "measured" in repr(measured)
 
 
-def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     up = [0.0, 0.0, 1.0]
     scene = ps.Scene.from_toml(scenes.TEXT)
     for call, words in (

@@ -26,7 +26,7 @@ def integral(s11: Any) -> float:
     return float(h / 3 * (f[0] + f[-1] + 4 * f[1:-1:2].sum() + 2 * f[2:-1:2].sum()))
 
 
-def test_rayleigh_is_its_closed_form() -> None:
+def test_rayleigh_matches_the_closed_form() -> None:
     m = phase.evaluate({"rayleigh": {"depolarization": 0.0}}, ANGLES.reshape(7, 103))
     assert m.shape == (7, 103, 4, 4)
     mu = np.cos(np.radians(ANGLES))
@@ -46,7 +46,7 @@ def test_rayleigh_is_its_closed_form() -> None:
 
 
 @pytest.mark.parametrize("g", [-0.3, 0.0, 0.85])
-def test_henyey_and_greenstein_is_its_closed_form(g: float) -> None:
+def test_henyey_greenstein_matches_the_closed_form(g: float) -> None:
     medium = phase.Medium({"henyey_greenstein": {"g": g}})
     s11 = medium.evaluate(ANGLES)[:, 0, 0]
     mu = np.cos(np.radians(ANGLES))
@@ -57,7 +57,7 @@ def test_henyey_and_greenstein_is_its_closed_form(g: float) -> None:
     assert not np.allclose(s11, want * 1.001, rtol=1e-5)
 
 
-def test_spheres_are_miepythons() -> None:
+def test_spheres_match_miepython() -> None:
     """Both use their own time factor for S34: M23 here is Im S1 S2* of miepython's amplitudes (validation/mie.py)."""
     miepython = pytest.importorskip("miepython")
     radius, host = 500.0, 1.33
@@ -89,17 +89,17 @@ def test_spheres_are_miepythons() -> None:
         assert medium.scattering[lane] != pytest.approx(1e12 * miepython.efficiencies_mx(n / host, x * 1.01)[1] * area, rel=1e-3)
 
 
-def test_numbers_are_the_commands(tmp_path: Path) -> None:
+def test_values_equal_the_command(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text("[media]\ndrink.milk = {}\nfog.homogeneous = { scattering = [1, 2, 3], phase.rayleigh = {} }\n")
     for name in ("drink", "fog"):
-        said = subprocess.run(
+        printed = subprocess.run(
             [rendered.command(), "phase", "eval", str(path), "--name", name, "--angles", "19", "--wavelengths", "500,633"],
             capture_output=True,
             check=True,
             text=True,
         ).stdout
-        rows = [r for r in csv.reader(said.splitlines()) if not r[0].startswith(("#", "angle"))]
+        rows = [r for r in csv.reader(printed.splitlines()) if not r[0].startswith(("#", "angle"))]
         want = np.array(rows, dtype=float).reshape(2, 19, 8)
         medium = phase.Medium(path, name, wavelengths_nm=[633, 500])
         m = medium.evaluate(want[0, :, 0])
@@ -116,7 +116,7 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
     assert phase.eval("isotropic", [0.0, 90.0])[:, 0, 0] == pytest.approx(1 / (4 * np.pi), rel=1e-6)
 
 
-def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     several = {"media": {"a": {"milk": {}}, "b": {"skin": {}}}}
     for call, words in (
         (lambda: phase.evaluate({"rayleigh": {}}, 181.0), "no scattering angles"),

@@ -41,7 +41,7 @@ def matrix(values: list[list[float]]) -> xr.DataArray:
     return xr.DataArray(np.array(values, dtype=float)[None], dims=("x", "stokes_out", "stokes_in"))
 
 
-def test_scalars_are_those_of_known_elements() -> None:
+def test_properties_of_known_elements() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     retarder = matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s, c]])
     depolarizer = matrix(np.diag([1, 0.5, 0.4, 0.3]).tolist())
@@ -63,7 +63,7 @@ def test_scalars_are_those_of_known_elements() -> None:
     assert float(depolarizer.sunstone.decompose()["retardance"][0]) < 0.1
 
 
-def test_a_store_decomposes_as_by_the_command() -> None:
+def test_decomposition_of_a_store_equals_the_command() -> None:
     out = rendered.folder() / "props.npz"
     rendered.sunstone("decompose", rendered.store(), "steady", "-o", out)
     found = steady().sunstone.decompose()
@@ -78,7 +78,7 @@ def test_a_store_decomposes_as_by_the_command() -> None:
     assert list(entropy) == ["entropy"] and entropy["entropy"].dims == ("y", "x")
 
 
-def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: dict[str, Path]) -> None:
+def test_captures_equal_the_command_and_reconstruct_the_matrices(schemes: dict[str, Path]) -> None:
     data = steady()
     for name, shape in (("drr36", (36,)), ("drr9p", (9, 4))):
         captures = data.sunstone.capture(schemes[name])
@@ -111,7 +111,7 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
         right.sunstone.reconstruct(schemes["drr36"], noise=1e-3)
 
 
-def test_what_is_left_out_is_counted(schemes: dict[str, Path]) -> None:
+def test_excluded_pixels_are_counted(schemes: dict[str, Path]) -> None:
     values = np.broadcast_to(np.diag([1.0, 0.6, -0.5, 0.3]), (5, 4, 4)).copy()
     values[2:4] = np.nan
     truth = xr.DataArray(values, dims=("x", "stokes_out", "stokes_in"))
@@ -123,7 +123,7 @@ def test_what_is_left_out_is_counted(schemes: dict[str, Path]) -> None:
         truth.sunstone.decompose()
 
 
-def test_errors_are_those_of_the_scheme(schemes: dict[str, Path]) -> None:
+def test_errors_match_the_variance_of_the_scheme(schemes: dict[str, Path]) -> None:
     """The errors of 16 elements add to 196 sigma² for DRR36 (PHYSICS.md). Noise draws agree within 5 sigma of their count."""
     sigma, draws = 1e-3, 4000
     truth = xr.DataArray(
@@ -144,7 +144,7 @@ def test_errors_are_those_of_the_scheme(schemes: dict[str, Path]) -> None:
     assert list(captures.sunstone.reconstruct(schemes["drr36"], errors=False)) == ["mean"]
 
 
-def test_a_camera_states_variances(schemes: dict[str, Path]) -> None:
+def test_a_simulated_camera_returns_variances(schemes: dict[str, Path]) -> None:
     captures = steady().sunstone.capture(schemes["drr36"], DETECTOR, seed=3)
     assert captures["variance"].shape == captures["mean"].shape
     assert float(captures["variance"].min()) > 0
@@ -155,7 +155,7 @@ def test_a_camera_states_variances(schemes: dict[str, Path]) -> None:
     assert np.allclose(ratio[np.isfinite(ratio)], 2, rtol=1e-4)
 
 
-def test_what_is_wrong_is_said(schemes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_arguments_are_reported(schemes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     data = steady()
     with pytest.raises(ValueError, match="Mueller matrices are needed"):
         data.isel(stokes_in=0).sunstone.decompose()
@@ -184,7 +184,7 @@ def test_no_command_is_needed(schemes: dict[str, Path], monkeypatch: pytest.Monk
     assert np.isfinite(few.sunstone.reconstruct(Scheme.qrpr(5), prior=prior, noise=1e-3)["mean"]).all()
 
 
-def test_counts_of_photons_have_times(schemes: dict[str, Path]) -> None:
+def test_photon_counts_have_a_time_axis(schemes: dict[str, Path]) -> None:
     """A photon counter reads a slice over y, x and t in the slice's own bins."""
     t = xr.DataArray([1000.0, 1500.0, 2000.0], dims="t", attrs={"units": "ps"})
     data = xr.DataArray(

@@ -37,7 +37,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes
 
 
 @pytest.mark.parametrize("plan", ["camera", "scan", "tags"])
-def test_python_around_all_instruments_leaves_the_bytes_of_the_command(
+def test_wrapped_instruments_give_the_same_store_as_the_command(
     tmp_path: Path, sound: dict[str, dict[str, bytes]], plan: str
 ) -> None:
     session = rig.Session(rigs.write(tmp_path) / f"{plan}.toml")
@@ -54,7 +54,7 @@ def test_python_around_all_instruments_leaves_the_bytes_of_the_command(
     assert last == ("dark" if plan == "camera" else "emit False"), "its light goes off"
 
 
-def test_the_rigs_own_instruments_leave_them_too(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_built_in_instruments_give_the_same_store_as_the_command(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     seen: list[tuple[int, int]] = []
     session.run(tmp_path / "s.zarr", progress=lambda done, frames: seen.append((done, frames)))
@@ -84,7 +84,7 @@ MISHAPS = [
 
 
 @pytest.mark.parametrize(("plan", "kind", "instrument", "at"), MISHAPS)
-def test_mishaps_behind_python_are_fixed(
+def test_simulated_faults_behind_python_are_retried(
     tmp_path: Path, sound: dict[str, dict[str, bytes]], plan: str, kind: str, instrument: str, at: int
 ) -> None:
     session = rig.Session(rigs.write(tmp_path, rigs.fault(kind, instrument, at)) / f"{plan}.toml")
@@ -119,7 +119,7 @@ PASSING: list[tuple[Callable[[], Exception], str]] = [
 
 
 @pytest.mark.parametrize(("error", "noted"), PASSING)
-def test_exceptions_that_pass_are_tried_again(
+def test_transient_exceptions_are_retried(
     tmp_path: Path, sound: dict[str, dict[str, bytes]], error: Callable[[], Exception], noted: str
 ) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
@@ -136,7 +136,7 @@ def test_exceptions_that_pass_are_tried_again(
     ("error", "fault"),
     [(ValueError("a bug"), "refused"), (rig.InstrumentError("limit", "too far"), "limit"), (TimeoutError("dead"), "timeout")],
 )
-def test_exceptions_that_stay_end_it_and_are_the_cause(
+def test_persistent_exceptions_end_the_run_and_are_the_cause(
     tmp_path: Path, sound: dict[str, dict[str, bytes]], error: Exception, fault: str
 ) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
@@ -155,19 +155,19 @@ def test_exceptions_that_stay_end_it_and_are_the_cause(
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
 
-def test_pythons_wish_to_end_is_not_wrapped(tmp_path: Path) -> None:
+def test_system_exit_is_not_wrapped(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = Failing(session["camera"], lambda: SystemExit(3), {2})
     with pytest.raises(SystemExit):
         session.run(tmp_path / "s.zarr")
 
 
-def test_errors_are_copied_whole() -> None:
+def test_errors_can_be_pickled() -> None:
     error = pickle.loads(pickle.dumps(rig.InstrumentError("stalled", "it sticks", "a", "resume")))
     assert (error.fault, error.what, error.instrument, str(error)) == ("stalled", "it sticks", "a", "a: stalled: it sticks\nresume")
 
 
-def test_a_thermometer_that_fails_is_told_and_no_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_thermometer_is_reported_and_ignored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Feverish(rigs.Stage):
         def temperature_c(self) -> float | None:
             raise ValueError("no probe")
@@ -212,11 +212,11 @@ LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("lie", "said"), LIES)
-def test_frames_that_are_none_are_told(tmp_path: Path, lie: Callable[[rig.Frame], Any], said: str) -> None:
+@pytest.mark.parametrize(("lie", "message"), LIES)
+def test_invalid_frames_are_reported(tmp_path: Path, lie: Callable[[rig.Frame], Any], message: str) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = Lying(session["camera"], lie)
-    with pytest.raises(rig.InstrumentError, match=said) as raised:
+    with pytest.raises(rig.InstrumentError, match=message) as raised:
         session.run(tmp_path / "s.zarr")
     assert raised.value.instrument == "camera" and raised.value.__cause__ is None
 
@@ -242,18 +242,18 @@ ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("plan", "name", "method", "answer", "said"), ANSWERS)
-def test_answers_that_are_none_are_told(
-    tmp_path: Path, plan: str, name: str, method: str, answer: Callable[[Any], Any], said: str
+@pytest.mark.parametrize(("plan", "name", "method", "answer", "message"), ANSWERS)
+def test_invalid_answers_are_reported(
+    tmp_path: Path, plan: str, name: str, method: str, answer: Callable[[Any], Any], message: str
 ) -> None:
     session = rig.Session(rigs.write(tmp_path) / f"{plan}.toml")
     session[name] = replaced(rigs.AROUND.get(name, rigs.Stage)(session[name]), method, answer)
-    with pytest.raises(rig.InstrumentError, match=said) as raised:
+    with pytest.raises(rig.InstrumentError, match=message) as raised:
         session.run(tmp_path / "s.zarr")
     assert raised.value.instrument == name
 
 
-def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
+def test_invalid_limits_are_reported(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = replaced(rigs.Camera(session["camera"]), "limits", lambda _: rig.CameraLimits((12, 10), formats=("RGB8",)))
     with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown format `RGB8`; supported: Mono8, "):
@@ -263,7 +263,7 @@ def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
         session.cost()
 
 
-def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
+def test_invalid_instruments_are_refused(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     with pytest.raises(ps.InputError, match="`camera` is a object, which has no method configure, expose, frame, identify"):
         session["camera"] = object()
@@ -278,7 +278,7 @@ def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
         session.cost()
 
 
-def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_instruments_can_be_implemented_in_python(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     lent = rig.Session(rigs.write(tmp_path) / "camera.toml")
     text = rigs.RIG.replace("[camera]\nsize = [12, 10]\n", '[camera]\ndriver = "python"\nsize = [12, 10]\n')
     (tmp_path / "rig.toml").write_text(text)
@@ -289,7 +289,7 @@ def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: di
     assert session.run(tmp_path / "s.zarr").taken == 60
 
 
-def test_a_bench_that_plays_a_scene_renders_it_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bench_with_a_scene_renders_it_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = rigs.write(tmp_path)
     (folder / "ball.toml").write_text(SCENE)
     text = rigs.RIG.replace('sample = "air"\n', 'scene = "ball.toml"\nspp = 4\nslice = "full"\n')
@@ -308,7 +308,7 @@ def test_a_bench_that_plays_a_scene_renders_it_first(tmp_path: Path, monkeypatch
     assert rigs.content(tmp_path / "s.zarr") == expected
 
 
-def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_a_run_stopped_by_ctrl_c_resumes(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
 
     class Interrupting(rigs.Camera):
@@ -329,7 +329,7 @@ def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
 
-def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_a_second_ctrl_c_interrupts_a_hanging_camera(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     own = session["camera"]
     hangs, raised, sent = threading.Event(), [], []
@@ -368,7 +368,7 @@ def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[st
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
 
-def test_progress_may_end_it(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_an_exception_in_progress_ends_the_run(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     class Slow(rigs.Camera):
         def expose(self) -> None:
             time.sleep(0.02)
@@ -389,30 +389,30 @@ def test_progress_may_end_it(tmp_path: Path, sound: dict[str, dict[str, bytes]])
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
 
-def test_a_session_has_its_instruments_alone(tmp_path: Path) -> None:
+def test_instruments_cannot_be_used_during_a_run(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
-    said: list[str] = []
+    messages: list[str] = []
 
     class Curious(rigs.Camera):
         def expose(self) -> None:
-            if not said:
+            if not messages:
                 for ask in (lambda: session["projector"].dark(1.0), session.cost):
                     try:
                         ask()
                     except ps.InputError as error:
-                        said.append(str(error))
+                        messages.append(str(error))
             super().expose()
 
     session["camera"] = Curious(session["camera"])
     session.run(tmp_path / "s.zarr")
-    assert said == [
+    assert messages == [
         "projector: in use by a running session; wait until it ends",
         "the session is running; wait until it ends",
     ]
     session["projector"].dark(1.0)
 
 
-def test_pythons_lock_is_free_between_calls(tmp_path: Path) -> None:
+def test_the_gil_is_free_between_calls(tmp_path: Path) -> None:
     """While a Python camera waits without the GIL, other threads run; and the camera is called from a single thread."""
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     threads: set[int] = set()
@@ -441,7 +441,7 @@ def test_pythons_lock_is_free_between_calls(tmp_path: Path) -> None:
     assert turns > 50 * wall
 
 
-def test_its_store_opens_and_is_reconstructed(tmp_path: Path) -> None:
+def test_the_store_of_a_run_opens_and_is_reconstructed(tmp_path: Path) -> None:
     plan = rigs.write(tmp_path) / "camera.toml"
     # Sixteen captures of this scheme do not determine 16 elements.
     plan.write_text(plan.read_text().replace("captures = 6", "captures = 25"))
@@ -462,7 +462,7 @@ def idle(tmp_path_factory: pytest.TempPathFactory) -> rig.Session:
 
 
 @pytest.mark.parametrize("name", ["retarder_2", *rigs.AROUND])
-def test_instruments_keep_their_promises(idle: rig.Session, name: str) -> None:
+def test_instruments_pass_the_conformance_checks(idle: rig.Session, name: str) -> None:
     own = idle.check(name)
     assert own and len(own) >= 10, str(own)
     around = rig.check(rigs.AROUND.get(name, rigs.Stage)(idle[name]))
@@ -499,7 +499,7 @@ PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
 
 
 @pytest.mark.parametrize(("name", "method", "answer", "found"), PLANTED)
-def test_planted_faults_are_found(
+def test_planted_faults_are_detected(
     idle: rig.Session, name: str, method: str, answer: Callable[[Any], Any], found: set[str]
 ) -> None:
     report = rig.check(replaced(rigs.AROUND.get(name, rigs.Stage)(idle[name]), method, answer))
@@ -507,7 +507,7 @@ def test_planted_faults_are_found(
     assert f"of {len(report)} checks" in str(report)
 
 
-def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
+def test_a_camera_that_ignores_deadlines_is_detected(idle: rig.Session) -> None:
     """A camera that waits for any time, whatever the deadline."""
 
     class Stubborn(rigs.Camera):
@@ -518,7 +518,7 @@ def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
     assert [c.name for c in faults] == ["reports a timeout at a short deadline and delivers the frame later"]
 
 
-def test_what_is_no_instrument_is_not_checked() -> None:
+def test_the_check_refuses_incomplete_instruments() -> None:
     with pytest.raises(ps.InputError, match="a Half is no instrument: of a projector it has no dark"):
 
         class Half(rig.Instrument):
@@ -529,7 +529,7 @@ def test_what_is_no_instrument_is_not_checked() -> None:
         rig.check(Half())
 
 
-def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_documented_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the code of docs/python-rig.md in a folder with the files that it names."""
     text = (ROOT / "docs" / "python-rig.md").read_text()
     code = [part.split("```")[0] for part in text.split("```python\n")[1:]]
@@ -544,7 +544,7 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (tmp_path / "night.zarr" / "manifest.txt").exists()
 
 
-def test_one_other_number_in_one_frame_is_seen(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+def test_one_changed_pixel_is_detected(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
     """The comparison of bytes can fail."""
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
 
@@ -561,7 +561,7 @@ def test_one_other_number_in_one_frame_is_seen(tmp_path: Path, sound: dict[str, 
     assert len(other) == 2 and "manifest.txt" in other, other
 
 
-def test_protocols_are_types(tmp_path: Path) -> None:
+def test_mypy_checks_the_protocols(tmp_path: Path) -> None:
     """mypy detects a missing method and a different signature."""
     (tmp_path / "lab.py").write_text("""
 from pysunstone import rig, _native

@@ -64,14 +64,14 @@ def motor(speed: float) -> SimMotor:
     return made
 
 
-def test_a_motor_of_ophyd_async_is_a_stage_that_keeps_its_promises(engine: RunEngine) -> None:
+def test_an_ophyd_async_motor_conforms_as_a_stage(engine: RunEngine) -> None:
     assert event_loop() is engine.loop
     stage = StageOfDevice(motor(400.0), rig.StageLimits((-720, 720), 400, 8000, 0.001))
     report = rig.check(stage)
     assert report and len(report) == 18, str(report)
 
 
-def test_a_motor_that_goes_elsewhere_is_found(engine: RunEngine) -> None:
+def test_a_motor_that_misses_its_target_is_detected(engine: RunEngine) -> None:
     class Skewed(SimMotor):
         async def locate(self) -> Any:
             where = await super().locate()
@@ -85,7 +85,7 @@ def test_a_motor_that_goes_elsewhere_is_found(engine: RunEngine) -> None:
     assert "reports a timeout at a short deadline and continues the move" in faults
 
 
-def test_motors_turn_the_stages_of_a_run(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
+def test_motors_serve_as_stages_of_a_run(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
     """Synchronous and asynchronous motors among simulated stages."""
     limits = rig.StageLimits((-720, 720), 400, 8000, 0.001)
     turning, axis = motor(2000.0), ophyd.sim.SynAxis(name="axis")
@@ -116,7 +116,7 @@ class Jammed(SimMotor):
         await super().set(new_position)
 
 
-def test_a_move_that_fails_is_a_stall(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
+def test_a_failed_move_is_reported_as_a_stall(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
     with init_devices():
         jammed = Jammed("jammed")
     homed: list[str] = []
@@ -128,7 +128,7 @@ def test_a_move_that_fails_is_a_stall(engine: RunEngine, session: rig.Session, t
     assert set(retries) == {"retarder_2: stalled: its move failed: the gear slips"}
 
 
-def test_a_device_without_an_answer_is_a_timeout() -> None:
+def test_a_device_that_does_not_answer_times_out() -> None:
     class Mute:
         name = "mute"
 
@@ -160,7 +160,7 @@ class Detector(StandardReadable):
         self._set_image(self.camera.frame(10.0).pixels)
 
 
-def test_a_detector_of_ophyd_async_takes_the_frames_of_the_camera(
+def test_an_ophyd_async_detector_gives_the_frames_of_the_camera(
     engine: RunEngine, session: rig.Session, tmp_path: Path
 ) -> None:
     rig.Session(tmp_path / "camera.toml").run(tmp_path / "own.zarr")
@@ -173,7 +173,7 @@ def test_a_detector_of_ophyd_async_takes_the_frames_of_the_camera(
     assert rigs.content(tmp_path / "s.zarr") == rigs.content(tmp_path / "own.zarr")
 
 
-def test_a_detector_of_ophyd_is_a_camera(session: rig.Session, tmp_path: Path) -> None:
+def test_an_ophyd_detector_serves_as_a_camera(session: rig.Session, tmp_path: Path) -> None:
     taken: list[npt.NDArray[Any]] = []
 
     def picture() -> npt.NDArray[Any]:
@@ -234,7 +234,7 @@ class Shutter(ophyd.sim.SynAxis):
         return super().set(value)
 
 
-def test_devices_scan_as_the_rig_does(engine: RunEngine, tmp_path: Path) -> None:
+def test_devices_give_the_same_scan_as_the_rig(engine: RunEngine, tmp_path: Path) -> None:
     """Mirrors, shutter and counter wrap those of the simulated rig: identical counts."""
     plan = rigs.write(tmp_path) / "scan.toml"
     plan.write_text(plan.read_text().replace("dwell_ms = 2", "dwell_ms = 2\nrate_hz = 1e7"))
@@ -263,7 +263,7 @@ def test_devices_scan_as_the_rig_does(engine: RunEngine, tmp_path: Path) -> None
         session.run(tmp_path / "wide.zarr")
 
 
-def test_a_key_that_is_not_there_is_told(session: rig.Session, tmp_path: Path) -> None:
+def test_a_missing_key_is_reported(session: rig.Session, tmp_path: Path) -> None:
     signal = ophyd.sim.SynSignal(func=lambda: np.zeros((10, 12), int), name="picture")
     session["camera"] = CameraOfDevice(signal, rig.CameraLimits((12, 10)), key="image")
     with pytest.raises(rig.InstrumentError, match="camera: refused: `read` has no `image`, but picture; name one with key="):
@@ -311,7 +311,7 @@ def test_a_run_engine_scans_the_rig(engine: RunEngine, session: rig.Session) -> 
     assert descriptor["configuration"]["camera"]["data"]["camera-exposure_s"] == 0.01
 
 
-def test_failures_of_ours_fail_the_plan(engine: RunEngine, session: rig.Session) -> None:
+def test_instrument_errors_fail_the_plan(engine: RunEngine, session: rig.Session) -> None:
     from bluesky.utils import FailedStatus
 
     stage = MovableStage(session["polarizer_1"], "polarizer")
@@ -320,7 +320,7 @@ def test_failures_of_ours_fail_the_plan(engine: RunEngine, session: rig.Session)
     assert isinstance(raised.value.__cause__, rig.InstrumentError) and raised.value.__cause__.fault == "limit"
 
 
-def test_a_stage_of_ours_is_stopped_on_its_way(engine: RunEngine) -> None:
+def test_a_moving_stage_can_be_stopped(engine: RunEngine) -> None:
     stage = MovableStage(StageOfDevice(motor(20.0), rig.StageLimits((-720, 720), 20, 400, 0.001)), "slow")
     status = stage.set(100.0)
     time.sleep(0.8)
@@ -330,7 +330,7 @@ def test_a_stage_of_ours_is_stopped_on_its_way(engine: RunEngine) -> None:
     stage.set(stage.position + 1.0).wait(10.0)
 
 
-def test_the_example_of_the_page_runs(engine: RunEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_documented_example_runs(engine: RunEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the code of docs/python-rig.md in a folder with the files that it names."""
     code = (ROOT / "docs" / "python-rig.md").read_text().split("```py\n")[1].split("```")[0]
     for folder in ("rigs", "scenes"):

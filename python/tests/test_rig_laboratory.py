@@ -115,7 +115,7 @@ class Seen(rig.AreaCamera):
         return np.full((region.height, region.width), round(100 + SCALE * self.light), np.uint16)
 
 
-def test_a_laboratory_of_python_alone_measures_what_is_there(tmp_path: Path) -> None:
+def test_a_rig_with_only_python_instruments_measures_a_known_sample(tmp_path: Path) -> None:
     """Without bench and drivers, on the wall clock: a sample between rotating retarders is reconstructed up to quantization."""
     (tmp_path / "rig.toml").write_text(LABORATORY)
     (tmp_path / "plan.toml").write_text(WHOLE)

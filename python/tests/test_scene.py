@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_store_is_that_of_the_command(folder: Path, tmp_path: Path) -> None:
+def test_store_equals_that_of_the_command(folder: Path, tmp_path: Path) -> None:
     done = ps.Scene.load(folder / "scene.toml").render(tmp_path / "a.zarr", seed=3, threads=2)
     assert done["complete"] and done["tiles"] == 6
     mine, theirs = content(tmp_path / "a.zarr"), content(folder / "by_command.zarr")
@@ -37,7 +37,7 @@ def test_store_is_that_of_the_command(folder: Path, tmp_path: Path) -> None:
     assert [name for name in mine if mine[name] != theirs[name]] == []
 
 
-def test_arrays_are_those_of_the_store(folder: Path) -> None:
+def test_arrays_equal_those_of_the_store(folder: Path) -> None:
     zarr = pytest.importorskip("zarr")
     found = ps.Scene.load(folder / "scene.toml").render(seed=3)
     store = zarr.open_group(str(folder / "by_command.zarr"), mode="r")
@@ -60,7 +60,7 @@ def test_arrays_are_those_of_the_store(folder: Path) -> None:
     assert found.summary["complete"]
 
 
-def test_threads_and_ways_do_not_matter(folder: Path) -> None:
+def test_threads_and_input_forms_do_not_change_results(folder: Path) -> None:
     ways = [
         ps.Scene.load(folder / "scene.toml").render(spp=4, threads=1),
         ps.Scene.from_toml(TEXT).render(spp=4, threads=3),
@@ -76,7 +76,7 @@ def test_threads_and_ways_do_not_matter(folder: Path) -> None:
     assert (ps.Scene.from_toml(TEXT).render(spp=4, seed=8)["mueller"]["mean"] != ways[0]["mueller"]["mean"]).any()
 
 
-def test_a_render_leaves_its_scene_as_it_was() -> None:
+def test_a_render_does_not_change_its_scene() -> None:
     scene = ps.Scene.from_toml(TEXT)
     scene.render(spp=2, seed=5, slices=["time"])
     assert (scene.spp, scene.seed, scene.slices) == (16, 0, ["mueller", "time"])
@@ -103,7 +103,7 @@ def with_mesh(vertices: Any, faces: Any, **keys: Any) -> ps.Scene:
     return builder.slice("mueller", polarization="mueller").render(spp=np.int64(16), tile=8).build()
 
 
-def test_meshes_are_what_rectangles_are() -> None:
+def test_a_mesh_renders_like_a_rectangle() -> None:
     mean = with_mesh(*QUAD).render()["mueller"]
     objects = [{"shape": {"rectangle": {"corner": [-2, -2, -1], "u": [4, 0, 0], "v": [0, 4, 0]}}, "material": "wall"}]
     plain = ps.Scene.from_dict(document(objects=objects, materials={"wall": {"diffuse": {"albedo": 0.5}}})).render()["mueller"]
@@ -113,7 +113,7 @@ def test_meshes_are_what_rectangles_are() -> None:
     assert difference < 5 * sigma
 
 
-def test_images_of_real_numbers_are_linear_and_those_of_bytes_are_not() -> None:
+def test_float_images_are_linear_and_byte_images_are_encoded() -> None:
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 
     def light(pixels: Any, **keys: Any) -> Any:
@@ -143,7 +143,7 @@ def test_layouts_of_meshes(change: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("vertices", "faces", "says"),
+    ("vertices", "faces", "expected"),
     [
         (QUAD[0][:, :2], QUAD[1], "rows of 3"),
         (QUAD[0], QUAD[1] + 5, "mesh"),
@@ -154,8 +154,8 @@ def test_layouts_of_meshes(change: Any) -> None:
         (QUAD[0], QUAD[1].ravel(), "rows of 3"),
     ],
 )
-def test_wrong_meshes(vertices: Any, faces: Any, says: str) -> None:
-    with pytest.raises(ps.InputError, match=says):
+def test_wrong_meshes(vertices: Any, faces: Any, expected: str) -> None:
+    with pytest.raises(ps.InputError, match=expected):
         with_mesh(vertices, faces)
 
 
@@ -169,7 +169,7 @@ def test_images_in_memory(pixels: Any) -> None:
         ps.Scene.from_dict(textured)
 
 
-def test_errors_say_where() -> None:
+def test_errors_have_file_and_line() -> None:
     with pytest.raises(ps.InputError) as caught:
         ps.Scene.from_toml(TEXT.replace('material = "gold"', 'material = "silver"'))
     e = caught.value
@@ -211,7 +211,7 @@ def test_wrong_renders(folder: Path, tmp_path: Path) -> None:
     assert scene.render(spp=1)["mueller"]["mean"].any()
 
 
-def test_progress_is_told_and_its_exceptions_end_the_render() -> None:
+def test_progress_is_reported_and_its_exceptions_end_the_render() -> None:
     scene = ps.Scene.from_toml(TEXT)
     reported: list[tuple[int, int]] = []
     scene.render(progress=lambda done, tiles: reported.append((done, tiles)))
@@ -225,7 +225,7 @@ def test_progress_is_told_and_its_exceptions_end_the_render() -> None:
     scene.render(spp=1, progress=True)
 
 
-def test_python_goes_on_beside_a_render() -> None:
+def test_other_threads_run_during_a_render() -> None:
     scene = ps.Scene.from_toml(TEXT)
     ticks, done = [0], threading.Event()
 
@@ -289,7 +289,7 @@ assert (there[0] == here).all() and (there[1] != here).any()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_all_that_uses_threads_works_in_forked_processes() -> None:
+def test_threaded_functions_work_in_forked_processes() -> None:
     words = f"""
 import multiprocessing, sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
@@ -315,7 +315,7 @@ assert (there[0][0] == here).all() and (there[1][0] != here).any()
     subprocess.run([sys.executable, "-c", words], check=True, timeout=120, stdout=subprocess.DEVNULL)
 
 
-def test_command_of_the_package(folder: Path, tmp_path: Path) -> None:
+def test_module_command_equals_the_program(folder: Path, tmp_path: Path) -> None:
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run([sys.executable, "-m", "pysunstone", *words], capture_output=True, text=True, cwd=folder)
 

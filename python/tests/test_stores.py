@@ -106,7 +106,7 @@ def _reseal(path: Path) -> None:
     (path / "manifest.txt").write_text("\n".join(changed) + "\n")
 
 
-def test_values_units_and_provenance_are_those_of_the_store() -> None:
+def test_values_units_and_provenance_equal_those_of_the_store() -> None:
     tree = open_store(rendered.store())
     assert list(tree.children) == SLICES
     raw = zarr.open_group(rendered.store(), mode="r")
@@ -124,7 +124,7 @@ def test_values_units_and_provenance_are_those_of_the_store() -> None:
     assert array(tree, "timed/t").attrs["units"] == "ps"
 
 
-def test_pieces_are_whole_chunks() -> None:
+def test_dask_chunks_are_multiples_of_stored_chunks() -> None:
     tree = open_store(rendered.store())
     for name in SLICES:
         mean = array(tree, f"{name}/mean")
@@ -149,7 +149,7 @@ def test_nothing_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not mean.chunks and mean.equals(array(open_store(rendered.store(), None), "timed/mean"))
 
 
-def test_pieces_travel_to_other_processes() -> None:
+def test_arrays_can_be_pickled() -> None:
     mean = array(open_store(rendered.store()), "steady/mean")
     assert pickle.loads(pickle.dumps(mean)).equals(mean.compute())
 
@@ -175,7 +175,7 @@ def test_shards_are_read_over_http(url: str) -> None:
     assert there[3, 5].equals(here[3, 5]) and there.equals(here)
 
 
-def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
+def test_paths_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     with pytest.raises(stores.NotAStoreError, match="there is nothing"):
         open_store(tmp_path / "none.zarr")
     with pytest.raises(stores.NotAStoreError, match="no zarr.json"):
@@ -204,7 +204,7 @@ def test_a_newer_store_is_refused(copied: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", ["lost", "cut", "other", "swapped"])
-def test_damage_is_an_error_and_not_zeros(copied: Path, fault: str) -> None:
+def test_damaged_chunks_are_errors(copied: Path, fault: str) -> None:
     """Zarr alone reads a lost chunk as zeros, and does not detect a swapped chunk."""
     chunks = sorted((copied / "full/mean").glob("c.*"))
     chunk = chunks[0]
@@ -226,16 +226,16 @@ def test_damage_is_an_error_and_not_zeros(copied: Path, fault: str) -> None:
         array(tree, "full/mean").load()
 
 
-def test_a_manifest_that_was_cut_is_damage(copied: Path) -> None:
+def test_a_damaged_manifest_is_an_error(copied: Path) -> None:
     manifest = copied / "manifest.txt"
     lines = manifest.read_text().splitlines(keepends=True)
-    for spoilt in (lines[:-1], lines[:5] + lines[6:], ["sunstone", *lines[1:]], []):
-        manifest.write_text("".join(spoilt))
+    for damaged in (lines[:-1], lines[:5] + lines[6:], ["sunstone", *lines[1:]], []):
+        manifest.write_text("".join(damaged))
         with pytest.raises(stores.DamagedStoreError, match=r"manifest\.txt"):
             open_store(copied)
 
 
-def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
+def test_an_unfinished_store_reports_its_progress(tmp_path: Path) -> None:
     """A render is killed. Consolidated metadata match the remaining files; missing values are NaN."""
     path = tmp_path / "killed.zarr"
     scene = tmp_path / "large.toml"
@@ -250,11 +250,11 @@ def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
     with pytest.raises(stores.UnfinishedStoreError, match=r"status `incomplete`, \d+ % of the camera's pixels have samples"):
         open_store(path)
     root = json.loads((path / "zarr.json").read_text())["consolidated_metadata"]["metadata"]
-    for name, said in root.items():
+    for name, consolidated in root.items():
         stand = json.loads((path / name / "zarr.json").read_text())
-        for description in (said, stand):
+        for description in (consolidated, stand):
             description.pop("consolidated_metadata", None)
-        assert said == stand, name
+        assert consolidated == stand, name
     tree = open_store(path, unfinished=True)
     assert tree.attrs["state"] == "unfinished"
     done = array(tree, "samples").values > 0
@@ -267,7 +267,7 @@ def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
     assert np.array_equal(np.load(out), array(tree, "flight/mean").values, equal_nan=True)
 
 
-def test_a_part_is_no_whole_render(tmp_path: Path) -> None:
+def test_a_part_is_not_a_finished_render(tmp_path: Path) -> None:
     path = tmp_path / "part.zarr"
     scene = tmp_path / "tiles.toml"
     scene.write_text(rendered.SCENE.replace("max_depth = 4", "max_depth = 4, tile = 8"))
@@ -281,7 +281,7 @@ def test_a_part_is_no_whole_render(tmp_path: Path) -> None:
     )
 
 
-def test_entries_stand_for_pixels() -> None:
+def test_entries_map_to_ranges_of_pixels() -> None:
     assert bins([0, 1, 2]) == [(0, 0), (1, 1), (2, 2)]
     assert bins([1.5, 5.5, 8.5]) == [(0, 3), (4, 7), (8, 9)]
     assert bins([1, 4, 6.5], 3) == [(0, 2), (3, 5), (6, 7)]
@@ -296,7 +296,7 @@ def sharded(tmp_path: Path) -> Path:
     return Path(shards.shard(rendered.store(), tmp_path / "shards.zarr"))
 
 
-def test_a_store_in_shards_is_the_same(sharded: Path) -> None:
+def test_a_sharded_store_gives_the_same_values(sharded: Path) -> None:
     plain, tree, alone = open_store(rendered.store()), open_store(sharded), xr.open_datatree(sharded, engine="zarr")
     assert len(list(sharded.rglob("c.*"))) < len(list(Path(rendered.store()).rglob("c.*")))
     for name in SLICES:

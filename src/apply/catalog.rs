@@ -31,7 +31,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn applications_keep_to_what_they_promise() {
+    fn applications_have_unique_names_and_disjoint_variants() {
         let mut names = BTreeSet::new();
         for a in all() {
             assert!(names.insert(a.name), "{} twice", a.name);

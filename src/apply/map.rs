@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_are_where_they_were_put() {
+    fn from_fn_sets_each_pixel() {
         let map = Map::from_fn(3, 2, 2, |x, y, out| out.copy_from_slice(&[x as f64, y as f64]));
         for (x, y) in [(0, 0), (2, 0), (0, 1), (2, 1)] {
             assert_eq!(map.at(x, y), [x as f64, y as f64]);

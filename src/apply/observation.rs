@@ -238,7 +238,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn pixels_are_the_slice() {
+    fn pixels_equal_the_slice() {
         let number = |p, b, e, k| (1000 * p + 100 * b + 4 * e + k) as f64;
         let mut o = Observation::default();
         o.slices.insert("s".into(), slice([3, 2, 5, 3], 0.5, number));

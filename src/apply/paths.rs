@@ -180,7 +180,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_the_paths_named() {
+    fn sums_contain_exactly_the_named_paths() {
         // Every path contributes a unique power of two at every wavelength, so a sum identifies its paths.
         let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
         let even = |p: Path| p.label.is_multiple_of(2);

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_of_rays_are_in_their_pixels() {
+    fn points_on_rays_project_to_their_pixels() {
         let turned = [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]];
         let device = Pinhole::new([64, 64], [70.0, 75.0], [31.0, 33.5], [0.1, -0.2, 0.3], turned);
         for (x, y, z) in [(0, 0, 0.1), (63, 20, 0.3), (31, 63, 2.0)] {

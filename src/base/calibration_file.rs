@@ -223,7 +223,7 @@ mod tests {
         /// Verifies, for parts in any order and with repetitions, that every part is the last one written,
         /// and that there are no other parts.
         #[test]
-        fn parts_come_back(order in prop::collection::vec(0_usize..4, 1..7)) {
+        fn the_last_written_parts_are_read_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");
             let all = table(&put_all(&folder.path().join("c.toml"), &order));
             for (k, (part, text)) in TEXTS.iter().enumerate() {
@@ -235,7 +235,7 @@ mod tests {
 
         /// Verifies that any damaged text gives a calibration or an error, and never a panic.
         #[test]
-        fn damage_is_survived(text in "[ -~\n]{0,60}", at in 0_usize..200) {
+        fn damaged_text_never_panics(text in "[ -~\n]{0,60}", at in 0_usize..200) {
             let folder = tempfile::tempdir().expect("a folder");
             let mut whole = put_all(&folder.path().join("c.toml"), &[0, 1, 2, 3]);
             let at = (0..=at.min(whole.len())).rev().find(|i| whole.is_char_boundary(*i)).unwrap_or(0);
@@ -246,7 +246,7 @@ mod tests {
 
     /// Verifies that a new result replaces all keys of the same part.
     #[test]
-    fn a_part_is_replaced_whole() {
+    fn a_new_part_replaces_all_keys_of_the_old_one() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("c.toml");
         put_all(&path, &[0, 1, 2, 3]);
@@ -258,7 +258,7 @@ mod tests {
 
     /// Verifies that a file that is not a calibration is reported with a location and left unchanged.
     #[test]
-    fn other_files_are_left() {
+    fn other_files_are_reported_and_left_unchanged() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("c.toml");
         for (text, words) in [

@@ -99,18 +99,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_files_are_opened() {
+    fn only_regular_files_are_opened() {
         let dir = tempfile::tempdir().expect("a folder");
         let file = dir.path().join("f");
         std::fs::write(&file, "text").expect("writes");
         assert_eq!(read(&file).expect("reads"), b"text");
         assert_eq!(read_text(&file).expect("reads"), "text");
-        let said = |path: &Path| open(path).expect_err("refused").to_string();
-        assert_eq!(said(Path::new("/dev/zero")), "expected a file, got a device");
-        assert_eq!(said(dir.path()), "expected a file, got a folder");
+        let refusal = |path: &Path| open(path).expect_err("refused").to_string();
+        assert_eq!(refusal(Path::new("/dev/zero")), "expected a file, got a device");
+        assert_eq!(refusal(dir.path()), "expected a file, got a folder");
         let status = std::process::Command::new("mkfifo").arg(dir.path().join("p")).status();
         if status.is_ok_and(|s| s.success()) {
-            assert_eq!(said(&dir.path().join("p")), "expected a file, got a pipe");
+            assert_eq!(refusal(&dir.path().join("p")), "expected a file, got a pipe");
             assert!(is_special(&dir.path().join("p")));
         }
         assert!(!is_special(&file) && !is_special(dir.path()));
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_are_bounded() {
+    fn text_size_is_limited() {
         let file = tempfile::NamedTempFile::new().expect("a file");
         file.as_file().set_len(1 << 40).expect("sparse");
         assert!(read_text(file.path()).expect_err("too large").to_string().contains("256 MiB"));

@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_torn_line_is_ignored() {
+    fn an_incomplete_line_is_ignored() {
         let dir = tempfile::tempdir().unwrap();
         let record = |tile: u32| [tile, 10, 20];
         let (journal, old) = Journal::<[u32; 3]>::open(dir.path()).unwrap();

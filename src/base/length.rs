@@ -78,7 +78,7 @@ mod tests {
         let within = |text: &str| text.parse::<Length>().unwrap().within(0.5, "--square");
         assert_eq!(within("0.5"), Ok(0.5));
         assert_eq!(within("25m"), Ok(25.0));
-        let said = within("25").unwrap_err();
-        assert!(said.starts_with("--square 25:") && said.ends_with("write 25mm or 25m"), "{said}");
+        let message = within("25").unwrap_err();
+        assert!(message.starts_with("--square 25:") && message.ends_with("write 25mm or 25m"), "{message}");
     }
 }

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_holds_it_and_leaves_nothing() {
+    fn a_lock_is_exclusive_and_leaves_no_file() {
         let dir = tempfile::tempdir().expect("a folder");
         let output = dir.path().join("a/s.zarr");
         let first = Lock::take(&output).expect("free");
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_dead_holder_left_is_taken_over() {
+    fn a_stale_lock_is_taken_over() {
         let dir = tempfile::tempdir().expect("a folder");
         let output = dir.path().join("s.zarr");
         std::fs::write(file_of(&output), "process 1 on elsewhere\n").expect("writes");
@@ -161,7 +161,7 @@ mod tests {
     /// Verifies that a link and its target have the same lock.
     #[cfg(unix)]
     #[test]
-    fn links_are_followed() {
+    fn a_link_and_its_target_share_a_lock() {
         let dir = tempfile::tempdir().expect("a folder");
         let (store, link) = (dir.path().join("s.zarr"), dir.path().join("l.zarr"));
         std::fs::create_dir(&store).expect("a folder");
@@ -172,7 +172,7 @@ mod tests {
 
     /// Verifies that concurrent threads never hold the lock at the same time.
     #[test]
-    fn never_two_at_once() {
+    fn threads_never_hold_the_lock_together() {
         let dir = tempfile::tempdir().expect("a folder");
         let output = dir.path().join("s.zarr");
         let inside = std::sync::atomic::AtomicU32::new(0);

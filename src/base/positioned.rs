@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_are_kept_apart() {
+    fn concurrent_writes_at_different_positions_do_not_mix() {
         let file = tempfile::tempfile().expect("a file");
         std::thread::scope(|s| {
             for k in 0..8_u8 {

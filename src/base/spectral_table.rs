@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_between_and_constant_beyond() {
+    fn tables_are_linear_between_entries_and_constant_beyond() {
         let t = table(&[400.0, 500.0, 700.0], &[1.0, 3.0, 2.0]);
         assert!(t.is_sound());
         let found = [0.0, 400.0, 450.0, 500.0, 600.0, 700.0, 1e9].map(|nm| t.at(nm));
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_table_is_told() {
+    fn invalid_tables_are_detected() {
         let values = [1.0, 2.0];
         let nan = [1.0, f64::NAN];
         for (nm, values) in [

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_takes_the_place_of_another() {
+    fn put_replaces_an_existing_folder() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("s");
         for new in ["one", "two"] {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_on_its_way_out_comes_back_or_goes() {
+    fn recover_restores_or_removes_the_old_folder() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("s");
         folder(&dir.path().join(".s.old"), "old");

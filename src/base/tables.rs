@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_read_and_lists_are_lists() {
+    fn tables_and_lists_are_read() {
         let text = "corner = [1, 2]\npairs = [[1, \"a\"], [2, \"b\"]]\n[at]\nx = 1\n[[shapes]]\nball = { y = 2 }\n\
                     [[shapes]]\nbox.size = 3\n[[shapes]]\npair = [1, 2]\n";
         let file = read(text).expect("reads");
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_is_no_table_at_its_place() {
+    fn a_list_in_place_of_a_table_is_refused_with_its_position() {
         let cases = [
             ("at = [1, 2]", (1, 6)),
             ("\nat = []", (2, 6)),

@@ -153,7 +153,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_the_dead_left_is_swept() {
+    fn temporary_files_of_dead_processes_are_removed() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.npy");
         // No process has the largest ID; the other two names belong to this process or to another file.
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn replaces_and_leaves_no_temporary() {
+    fn files_are_replaced_without_leaving_temporary_files() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f");
         write(&path, b"one").expect("writes");

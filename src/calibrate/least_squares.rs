@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_told_is_named_and_left() {
+    fn undetermined_parameters_are_named_and_unchanged() {
         let t: Vec<f64> = (0..9).map(f64::from).collect();
         // The residuals depend only on a + b, and not on d.
         let residuals =

@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_go_and_come_bit_by_bit() {
+    fn maps_round_trip_bit_for_bit() {
         let map = PixelMap(vec![0.0, -1.5, f32::NAN, f32::INFINITY, 1e-40]);
         let text = toml::to_string(&File { map: map.clone() }).expect("a text");
         let read: File = toml::from_str(&text).expect("a map");

@@ -94,7 +94,7 @@ fn deviations(mean: f64, n: f64) -> f64 {
 /// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower 0.1 % quantile
 /// 1.479 (tables).
 #[test]
-fn deviations_are_those_of_chi_squared() {
+fn deviations_follow_chi_squared() {
     assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);
     assert!((deviations(0.1479, 10.0) + 3.090).abs() < 0.1);
     // Consistency of `ENOUGH` with `BAR` and `CHANCE`.
@@ -103,7 +103,7 @@ fn deviations_are_those_of_chi_squared() {
 
 /// Standard errors that are wrong by 15 % (1024 values) or 40 % (64 values) are detected.
 #[test]
-fn wrong_errors_are_found() {
+fn wrong_errors_are_detected() {
     use rand_distr::{Distribution, StandardNormal};
     let held = |sigma: f64, n: u32| {
         let mut random = polarimetry::capture::detector::random::stream(1, 0, 0);

@@ -35,11 +35,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outcomes =
         denoise(&a.inputs, &a.output, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
     for Outcome { slice, error } in outcomes {
-        let said = match error {
+        let text = match error {
             Some(ratio) => format!("error estimates {ratio:.3} times those of the render (RMS)"),
             None => "copied: not an image, or without error estimates".to_owned(),
         };
-        print(&format!("{slice:18} {said}"))?;
+        print(&format!("{slice:18} {text}"))?;
     }
     print_path(&a.output)
 }

@@ -132,7 +132,7 @@ mod tests {
     /// Tests that every angle has a marker in the correct panel, column and row, and that an angle plus one
     /// period has the same position.
     #[test]
-    fn angles_are_in_their_places() {
+    fn angles_are_drawn_at_their_positions() {
         let values = vec![vec![45.0, 0.0], vec![f64::NAN, 90.0], vec![-45.0, 270.0], vec![0.0, 180.0]];
         let drawing = draw("t", &TWO, &values).unwrap();
         let img = drawing.pixels().unwrap();
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_table_of_angles_is_refused() {
+    fn invalid_tables_are_refused() {
         let message = |elements: &[(&str, &str, f64)], values: &[Vec<f64>]| {
             draw("t", elements, values).expect_err("was drawn").to_string()
         };
@@ -178,7 +178,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
         #[test]
-        fn no_table_panics(
+        fn arbitrary_tables_never_panic(
             n in 1_usize..5,
             period in prop_oneof![Just(180.0), Just(1e-300), Just(f64::MAX), any::<f64>()],
             angles in prop::collection::vec(any::<f64>(), 4..200),

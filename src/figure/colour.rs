@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_have_their_sign_and_their_centre() {
+    fn colour_maps_show_sign_and_centre() {
         let (red, zero, blue) = (signed(1.0).0, signed(0.0).0, signed(-1.0).0);
         assert!(red[0] > 2 * red[2] && blue[2] > 2 * blue[0]);
         assert!(zero.iter().all(|&c| c > 230));
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn exposure_survives_what_is_not_a_number() {
+    fn exposure_ignores_values_that_are_not_finite() {
         let v = [f32::NAN, 0.0, f32::INFINITY, 2.0];
         assert_eq!(exposure(v.iter().copied()), White::Value(2.0));
         assert_eq!(exposure([0.0; 4].iter().copied()), White::Nothing);

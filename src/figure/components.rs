@@ -105,7 +105,7 @@ mod tests {
 
     /// Tests that cells have the colours of their values on the common scale.
     #[test]
-    fn cells_have_their_colours() {
+    fn cells_have_the_colours_of_their_values() {
         let mut values = [0.0; 16];
         (values[0], values[7], values[15]) = (2.0, -1.0, f64::NAN);
         let img = draw("T", &[map([0.5; 16]), map(values)], 2, "T", &["A note.".into()]).unwrap();
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
+    fn numbers_have_few_digits() {
         for (v, limit, want) in [
             (0.1234, 1.4, "0.12"),
             (-0.1234, 0.4, "−0.123"),
@@ -133,7 +133,7 @@ mod tests {
 
     /// Tests that empty input, zeros and non-finite values are drawn or rejected without a panic.
     #[test]
-    fn odd_maps_do_no_harm() {
+    fn degenerate_maps_never_panic() {
         assert!(draw("T", &[], 3, "T", &[]).is_err());
         for v in [0.0, f64::NAN, f64::INFINITY, f64::MAX, -f64::MIN_POSITIVE] {
             draw("", &vec![map([v; 16]); 5], 0, "", &[]).unwrap();

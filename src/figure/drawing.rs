@@ -305,7 +305,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn gaps_part_a_line_and_lone_points_are_dots() {
+    fn gaps_split_a_line_and_single_points_are_dots() {
         let mut d = Drawing::new(9.0, 9.0, "");
         let pen = Pen { colour: INK, width: 1.0, dashed: false };
         d.line(&[Some((1.0, 2.0)), None, Some((3.0, 4.0)), Some((5.0, 6.0))], pen);
@@ -324,8 +324,8 @@ mod tests {
             d.text_up(&odd, (1.0, 2.0), LABEL);
             let svg = d.svg();
             let xml = roxmltree::Document::parse(&svg).unwrap();
-            let said = xml.descendants().find(|e| e.attribute("x") == Some("1"));
-            prop_assert_eq!(said.and_then(|e| e.text()).unwrap_or("").trim(), text.trim());
+            let element = xml.descendants().find(|e| e.attribute("x") == Some("1"));
+            prop_assert_eq!(element.and_then(|e| e.text()).unwrap_or("").trim(), text.trim());
         }
     }
 }

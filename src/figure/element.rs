@@ -189,7 +189,7 @@ mod tests {
     /// Tests that a name with one sign shows only values of that sign, that `±` shows all values, and that a
     /// quotient has the requested sign.
     #[test]
-    fn signs_are_those_of_the_name() {
+    fn signs_follow_the_name() {
         let with = |m00: f32, m23: f32| {
             let mut m = [0.0; 16];
             (m[0], m[11]) = (m00, m23);

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_refused() {
+    fn damaged_input_is_refused() {
         let draw = |maps: &[Map], quantity| draw("t", maps, 3, "e", quantity, &[]);
         assert!(matches!(draw(&[], Quantity::Size), Err(FigureError::Empty { .. })));
         let bad = draw(&[map(vec![1.0; 5])], Quantity::Size);

@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn shrinking_averages_and_keeps_what_is_undefined() {
+    fn shrinking_averages_and_keeps_undefined_pixels() {
         let data = [1.0, 3.0, f32::NAN, 5.0, 7.0, 1.0].map(|v| [v]);
         let f = Factor { down: 2, up: 1 };
         let s = Raster::new("", 3, data.to_vec()).unwrap().shrink((f, f));
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn flipping_turns_rows_over() {
+    fn flipping_reverses_the_rows() {
         let r = Raster::new("", 2, vec![[1.0], [2.0], [3.0], [4.0]]).unwrap();
         assert_eq!(r.flipped().data, [[3.0], [4.0], [1.0], [2.0]]);
     }

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn rulers_are_for_even_axes() {
+    fn rulers_need_evenly_spaced_axes() {
         assert_eq!(ruler(&[0.0, 1.0, 2.0]), Some((-0.5, 2.5)));
         assert_eq!(ruler(&[12.5]), Some((12.0, 13.0)));
         assert_eq!(ruler(&[0.0, 1.0, 5.0]), None);

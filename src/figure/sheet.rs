@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_refused() {
+    fn damaged_input_is_refused() {
         assert!(matches!(draw("t", &[], 3, &[]), Err(FigureError::Empty { .. })));
         let mut bad = grid("bad", [1.0; 16]);
         bad.data.pop();

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_cut_and_wrapped_to_its_room() {
+    fn text_is_cut_and_wrapped_to_its_width() {
         let long = "a title that is longer than its room by far";
         let (text, style) = fit(long, TITLE, 200.0);
         assert!(text.ends_with('…') && width(&text, style) <= 200.0, "{text}");

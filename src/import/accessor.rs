@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn integers_are_normalized_as_the_specification_says() {
+    fn integers_are_normalized_as_specified() {
         assert_eq!(decode_float(ComponentType::I8, true, &[0x80]), -1.0);
         assert_eq!(decode_float(ComponentType::U8, true, &[255]), 1.0);
         assert_eq!(decode_float(ComponentType::I16, false, &[0xfe, 0xff]), -2.0);

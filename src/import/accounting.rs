@@ -24,7 +24,7 @@ fn accounted(parsed: &Result<Model, ImportError>, name: &str, file: &dyn std::fm
 }
 
 #[test]
-fn gltf() {
+fn every_gltf_key_is_accounted_for() {
     let sample: Value = serde_json::from_slice(&gltf_tests::sample_gltf()).unwrap();
     assert!(parse_gltf(sample.to_string().as_bytes(), None).unwrap().notes.is_empty());
     // Objects that the importer reads; materials and their parts are tested with the materials.

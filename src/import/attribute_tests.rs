@@ -69,7 +69,7 @@ fn columns_are_found_by_their_names() {
 }
 
 #[test]
-fn attributes_that_are_not_there_are_named() {
+fn missing_attributes_are_named() {
     let text = file(VERTEX, FACE);
     for (name, what) in [
         ("color", "invalid attribute name \"color\""),

@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn inward_pieces_are_turned_and_hollows_are_not() {
+    fn inward_pieces_are_flipped_and_cavities_are_not() {
         let mut inward = ball();
         inward.indices.iter_mut().for_each(|t| t.swap(0, 1));
         assert!(turn_outward(&mut [&mut inward]));

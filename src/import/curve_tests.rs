@@ -114,9 +114,9 @@ fn texture_coordinates_run_around_and_along() {
 }
 
 #[test]
-fn hostile_curves_are_refused_in_words() {
+fn invalid_curves_are_refused_with_a_message() {
     let good = "0 0 0 1\n1 0 0 1\n2 0 0 1\n3 0 0 1\n";
-    for (lines, says) in [
+    for (lines, expected) in [
         (String::new(), "empty"),
         ("\n \n".into(), "empty"),
         (good.replace("2 0 0 1", "2 0 0 -1"), "at least 0, got -1"),
@@ -130,7 +130,7 @@ fn hostile_curves_are_refused_in_words() {
         (good.replace(" 1\n", " 0\n"), "no triangles"),
     ] {
         let e = parse_curves(lines.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap_err();
-        assert!(e.to_string().contains(says), "{lines:?}: {e}");
+        assert!(e.to_string().contains(expected), "{lines:?}: {e}");
     }
     // Ends of several equal points, and of radius 0.
     let ends = "0 0 0 0\n0 0 0 0\n0 0 0 0\n1 0 0 1\n2 0 0 1\n3 0 0 0\n3 0 0 0\n3 0 0 0";

@@ -108,7 +108,7 @@ fn both_kinds_of_connectivity_give_the_mesh_that_was_compressed() {
 }
 
 #[test]
-fn values_that_are_also_there_uncompressed_are_used() {
+fn uncompressed_values_take_precedence() {
     let mut bytes = stream(SEQUENTIAL);
     let length = bytes.len();
     bytes.resize(length.next_multiple_of(4), 0);
@@ -127,7 +127,7 @@ fn values_that_are_also_there_uncompressed_are_used() {
 }
 
 #[test]
-fn faults_are_named() {
+fn errors_name_the_fault() {
     let fails = |path: &str, value: Value, word: &str| {
         let message = changed(path, value).unwrap_err().to_string();
         assert!(message.contains(word), "{path}: {message}");

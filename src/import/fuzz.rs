@@ -104,7 +104,7 @@ fn apply(bytes: &mut Vec<u8>, edit: &Edit) {
 }
 
 #[test]
-fn seeds_are_sound() {
+fn fuzz_seeds_are_valid() {
     parse_obj(&SEEDS[0]).unwrap();
     parse_ply(&SEEDS[1]).unwrap();
     parse_ply(&SEEDS[2]).unwrap();

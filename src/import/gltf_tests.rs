@@ -207,7 +207,7 @@ fn sparse_accessors() {
 }
 
 #[test]
-fn faults_are_named() {
+fn errors_name_the_element() {
     fails("/nodes/0/children", json!([2]), "cycle");
     fails("/nodes/2/children", json!([0, 0]), "node 0 is listed as a child more than once");
     fails("/nodes/2/children", json!([9]), "node 9 does not exist");
@@ -237,7 +237,7 @@ fn faults_are_named() {
 }
 
 #[test]
-fn what_is_left_out_is_noted() {
+fn ignored_and_skipped_items_are_noted() {
     let noted = |path: &str, value: Value, word: &str| {
         let model = changed(path, value).unwrap();
         assert!(model.notes.iter().any(|n| n.contains(word)), "{path}: {:?}", model.notes);

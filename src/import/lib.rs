@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn load_goes_by_extension_and_names_the_file() {
+    fn format_follows_the_extension_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("tri.OBJ");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();

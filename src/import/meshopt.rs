@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn filters_are_undone() {
+    fn filters_are_decoded() {
         let undone = |hex: &str, filter: &str, stride: usize| {
             let mut all = bytes(hex);
             unfilter(&mut all, filter, stride).unwrap();

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn metals_reflect_as_schlick_says() {
+    fn metals_match_schlick() {
         for (r, most) in [(0.34, 0.021), (0.5, 0.01), (0.7, 0.01), (0.9, 0.016), (0.98, 0.01), (1.0, 4e-6)] {
             let [n, k] = metal(r);
             assert!((reflectance(1.0, n, k) - r).abs() < 3e-6, "{r}");

@@ -62,7 +62,7 @@ fn described(model: &Model) -> Vec<(usize, usize, usize)> {
 }
 
 #[test]
-fn faces_that_lack_an_attribute_leave_the_others_theirs() {
+fn faces_without_an_attribute_do_not_affect_others() {
     let text = format!(
         "{SQUARE}v 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\nf 1 2 5\nf 4/4 3/3 2/2 1/1\n"
     );
@@ -84,7 +84,7 @@ fn faces_that_lack_an_attribute_leave_the_others_theirs() {
 }
 
 #[test]
-fn encodings_and_line_ends_change_nothing() {
+fn encodings_and_line_endings_do_not_matter() {
     let text = format!("mtllib a.mtl\nusemtl caf\u{e9}\n{SQUARE}f 1 2 \\\n3\n\nf 1 3 4\n");
     let expected = parse_obj(text.as_bytes()).unwrap();
     assert_eq!(expected.parts[0].material.as_deref(), Some("café"));
@@ -116,7 +116,7 @@ fn faces_may_come_before_their_vertices() {
 }
 
 #[test]
-fn what_is_not_used_is_noted() {
+fn unused_items_are_noted() {
     let noted = |line: &str, word: &str| {
         let model = parse_obj(format!("{SQUARE}f 1 2 3\n{line}\n").as_bytes()).unwrap();
         assert!(model.notes.len() == 1 && model.notes[0].contains(word), "{line}: {:?}", model.notes);
@@ -155,7 +155,7 @@ fn colours_weights_tabs_and_foreign_bytes() {
 }
 
 #[test]
-fn faults_carry_their_line() {
+fn errors_have_line_numbers() {
     fails("v 0 0\n", Some(1), "coordinates");
     fails("v 0 0 0\nv nan 0 0\n", Some(2), "finite");
     fails("v 1e999 0 0\n", Some(1), "finite");

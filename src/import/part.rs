@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normals_without_a_direction_are_those_of_the_faces() {
+    fn zero_normals_are_replaced_by_face_normals() {
         let mut parts = Parts::default();
         let mut mesh = Mesh::rectangle();
         mesh.normals = vec![Vec3::X * 7.0; 4];

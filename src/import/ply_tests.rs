@@ -77,7 +77,7 @@ fn both_byte_orders() {
 /// Tests that binary files of either byte order, with polygons or with triangles only, give exactly
 /// the same mesh as ASCII files.
 #[test]
-fn binary_as_ascii() {
+fn binary_files_equal_ascii_files() {
     let polygons: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4, 5], &[0, 1, 2, 3, 5]];
     let triangles: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4], &[5, 3, 0]];
     for big in [false, true] {
@@ -193,7 +193,7 @@ fn strips_are_triangles() {
 }
 
 #[test]
-fn line_ends_byte_order_marks_and_spaces_change_nothing() {
+fn line_endings_byte_order_marks_and_spaces_do_not_matter() {
     let expected = parse_ply(ASCII.as_bytes()).unwrap();
     for text in [
         ASCII.replace('\n', "\r"),
@@ -215,7 +215,7 @@ fn line_ends_byte_order_marks_and_spaces_change_nothing() {
 }
 
 #[test]
-fn what_is_not_used_is_noted() {
+fn unused_items_are_noted() {
     let noted = |text: &str, word: &str| {
         let notes = parse_ply(text.as_bytes()).unwrap().notes;
         assert!(notes.iter().any(|n| n.contains(word)), "{notes:?}");
@@ -241,7 +241,7 @@ fn fails(bytes: &[u8], line: Option<usize>, word: &str) {
 }
 
 #[test]
-fn faults_carry_their_line_in_ascii() {
+fn errors_in_ascii_files_have_line_numbers() {
     let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
     fails(b"plx\n", Some(1), "ply");
     fails(&edit("1 0 0 1 0 255", "1 0 zero 1 0 255"), Some(19), "\"zero\" is not a number");
@@ -258,7 +258,7 @@ fn faults_carry_their_line_in_ascii() {
 }
 
 #[test]
-fn counts_are_weighed_first() {
+fn counts_are_checked_before_reading() {
     let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
     fails(&edit("vertex 4", "vertex 4000000000"), None, "bytes follow the header");
     fails(&edit("vertex 4", "vertex 18446744073709551615"), None, "bytes follow the header");

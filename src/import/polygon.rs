@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn crossing_and_flat_polygons_are_told_apart() {
+    fn crossing_and_flat_polygons_are_distinguished() {
         let mut triangles = vec![];
         // Bow ties; the second has a signed area of zero.
         for y in [4., 3.] {

@@ -293,7 +293,7 @@ mod tests {
     /// Tests a cell whose corners have alternating signs: the surface is a saddle without flat parts, so the
     /// cell must be subdivided.
     #[test]
-    fn a_saddle_in_one_cell_is_divided() {
+    fn a_saddle_in_one_cell_is_subdivided() {
         let saddle = vol([2, 2, 2], |p| (p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5));
         let found = surface(&saddle, Normals::Analytic).unwrap();
         assert!(found.deviation < 0.03 && found.mesh.indices.len() > 12, "{}", found.deviation);

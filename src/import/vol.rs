@@ -86,14 +86,14 @@ pub(crate) mod tests {
         for n in 0..good.len() {
             parse_vol(&good[..n]).unwrap_err();
         }
-        for (bad, says) in [
+        for (bad, expected) in [
             (written([3, 2, 0], 2, &values), "0 points"),
             (written([3, -2, 1], 2, &values), "0 x 1"),
             (written([i32::MAX; 3], i32::MAX, &values), "the 12 values"),
             (written([3, 2, 1], 2, &[f32::NAN; 12]), "NaN"),
         ] {
             let e = parse_vol(&bad).unwrap_err().to_string();
-            assert!(e.contains(says), "{e}");
+            assert!(e.contains(expected), "{e}");
         }
     }
 }

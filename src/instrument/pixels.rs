@@ -67,7 +67,7 @@ mod tests {
     /// pixel. The second byte holds the first pixel's high four bits below the second pixel's low
     /// four bits.
     #[test]
-    fn packed_bytes_are_those_of_the_standard() {
+    fn packed_bytes_match_the_standard() {
         assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);
         assert_eq!(pack(&[0x3FF, 0, 0x3FF, 0], PixelFormat::Mono10p), [0xFF, 0x03, 0xF0, 0x3F, 0x00]);
         assert_eq!(pack(&[0x1234], PixelFormat::Mono16), [0x34, 0x12]);
@@ -80,7 +80,7 @@ mod tests {
 
         /// A frame of any size with any bytes unpacks to one number per pixel or to `None`.
         #[test]
-        fn no_frame_panics(
+        fn arbitrary_frames_never_panic(
             bytes in prop::collection::vec(any::<u8>(), 0..64),
             width in prop_oneof![0..40_u32, any::<u32>()],
             height in prop_oneof![0..4_u32, any::<u32>()],
@@ -96,7 +96,7 @@ mod tests {
         }
 
         #[test]
-        fn numbers_go_and_come(numbers in prop::collection::vec(0_u32..256, 0..40), which in 0..4_usize) {
+        fn numbers_round_trip(numbers in prop::collection::vec(0_u32..256, 0..40), which in 0..4_usize) {
             let format = PixelFormat::ALL[which];
             let numbers: Vec<u32> = numbers.iter().map(|n| n << (format.bits() - 8)).collect();
             let found = unpack(&frame(pack(&numbers, format), format, numbers.len() as u32));

@@ -39,7 +39,7 @@ fn objects_are_read_and_listed_below_their_address() {
 
 /// Verifies that calls also work on threads of another runtime.
 #[test]
-fn another_runtime_is_not_in_the_way() {
+fn calls_work_inside_another_runtime() {
     put(&memory("within"), "a", vec![1]);
     let objects = Objects::open("memory", Path::new("memory://within")).expect("an address");
     let outer = Builder::new_current_thread().build().expect("a runtime");
@@ -48,7 +48,7 @@ fn another_runtime_is_not_in_the_way() {
 }
 
 #[test]
-fn errors_say_what_is_to_be_done() {
+fn errors_name_the_fix() {
     let generic = |text: &str| Error::Generic { store: "S3", source: text.to_owned().into() };
     for (text, scheme, what, fix) in [
         ("404: <Code>NoSuchBucket</Code>", "s3", "bucket not found", "AWS_ENDPOINT"),
@@ -67,7 +67,7 @@ fn errors_say_what_is_to_be_done() {
 }
 
 #[test]
-fn addresses_that_cannot_be_are_refused() {
+fn invalid_addresses_are_refused() {
     for (address, word) in [
         ("s3://", "s3://NAME"),
         ("https://host/s?token=1", "folder"),
@@ -94,7 +94,7 @@ fn below(address: &str) -> Objects {
 /// Verifies that lost requests and lost responses are repeated, for all kinds of requests and at all
 /// positions of the failure pattern.
 #[test]
-fn what_fails_is_asked_again() {
+fn failed_requests_are_repeated() {
     let objects = below("flaky://asked/s.zarr");
     let bytes = |n: u8| Bytes::from(vec![n; 9]);
     for n in 0..12 {

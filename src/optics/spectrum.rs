@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_are_checked() {
+    fn wavelength_lists_are_validated() {
         assert_eq!(Wavelengths::new(vec![]), Err(WavelengthError::Count(0)));
         assert_eq!(Wavelengths::new(vec![1.0]), Err(WavelengthError::Range(1.0)));
         assert!(Wavelengths::new(vec![550.0, 450.0]).is_err());

@@ -228,7 +228,7 @@ mod tests {
 
     /// Verifies that errors name the fault and the fix.
     #[test]
-    fn faults_are_named() {
+    fn errors_name_the_fault_and_fix() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let read = |path: &Path, bands: &[f64], c: f64| {

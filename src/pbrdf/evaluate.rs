@@ -230,7 +230,7 @@ mod tests {
 
     /// Verifies that vectors of any length give the correct angles, and that the zenith has azimuth 0.
     #[test]
-    fn vectors_have_directions() {
+    fn vectors_convert_to_directions() {
         for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {
             let want = at(theta, phi);
             let got = Direction::of(want.vector().map(|c| 3.0 * c));

@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stand_ins_are_those_of_the_set() {
+    fn stand_ins_match_the_set() {
         let banded = BandedMaterials::load(None, &[450, 500, 550, 600, 650]).expect("are sound");
         let names = banded.stand_ins();
         assert_eq!(names.len(), 25);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_set_is_refused() {
+    fn invalid_sets_are_refused() {
         assert!(matches!(BandedMaterials::load(None, &[]), Err(BandedError::NoBands)));
         assert!(matches!(
             BandedMaterials::load(Some(Path::new("no/such.toml")), &[550]),

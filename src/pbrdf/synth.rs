@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_table_cannot_hold_is_named() {
+    fn unknown_materials_are_refused() {
         let materials = BandedMaterials::load(None, &[550]).expect("are sound");
         let of = |name: &str| check(&materials, &[name.to_owned()]);
         assert_eq!(of("like_gold"), Ok(()));
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_hold_what_is_in_the_folder() {
+    fn lists_contain_the_tables_of_the_folder() {
         let folder = tempfile::tempdir().expect("a folder");
         for name in ["b.pbsdf", "a.pbsdf", ".c.pbsdf", "note.txt"] {
             std::fs::write(folder.path().join(name), "").expect("is written");

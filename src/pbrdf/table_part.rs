@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_keep_what_is_not_fixed() {
+    fn parts_keep_the_axes_that_are_not_fixed() {
         let (_folder, table) = made();
         let part = TablePart::new(&table, [Some(0.0), None, Some(91.0)], Some(600.0));
         assert_eq!(part.shape, [3]);
@@ -155,7 +155,7 @@ mod tests {
     /// Verifies statistics of a table in which one of 60 entries of the first band is unknown. Matrices
     /// without polarization have the depolarization index 0.
     #[test]
-    fn bands_tell_what_they_hold() {
+    fn band_statistics_of_a_known_table() {
         let (_folder, table) = made();
         assert_eq!(statistics_step(&table), 1);
         let [a, b] = band_statistics(&table)[..] else { panic!("two bands") };

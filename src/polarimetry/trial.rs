@@ -326,7 +326,7 @@ mod tests {
     /// Errors are correct for three pixels: one with an error of 0.1 in one of 16 elements, one
     /// that is not determined, and one of unknown truth.
     #[test]
-    fn errors_are_those_of_what_was_found() {
+    fn errors_of_three_known_pixels() {
         let mut truth = vec![0.0; 48];
         (truth[0], truth[16], truth[32]) = (2.0, 2.0, f64::NAN);
         let mut found: Vec<f32> = truth.iter().map(|v| *v as f32).collect();
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_tried_is_refused() {
+    fn dark_images_and_zero_repeats_are_refused() {
         let scheme = Scheme::drr(36, false).expect("a scheme");
         let dark = MuellerImage::of_array(vec![0.0; 16], vec![], &[]).expect("an image");
         let lit = image(1);

@@ -12,7 +12,7 @@ use super::tests::{bytes_of, counted, even, open};
 /// Photons of a scan belong to the pixel whose markers enclose them. Photons between pixels belong
 /// to no pixel.
 #[test]
-fn markers_make_pixels() {
+fn markers_assign_photons_to_pixels() {
     let plan = |clock| plan(8, Some(Scan { width: 2, height: 2, bidirectional: false, clock }));
     // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
     // excess one.
@@ -104,7 +104,7 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
 
 /// Backward rows are reversed, by line markers and by pixel markers. The tag may be a boolean or number.
 #[test]
-fn rows_that_run_backwards_are_turned_around() {
+fn backward_rows_are_reversed() {
     for (tag, back) in [
         (Value::Bool(true), true),
         (Value::Int(1), true),
@@ -140,7 +140,7 @@ fn rows_that_run_backwards_are_turned_around() {
 
 /// An error about a missing or inconsistent image header names the tag.
 #[test]
-fn headers_without_a_meaning_are_refused() {
+fn inconsistent_headers_are_refused() {
     for (tag, value) in [
         ("ImgHdr_LineStart", Value::Int(0)),
         ("ImgHdr_LineStart", Value::Int(5)),
@@ -196,7 +196,7 @@ fn photons_in_no_bin_are_counted_by_reason() {
 
 /// An empty histogram is an error that gives the reason.
 #[test]
-fn histograms_of_nothing_are_refused() {
+fn empty_histograms_are_refused() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
     let pixels = Clock { begin: 8, end: 0, frame: 0, sweep: None };
     let by_pixels = Scan { clock: pixels, ..scan };
@@ -222,15 +222,15 @@ fn histograms_of_nothing_are_refused() {
         (t3, vec![photon(9, 0)], Plan { channels: vec![1], ..plan(4, None) }, "1 in other channels"),
     ] {
         let bytes = bytes_of(record, &events);
-        let said = histogram(&mut open(&bytes).expect("opens"), &plan).expect_err(why);
-        assert!(said.to_string().contains(why), "{why}: {said}");
+        let message = histogram(&mut open(&bytes).expect("opens"), &plan).expect_err(why);
+        assert!(message.to_string().contains(why), "{why}: {message}");
     }
 }
 
 /// Lines before the first frame marker are left out if they are too few for a frame. An incomplete
 /// last frame is kept.
 #[test]
-fn torn_frames_are_left_out_at_the_beginning_alone() {
+fn incomplete_frames_are_skipped_only_at_the_beginning() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
     let line = |begin: u64| [marker(begin, 1), photon(begin + 10, 0), marker(begin + 300, 2)];
     for (before, torn) in [(0, 0), (1, 1), (2, 2), (3, 0), (4, 0)] {
@@ -264,15 +264,15 @@ fn the_last_partial_bin_of_a_period_is_counted() {
 
 /// Every tag is either descriptive, used, or reported in a note.
 #[test]
-fn tags_that_are_not_used_are_noted() {
+fn unused_tags_are_noted() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
     let noted =
         |other: &[(&str, Value)]| meaning::notes(&image_header(other), Mode::T3, Some(&scan)).join("\n");
     assert_eq!(noted(&[("HW_Type", Value::text("x")), ("File_GUID", Value::text("y"))]), "");
     for i in 0..100 {
         let name = format!("Img{i}_Shift");
-        let said = noted(&[(&name, Value::Int(i))]);
-        assert!(said.contains(&name), "{said}");
+        let message = noted(&[(&name, Value::Int(i))]);
+        assert!(message.contains(&name), "{message}");
     }
     assert!(noted(&[("ImgHdr_TStartTo", Value::Float(1.0))]).contains("ImgHdr_TStartTo"));
     assert!(noted(&[("ReqHdr_ScanningPattern", Value::Int(1))]).contains("ReqHdr_ScanningPattern"));
@@ -285,6 +285,6 @@ fn tags_that_are_not_used_are_noted() {
         ("TTResultFormat_TTTRRecType", Value::Int(0x0001_0305)),
         ("Measurement_Mode", Value::Int(2)),
     ]);
-    let said = open(&mixed.write().expect("writes")).expect_err("refused").to_string();
-    assert!(said.contains("Measurement_Mode is T2"), "{said}");
+    let message = open(&mixed.write().expect("writes")).expect_err("refused").to_string();
+    assert!(message.contains("Measurement_Mode is T2"), "{message}");
 }

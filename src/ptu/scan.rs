@@ -281,7 +281,7 @@ mod tests {
     /// Column edges of a sinusoidal sweep are the arcsines of their positions, for every fraction of the
     /// amplitude (closed form).
     #[test]
-    fn columns_of_a_sine_are_its_arcsines() {
+    fn column_edges_of_a_sine_sweep_are_arcsines() {
         for (percent, width, pixel_time) in [(80.0, 8, 100), (100.0, 5, 37), (1.0, 16, 3), (50.0, 2, 1000)] {
             let sweep = Sweep { pixel_time, sine: Some(0.01 * percent) };
             let line = width * pixel_time;

@@ -107,7 +107,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 200, ..ProptestConfig::default() })]
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn what_is_written_is_read(
+    fn written_events_are_read_back(
         kind in 0..12usize,
         draws in prop::collection::vec((gap(), any::<u16>(), 0..64u8, 0..6u8), 0..200),
     ) {
@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn headers_are_read_as_written(
+    fn headers_round_trip(
         int in any::<i64>(), bits in any::<u64>(), float in any::<f64>().prop_filter("a number", |f| !f.is_nan()),
         text in "[ -~äß€ž]{0,40}", wide in "[ -~λ中😀]{0,20}", blob in prop::collection::vec(any::<u8>(), 0..5),
         floats in prop::collection::vec(-1e9..1e9f64, 0..9), index in -1..5i32,
@@ -141,7 +141,7 @@ proptest! {
 
 /// Single records decode as PicoQuant's description states.
 #[test]
-fn records_mean_what_is_published() {
+fn records_decode_as_published() {
     let decode = |record, words: &[u32]| {
         let mut decoder = Decoder::new(record);
         let events: Vec<Event> = words.iter().map(|w| decoder.decode(*w)).collect();
@@ -187,7 +187,7 @@ pub(super) fn counted(bytes: &[u8], plan: &Plan) -> Histograms {
 
 /// Histograms equal those of a simple loop over decoded events, for all types, bins and channels.
 #[test]
-fn histograms_are_those_of_a_plain_loop() {
+fn histograms_equal_a_simple_loop() {
     let mut stream = Stream::new(5, 0, 0);
     for record in RecordType::ALL {
         let mut draw = |n: f32| (stream.uniform() * n) as u64;
@@ -240,31 +240,31 @@ fn histograms_are_those_of_a_plain_loop() {
 }
 
 #[test]
-fn damage_is_told_in_words() {
+fn damaged_files_are_refused_with_a_message() {
     let record = RecordType::GenericT3;
     let events: Vec<Event> = (0..10).map(|i| Event::Photon { time: i, dtime: 3, channel: 1 }).collect();
     let whole = bytes_of(record, &events);
-    let said = |bytes: &[u8]| open(bytes).expect_err("refused").to_string();
-    assert!(said(b"").contains("too short"));
-    assert!(said(&[b'x'; 64]).starts_with("f.ptu: byte 0: the file does not begin with PQTTTR; pass"));
-    assert!(said(&whole[..100]).contains("byte 80: the file ends within the header"));
+    let refusal = |bytes: &[u8]| open(bytes).expect_err("refused").to_string();
+    assert!(refusal(b"").contains("too short"));
+    assert!(refusal(&[b'x'; 64]).starts_with("f.ptu: byte 0: the file does not begin with PQTTTR; pass"));
+    assert!(refusal(&whole[..100]).contains("byte 80: the file ends within the header"));
     // The second tag's type.
     let mut wrong = whole.clone();
     wrong[16 + 36] = 9;
     assert!(
-        said(&wrong).contains("byte 16: tag \"CreatorSW_Name\" has a value of unknown type 0x40"),
+        refusal(&wrong).contains("byte 16: tag \"CreatorSW_Name\" has a value of unknown type 0x40"),
         "{}",
-        said(&wrong)
+        refusal(&wrong)
     );
     // A text of 2^60 bytes.
     let mut wrong = whole.clone();
     wrong[16 + 47] = 16;
-    assert!(said(&wrong).contains("exceeds the file"), "{}", said(&wrong));
+    assert!(refusal(&wrong).contains("exceeds the file"), "{}", refusal(&wrong));
     let header = Header { version: "1.0.00".into(), tags: vec![] };
-    assert!(said(&header.write().expect("writes")).contains("TTResultFormat_TTTRRecType"));
+    assert!(refusal(&header.write().expect("writes")).contains("TTResultFormat_TTTRRecType"));
     let int = |v| vec![Tag::new("TTResultFormat_TTTRRecType", Value::Int(v))];
     let header = Header { version: String::new(), tags: int(0x0001_0399) };
-    assert!(said(&header.write().expect("writes")).contains("0x10399; supported types: PicoHarp 300 T2"));
+    assert!(refusal(&header.write().expect("writes")).contains("0x10399; supported types: PicoHarp 300 T2"));
     // Truncated within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
     assert_eq!(cut.records(), 8);
@@ -283,17 +283,17 @@ fn damage_is_told_in_words() {
 }
 
 #[test]
-fn writers_refuse_what_records_cannot_hold() {
+fn writers_refuse_values_out_of_range() {
     let mut out = Cursor::new(vec![]);
     let mut writer = Writer::begin(&mut out, &description(RecordType::PicoHarpT3)).expect("begins");
     writer.photon(9, 4095, 3).expect("writes");
-    let said = |r: std::io::Result<()>| r.expect_err("refused").to_string();
-    assert!(said(writer.photon(8, 0, 0)).contains("time 8 follows 9"));
-    assert!(said(writer.photon(9, 4096, 0)).contains("dtime 4096"));
-    assert!(said(writer.photon(9, 0, 4)).contains("channel 4"));
-    assert!(said(writer.marker(9, 16)).contains("markers"));
-    assert!(said(writer.sync(9)).contains("T3"));
-    assert!(said(writer.photon(u64::MAX, 0, 0)).contains("gap of"));
+    let refusal = |r: std::io::Result<()>| r.expect_err("refused").to_string();
+    assert!(refusal(writer.photon(8, 0, 0)).contains("time 8 follows 9"));
+    assert!(refusal(writer.photon(9, 4096, 0)).contains("dtime 4096"));
+    assert!(refusal(writer.photon(9, 0, 4)).contains("channel 4"));
+    assert!(refusal(writer.marker(9, 16)).contains("markers"));
+    assert!(refusal(writer.sync(9)).contains("T3"));
+    assert!(refusal(writer.photon(u64::MAX, 0, 0)).contains("gap of"));
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("f.ptu");
     let failed = writer::write(&path, &description(RecordType::PicoHarpT3), |w| w.photon(0, 5000, 0));
@@ -305,7 +305,7 @@ fn writers_refuse_what_records_cannot_hold() {
 
 /// 10,000 damaged, truncated or random files are read to the end or rejected with a message, quickly.
 #[test]
-fn damaged_files_end_in_words_or_numbers() {
+fn damaged_files_are_read_or_refused() {
     let mut state = 7;
     let mut draw = move |below: usize| {
         state = mix(state + 1);
@@ -379,7 +379,7 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
 
 /// Histograms of a simulated diode match the theory of first detections. No pulse has two detections.
 #[test]
-fn stamps_are_those_of_a_diode() {
+fn time_stamps_match_a_simulated_diode() {
     let spad = Spad { bins: 100, bin_ps: 25.0, period_ps: 2500.0, pulses: 200_000, ..Spad::default() };
     let light: Vec<f64> = (0..100).map(|i| 0.03 * (-0.05 * f64::from((i - 30i32).abs())).exp()).collect();
     let rates = spad.rates(&light, 550.0).expect("rates");

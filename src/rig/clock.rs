@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_simulated_night_takes_no_time_and_the_wall_may_jump() {
+    fn simulated_time_is_instant_and_the_wall_clock_can_jump() {
         let clock = Clock::simulated();
         let same = clock.clone();
         clock.sleep(Duration::from_secs(25_200));

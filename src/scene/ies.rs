@@ -176,7 +176,7 @@ mod tests {
                         10 5 0\n8 4 0\n10 2 0\n";
 
     #[test]
-    fn a_file_is_read_over_its_greatest_value_and_mirrored() {
+    fn values_are_normalized_and_mirrored() {
         let ies = parse(FILE.as_bytes()).expect("reads");
         assert_eq!(ies.vertical, [0.0, 45.0, 90.0]);
         assert_eq!(ies.horizontal, [0.0, 90.0, 180.0, 270.0, 360.0]);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_files_say_where() {
+    fn errors_name_the_line() {
         let cases = [
             ("", "", "TILT"),
             ("TILT=NONE", "TILT=lamp.tlt", "line 3: TILT=lamp.tlt"),
@@ -202,21 +202,21 @@ mod tests {
             ("10 5 0", "10 -5 0", "candela value -5"),
             ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "emits no light"),
         ];
-        for (a, b, says) in cases {
+        for (a, b, expected) in cases {
             let text = if a.is_empty() { String::new() } else { FILE.replace(a, b) };
-            let error = parse(text.as_bytes()).expect_err(says);
-            assert!(error.contains(says), "{error}, not {says}");
+            let error = parse(text.as_bytes()).expect_err(expected);
+            assert!(error.contains(expected), "{error}, not {expected}");
         }
     }
 
     proptest! {
         #[test]
-        fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let _ = parse(&bytes);
         }
 
         #[test]
-        fn no_change_of_a_file_panics(at in 30usize..100, with in "[0-9 .\\-eE\n]{0,6}") {
+        fn edited_files_never_panic(at in 30usize..100, with in "[0-9 .\\-eE\n]{0,6}") {
             let at = at.min(FILE.len());
             let _ = parse(format!("{}{with}{}", &FILE[..at], &FILE[at..]).as_bytes());
         }

@@ -31,7 +31,7 @@ fn tables(s: &Scene) -> String {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn shipped_scenes_come_back() {
+fn shipped_scenes_round_trip() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut paths = vec![];
     for folder in ["scenes", "validation"] {
@@ -57,7 +57,7 @@ fn shipped_scenes_come_back() {
 }
 
 #[test]
-fn a_short_scene_is_short() {
+fn defaults_are_not_written() {
     let text = "[camera]\nresolution = [2, 3]\nfov_x_deg = 40.0\n\n[camera.pose.look_at]\norigin = [0.0, 0.0, 4.0]\ntarget = [0.0, 0.0, 0.0]\n";
     let scene: SceneFile = toml::from_str(text).expect("a scene");
     assert_eq!(scene.to_toml().expect("a text"), text);
@@ -175,7 +175,7 @@ proptest! {
     /// reading.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn any_scene_comes_back(words in prop::collection::vec(any::<u64>(), 0..600)) {
+    fn arbitrary_scenes_round_trip(words in prop::collection::vec(any::<u64>(), 0..600)) {
         let schema = schemars::schema_for!(SceneFile).to_value();
         let scene = Choices { words: words.iter(), definitions: &schema["$defs"] }.value(&schema);
         let read = |text: &str| match toml::from_str::<SceneFile>(text) {

@@ -345,7 +345,7 @@ fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
 }
 
 #[test]
-fn damaged_stores_answer_or_say_why() {
+fn damaged_stores_give_results_or_errors() {
     let whole = folder();
     let [a, b] = [("a", 1), ("b", 2)].map(|(name, seed)| {
         let path = whole.path().join(name);

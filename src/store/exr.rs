@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn mueller_images_come_back() {
+    fn mueller_images_round_trip() {
         use AxisKind::{StokesIn, StokesOut, Wavelength, X, Y};
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.exr");

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_told_from_paths() {
+    fn addresses_are_distinguished_from_paths() {
         for (text, found) in [
             ("s3://bucket/a.zarr", Some("s3")),
             ("https://host/a.zarr", Some("https")),
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn schemes_that_are_not_known_are_refused() {
+    fn unknown_schemes_are_refused() {
         let refusal = Place::of(Path::new("ftp://host/a.zarr")).expect_err("refused");
         assert!(refusal.to_string().contains("ftp://"), "{refusal}");
     }

@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn renders_begin_go_on_and_end() {
+    fn renders_begin_resume_and_finish() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
         let record = |tile| TileRecord { tile, ..TileRecord::default() };
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_with_a_fix() {
+    fn invalid_calls_are_refused_with_a_fix() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
         let mut sound = sink(&path, false, false);

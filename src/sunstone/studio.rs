@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_stay_where_they_are() {
+    fn rows_keep_their_relative_positions() {
         let rows = |r: &[u32], old, new| match resized(&CameraSelectFile::Rows(r.into()), old, new) {
             CameraSelectFile::Rows(r) => r,
             _ => vec![],

@@ -202,9 +202,11 @@ impl<'a> Vary<'a> {
             }
         };
         if shape(&range.min) != wanted || shape(&range.max) != wanted {
-            let said = wanted.map_or("one number".to_owned(), |n| format!("a list of {n} numbers"));
+            let expected = wanted.map_or("one number".to_owned(), |n| format!("a list of {n} numbers"));
             return refuse(
-                format!("vary.{name}: the shape of the range does not match the value at the path, {said}"),
+                format!(
+                    "vary.{name}: the shape of the range does not match the value at the path, {expected}"
+                ),
                 "give min and max with the same shape as the value at the path",
             );
         }

@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn every_axis_in_order_and_chunks_bounded() {
+    fn axes_are_in_order_and_chunks_are_bounded() {
         let l = SliceLayout::new(&slice(), &extents());
         assert_eq!(l.shape(), [48, 64, 16, 32, 256, 6, 2, 16, 4, 4, 3]);
         assert!(l.chunk_shape().iter().product::<u64>() <= MAX_CHUNK_ELEMENTS);

@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn short_errors_beside_long_ones_are_in_doubt() {
+    fn errors_much_smaller_than_their_neighbours_are_doubtful() {
         // The centre of 3 × 3 pixels: 9 · 1² < ¼ · Σ e², less than half of the root mean square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn dark_ones_are_not_counted_and_unknown_ones_are() {
+    fn dark_pixels_are_not_counted_and_nan_pixels_are() {
         let data = [0.0, 1.0, f32::NAN, 1.0];
         let marks = doubtful(&errors(&[0.0], &data), true);
         assert_eq!(marks, [true, false, true, false]);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_apart_are_no_neighbours() {
+    fn distant_rows_are_not_neighbours() {
         let data = [0.1, 0.1, 0.1, 9.0, 9.0, 9.0];
         assert_eq!(doubtful(&errors(&[1.0, 5.0], &data), true), [false; 6]);
         // Boxes of pixels are neighbours at this distance.

@@ -102,7 +102,7 @@ mod tests {
     /// Verifies that every tile is in exactly one share, and that sizes of shares differ by at most one
     /// tile.
     #[test]
-    fn shares_are_all_tiles_once() {
+    fn every_tile_is_in_exactly_one_share() {
         for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {
             let shares: Vec<Vec<u32>> =
                 (1..=of).map(|number| Part::Share { number, of }.tiles(tiles).collect()).collect();
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn attributes_are_read_as_written_and_others_are_not() {
+    fn attributes_round_trip_and_invalid_ones_are_refused() {
         let parts = [Part::Share { number: 3, of: 8 }, Part::Tiles { first: 0, last: 31 }];
         for part in parts {
             assert_eq!(Part::from_json(&part.to_json()), Some(part));
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_tell_what_there_is() {
+    fn errors_name_the_valid_range() {
         let fault = |part: Part| part.fault(12).unwrap_or_default();
         assert!(fault(Part::Share { number: 9, of: 8 }).contains("8/8"));
         assert!(fault(Part::Tiles { first: 3, last: 12 }).contains("0 to 11"));

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_outside_are_seen() {
+    fn boxes_outside_are_detected() {
         assert!(contains(&[4, 4], &[1, 0], &[3, 4]));
         assert!(!contains(&[4, 4], &[2, 0], &[3, 4]));
         assert!(!contains(&[4, 4], &[u64::MAX, 0], &[3, 4]));

@@ -100,7 +100,7 @@ mod tests {
 
     /// Verifies that every strategy has a distinct bit.
     #[test]
-    fn strategies_are_told_apart() {
+    fn strategies_have_distinct_bits() {
         for s in Strategy::LIST {
             let alone = Strategies::of(&[s]);
             for other in Strategy::LIST {

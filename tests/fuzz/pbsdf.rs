@@ -117,7 +117,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
 
 /// Tests that the order of fields, alignment and unknown fields have no effect.
 #[test]
-fn other_layouts_of_the_same_table_read_alike() {
+fn other_layouts_of_the_same_table_read_equally() {
     let folder = folder();
     let mut shuffled = fields();
     shuffled.reverse();
@@ -152,7 +152,7 @@ fn other_layouts_of_the_same_table_read_alike() {
 
 /// Changes the fields or the bytes of a valid file, and tests that the message names each fault.
 #[test]
-fn every_fault_is_named_with_its_fix() {
+fn errors_name_the_fault_and_fix() {
     type Fields = Vec<FieldOf>;
     type Case = (&'static str, fn(&mut Fields));
     let by_field: Vec<Case> = vec![
@@ -248,7 +248,7 @@ fn every_fault_is_named_with_its_fix() {
 /// Tests that empty axes are evenly spaced if the caller requests this, with the same results as for written
 /// axes.
 #[test]
-fn empty_axes_may_be_even() {
+fn empty_axes_can_be_evenly_spaced() {
     let folder = folder();
     let mut f = fields();
     for axis in &mut f[..3] {
@@ -266,7 +266,7 @@ fn empty_axes_may_be_even() {
 /// Tests a table in a materials file: errors have location, path, fault and fix, and the hash depends on the
 /// data. A file that another program truncates while the file is open still gives the same values.
 #[test]
-fn a_small_table_survives_its_file() {
+fn a_small_table_is_independent_of_its_file() {
     let folder = folder();
     let (file, _) = container(&fields());
     let path = saved(folder.path(), &file);
@@ -298,7 +298,7 @@ fn a_large_table_is_mapped() {
 }
 
 #[test]
-fn scenes_name_the_place_of_the_file() {
+fn errors_name_the_position_and_the_file() {
     let folder = folder();
     saved(folder.path(), &container(&fields()).0[..500]);
     let text = "wavelengths_nm = [450]\n[materials]\nx.measured = { file = \"table.pbsdf\" }\n";
@@ -317,7 +317,7 @@ fn scenes_name_the_place_of_the_file() {
 /// pieces of a large file are the header, the axes and 64 parts of the data. A change as long as the distance
 /// between parts is always detected.
 #[test]
-fn scenes_know_tables_by_their_pieces() {
+fn scene_hashes_depend_on_the_pieces_of_tables() {
     let folder = folder();
     let small = saved(folder.path(), &container(&fields()).0);
     let table = Table::open(&small, &Options::default()).expect("a table");
@@ -397,7 +397,7 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
 
 /// Tests 10,000 mutations of valid files: truncation, flipped bits, replaced header numbers, ranges of noise.
 #[test]
-fn mutated_files_load_or_say_why() {
+fn mutated_files_load_or_give_an_error() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];
     let folder = folder();
     let whole = container(&fields()).0;

@@ -166,7 +166,7 @@ fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
 /// Applies a case to the valid file `text`, writes it as `name` into an empty folder, and runs the program,
 /// which must refuse it. Returns the fault of its message, if any.
 pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&str]) -> Option<String> {
-    let &(what, from, to, mark, says) = case;
+    let &(what, from, to, mark, expected) = case;
     let text = edit(text, from, to);
     std::fs::write(folder.join(name), &text).expect("a file");
     let shown = stderr(&run(folder, arguments, 2));
@@ -188,8 +188,8 @@ pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&s
     if line != want_line || want_column.is_some_and(|c| c != column) {
         return complain(format!("at {line}:{column}, not {want_line}:{want_column:?}"));
     }
-    if !shown.contains(says) {
-        return complain(format!("does not say `{says}`"));
+    if !shown.contains(expected) {
+        return complain(format!("does not say `{expected}`"));
     }
     let fix = shown.lines().find_map(|l| l.trim().strip_prefix("fix: "));
     if fix.is_none_or(|m| m.len() < 8) {

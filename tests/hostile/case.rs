@@ -171,18 +171,21 @@ fn run(case: &Case, fixtures: &Fixtures) -> Option<String> {
         verify.expect("the program").status.code() != Some(2)
     };
     let failed = code != Some(0);
-    let unsaid = !stderr.contains(case.says) || failed && stderr.trim().is_empty();
+    let unreported = !stderr.contains(case.says) || failed && stderr.trim().is_empty();
     let faults = [
         (hung, "hung".to_owned()),
         (stderr.contains("panicked at") || code == Some(101) || code.is_none() && !hung, "panicked".into()),
         (length > FLOOD, "flooded".into()),
         (failed && !left.is_empty(), format!("left {left:?}")),
         (failed && case.verify.is_some_and(is_reported_finished), "left a finished store".into()),
-        (code != Some(case.expect as i32) || unsaid, format!("code {code:?}, expected {:?}", case.expect)),
+        (
+            code != Some(case.expect as i32) || unreported,
+            format!("code {code:?}, expected {:?}", case.expect),
+        ),
     ];
     let faults: Vec<String> = faults.into_iter().filter(|f| f.0).map(|f| f.1).collect();
-    let said = stderr.lines().take(3).collect::<Vec<_>>().join(" | ");
-    (!faults.is_empty()).then(|| format!("{}: {}: {said:.300}", case.name, faults.join(", ")))
+    let excerpt = stderr.lines().take(3).collect::<Vec<_>>().join(" | ");
+    (!faults.is_empty()).then(|| format!("{}: {}: {excerpt:.300}", case.name, faults.join(", ")))
 }
 
 /// Returns whether the user of this process is root.

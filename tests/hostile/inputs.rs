@@ -99,7 +99,7 @@ const ACCEPTED: &[&str] = &[
 ];
 
 /// Returns replacements of the fixtures' valid file `right`, with their names.
-fn spoilt(right: &'static str) -> Vec<(&'static str, Put)> {
+fn damaged(right: &'static str) -> Vec<(&'static str, Put)> {
     vec![
         ("missing", Put::Gone),
         ("empty", Put::Bytes(vec![])),
@@ -125,12 +125,12 @@ pub fn cases() -> Vec<Case> {
         cases.push(if accepted { case.expect(Expect::Accepted) } else { case });
     };
     for (line, file, right) in READERS {
-        for (what, put) in spoilt(right) {
+        for (what, put) in damaged(right) {
             add(Case::new(format!("{line}: {file} is {what}"), &line.replace("{x}", file)), file, put);
         }
     }
     for (from, to, file, right) in NAMED {
-        for (what, put) in spoilt(right) {
+        for (what, put) in damaged(right) {
             let text = SMALL.replacen(from, to, 1);
             assert!(text != SMALL, "{from}");
             let case = Case::new(format!("a scene's {to} is {what}"), "render scene.toml -o out.zarr");

@@ -24,7 +24,7 @@ const PART: usize = 16;
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn hostile_cases_are_answered() {
+fn hostile_cases_end_as_expected() {
     let begun = Instant::now();
     let fixtures = Fixtures::make();
     let all: Vec<Case> = [

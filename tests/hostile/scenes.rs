@@ -54,7 +54,7 @@ fn set(document: &mut Value, path: &[String], new: Option<Value>) {
 }
 
 /// Returns replacement values with their names.
-fn spoilt() -> Vec<(&'static str, Option<Value>)> {
+fn damaged() -> Vec<(&'static str, Option<Value>)> {
     vec![
         ("nan", Some(Value::Float(f64::NAN))),
         ("inf", Some(Value::Float(f64::INFINITY))),
@@ -76,7 +76,7 @@ pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     places(document, &[], &mut all);
     let mut out = vec![];
     for place in all {
-        for (name, value) in spoilt() {
+        for (name, value) in damaged() {
             let mut text = document.clone();
             // A zero direction only replaces directions.
             let old = place.iter().fold(&mut text, |value, step| child(value, step));

@@ -28,7 +28,7 @@ pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
     for line in READERS {
         for file in FILES {
-            let spoilt = [
+            let edits = [
                 ("gone", Put::Gone),
                 ("empty", Put::Bytes(vec![])),
                 ("a pipe", Put::Fifo),
@@ -38,7 +38,7 @@ pub fn cases() -> Vec<Case> {
                 ("something else", Put::Bytes(b"not what was written".to_vec())),
                 ("a tebibyte", Put::Sparse(1 << 40)),
             ];
-            for (what, put) in spoilt {
+            for (what, put) in edits {
                 let case =
                     Case::new(format!("{line}: {file} is {what}"), line).put("s.zarr", Put::Copy("s.zarr"));
                 let case = case.put(*file, Put::Gone).put(*file, put);

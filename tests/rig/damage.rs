@@ -77,7 +77,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
 /// that each run is refused with a message or read, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn damaged_runs_are_told() {
+fn damaged_runs_are_read_or_refused() {
     let wanted: usize = std::env::var("SUNSTONE_DAMAGE").map_or(400, |n| n.parse().expect("a number"));
     let bench = Bench::new("");
     let mut draw = Draw(18);

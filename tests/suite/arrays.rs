@@ -57,7 +57,7 @@ fn arrays_and_stores_agree_in_every_field() {
 
 /// Tests that the total of a pixel and its standard error do not depend on the axes that a slice resolves.
 #[test]
-fn errors_of_totals_do_not_depend_on_what_is_told_apart() {
+fn errors_of_totals_do_not_depend_on_the_resolved_axes() {
     let slices = r#"
 [[slices]]
 name = "photo"

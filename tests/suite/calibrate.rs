@@ -88,7 +88,7 @@ fn scene_of(at: &Path, name: &str, projector: bool) {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn a_camera_and_a_projector_from_their_images() {
+fn a_camera_and_a_projector_are_calibrated_from_images() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     run(at, &["calibrate", "patterns", "--projector", "128x96", "-o", "patterns"], 0);
@@ -142,17 +142,17 @@ fn a_camera_and_a_projector_from_their_images() {
 }
 
 #[test]
-fn what_is_no_board_is_refused() {
+fn images_without_a_board_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("grey.png"), png_bytes(40, 30, &[90; 1200]).expect("a PNG")).expect("writes");
     std::fs::write(at.join("bad.png"), b"no image").expect("writes");
     std::fs::create_dir(at.join("empty")).expect("a folder");
-    let board = |image: &str, more: &[&str], says: &str| {
+    let board = |image: &str, more: &[&str], expected: &str| {
         let mut arguments = vec!["calibrate", "board", image, "-o", "c.toml"];
         arguments.extend(if more.is_empty() { &TARGET[..] } else { more });
         let out = run(at, &arguments, 2);
-        assert!(stderr(&out).contains(says), "{}", stderr(&out));
+        assert!(stderr(&out).contains(expected), "{}", stderr(&out));
         assert!(!at.join("c.toml").exists());
     };
     board("grey.png", &[], "none of the 1 images");

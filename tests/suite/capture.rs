@@ -50,15 +50,15 @@ fn worst(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn what_is_captured_is_reconstructed() {
+fn captures_are_reconstructed() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let truth = matrices(d);
     schemes(d);
     for (scheme, shape) in [("plates", &[36, 6, 8, 3][..]), ("array12", &[12, 4, 6, 8, 3])] {
-        let said =
+        let message =
             sunstone(d, &format!("capture M.npy --scheme {scheme}.toml --wavelengths 450,550,660 -o I.npy"));
-        assert!(said.contains("rank 16") && said.contains("saturated  0.000 %"), "{said}");
+        assert!(message.contains("rank 16") && message.contains("saturated  0.000 %"), "{message}");
         assert_eq!(read(&d.join("I.npy")).0, shape);
         sunstone(
             d,
@@ -136,7 +136,7 @@ fn slices_are_captured_along_their_axes() {
 /// Tests each row of the table: the error equals the closed form for the given noise, and more
 /// captures give smaller errors, also with a camera.
 #[test]
-fn schemes_are_tried() {
+fn trials_match_closed_forms() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     matrices(d);
@@ -174,7 +174,7 @@ fn schemes_are_tried() {
 }
 
 #[test]
-fn other_inputs_are_refused() {
+fn invalid_inputs_are_refused() {
     let folder = rendered();
     let d = folder.path();
     matrices(d);

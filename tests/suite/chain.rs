@@ -51,7 +51,7 @@ fn rigs_are_calibrated_by_known_samples() {
 }
 
 #[test]
-fn a_rig_is_that_of_its_seed() {
+fn a_rig_depends_on_its_seed() {
     let link =
         |belief| Link { label: String::new(), chain: chain("seed = 4\n"), belief, prior: None, only: None };
     let rig = |belief, seed| format!("{:?}", link(belief).rig(seed, &[550.0]).expect("a rig"));
@@ -93,7 +93,7 @@ fn parts_are_swept_by_name() {
 }
 
 #[test]
-fn what_cannot_be_captured_is_refused() {
+fn invalid_captures_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("chain.toml"), "scheme = { kind = \"drr\", captures = 36 }\noptic = 3\n")

@@ -166,7 +166,7 @@ fn a_chain_of_commands() {
 }
 
 #[test]
-fn a_store_in_shards_answers_as_before() {
+fn a_sharded_store_gives_the_same_output() {
     let dir = rendered();
     let d = dir.path();
     run(d, &["shard", "out/room.zarr", "-o", "shards.zarr"]);
@@ -200,7 +200,7 @@ fn bad_input_is_refused_with_a_fix() {
 }
 
 #[test]
-fn chosen_slices_alone_are_kept_and_equal() {
+fn selected_slices_equal_those_of_a_full_render() {
     let dir = rendered();
     let d = dir.path();
     run(d, &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"]);
@@ -212,7 +212,7 @@ fn chosen_slices_alone_are_kept_and_equal() {
 }
 
 #[test]
-fn a_reader_that_leaves_does_not_stop_the_work() {
+fn a_closed_stdout_does_not_stop_the_render() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("scene.toml"), SCENE).unwrap();
     let mut command = harness::sunstone(dir.path(), &["render", "scene.toml", "-o", "room.zarr"]);

@@ -46,7 +46,7 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
 
 /// Tests an array of 3 × 1 matrices: a quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
 #[test]
-fn arrays_in_arrays_out() {
+fn arrays_are_decomposed_to_arrays() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let retarder = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 0., 1., 0., 0., -1., 0.];
@@ -140,7 +140,7 @@ fn slices_of_stores() {
 
 /// Tests that input that is not an array of matrices is refused with a fix, and nothing is written.
 #[test]
-fn other_inputs_are_refused() {
+fn invalid_inputs_are_refused() {
     let folder = rendered();
     let d = folder.path();
     save(d, "flat", &[2, 16], &[0.0; 32]);

@@ -120,7 +120,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
 /// pixels is therefore far smaller than without the noisiest 5 %.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn nearer_to_the_truth_and_off_by_what_is_stated() {
+fn denoising_reduces_the_error_and_states_it_correctly() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     let size = SIZE as u32;
@@ -234,14 +234,14 @@ fn bits_depend_on_neither_threads_nor_bands() {
 }
 
 #[test]
-fn it_is_marked_and_no_truth() {
+fn denoised_stores_are_marked_and_refused_as_references() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(16, 16, 4, 8, SMALL)).expect("a scene");
     render(at, "1", "4", "a.zarr");
     render(at, "2", "4", "b.zarr");
-    let said = run(at, &["denoise", "a.zarr", "b.zarr", "-o", "d.zarr"], 0);
-    assert!(stdout(&said).contains("error estimates"));
+    let done = run(at, &["denoise", "a.zarr", "b.zarr", "-o", "d.zarr"], 0);
+    assert!(stdout(&done).contains("error estimates"));
     let info = stdout(&run(at, &["info", "d.zarr"], 0));
     assert!(
         info.contains("denoised") && info.contains("non-local means") && info.contains("a.zarr"),
@@ -273,8 +273,8 @@ fn it_is_marked_and_no_truth() {
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "m.zarr"], 0);
     // A slice without an image is copied; one without errors stays unchanged.
     run(at, &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"], 0);
-    let said = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
-    assert!(stdout(&said).contains("copied"));
+    let done = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
+    assert!(stdout(&done).contains("copied"));
     let [from, to] = ["profile.zarr", "copy.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
     assert_eq!(read(&from, "mueller", Field::Mean).data, read(&to, "mueller", Field::Mean).data);
     // Sample counts are the sum of both.
@@ -284,7 +284,7 @@ fn it_is_marked_and_no_truth() {
 }
 
 #[test]
-fn what_cannot_be_denoised_is_refused() {
+fn invalid_inputs_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(8, 8, 4, 8, SMALL)).expect("a scene");

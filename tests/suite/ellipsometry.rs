@@ -34,7 +34,7 @@ fn matrices(d: &Path) -> NumpyArray {
 /// Tests that captures of an intensity sensor and of a polarizer array are reconstructed to the
 /// matrices, for any shape of the pixels.
 #[test]
-fn captures_come_back_as_matrices() {
+fn captures_are_reconstructed_to_matrices() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     for (sensor, k, shape) in [
@@ -67,7 +67,7 @@ fn captures_come_back_as_matrices() {
 
 /// Tests that the learned scheme reaches the error bound, and that the same seed gives the same scheme.
 #[test]
-fn learned_schemes_are_at_the_bound() {
+fn learned_schemes_reach_the_bound() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let learn = |name: &str| {
@@ -90,7 +90,7 @@ fn learned_schemes_are_at_the_bound() {
 /// Tests that six captures with a polarizer array give a good estimate with a prior learned from
 /// the same materials.
 #[test]
-fn priors_go_from_learning_to_reconstruction() {
+fn learned_priors_are_used_in_reconstruction() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let few = ["--starts", "2", "--iterations", "60", "--adam-steps", "50", "--resolution", "5x7x9"];

@@ -148,7 +148,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn every_broken_scene_is_told_where_and_how_to_fix_it() {
+fn errors_of_broken_scenes_have_position_and_fix() {
     let folder = tempfile::tempdir().expect("a folder");
     let faults: Vec<String> = CASES
         .iter()
@@ -159,7 +159,7 @@ fn every_broken_scene_is_told_where_and_how_to_fix_it() {
 }
 
 #[test]
-fn the_scene_that_is_broken_elsewhere_is_right() {
+fn the_unmodified_scene_is_valid() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("box.toml"), SCENE).expect("a scene");
     run(folder.path(), &["render", "box.toml"], 0);
@@ -237,7 +237,7 @@ fn bad_arguments_are_refused_before_anything_is_written() {
 }
 
 #[test]
-fn the_schema_is_json_and_knows_the_keys() {
+fn the_schema_is_json_and_lists_all_keys() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = run(folder.path(), &["schema"], 0);
     let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");

@@ -3,7 +3,7 @@
 use crate::harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
 
 #[test]
-fn a_scene_goes_to_mitsuba_and_back() {
+fn a_scene_round_trips_through_mitsuba() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     let out = run(at, &["export", MIRROR_ROOM, "--mitsuba", "out"], 0);

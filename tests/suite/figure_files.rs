@@ -56,7 +56,7 @@ fn sound() -> (tempfile::TempDir, String) {
 }
 
 #[test]
-fn faults_are_told_at_their_place() {
+fn errors_name_their_position() {
     let (_scenes, text) = sound();
     #[rustfmt::skip]
     let cases = [
@@ -107,12 +107,12 @@ fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
-    for (from, to, says) in
+    for (from, to, expected) in
         [("\"RGB\"", "\"CMYK\"", "epipolar RGB"), ("variant = 8", "variant = 3", "use one of: 8, 9")]
     {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
-        let case = (says, from, to, "view.apply", says);
+        let case = (expected, from, to, "view.apply", expected);
         assert_eq!(fault(folder.path(), "f.toml", figure, &case, &arguments), None);
     }
 }
@@ -129,7 +129,7 @@ fn curves_are_checked_before_they_are_run() {
         chain.display()
     );
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
-    for (from, to, says) in [
+    for (from, to, expected) in [
         ("\"metamerism\"", "\"alchemy\"", "use one of: analysis"),
         ("\"metamerism\"", "\"ellipsometry\"", "captures its own input"),
         ("[\"RGB\"]", "[\"CMYK\"]", "use some of: -(2,2) epipolar"),
@@ -150,7 +150,7 @@ fn curves_are_checked_before_they_are_run() {
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
-        let case = (says, from, to, "view.curves", says);
+        let case = (expected, from, to, "view.curves", expected);
         assert_eq!(fault(folder.path(), "f.toml", &figure, &case, &arguments), None);
     }
 }
@@ -187,7 +187,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
 
 /// Tests the caption of a black image: it states that no value is positive instead of a white value.
 #[test]
-fn nothing_positive_is_told() {
+fn captions_state_that_no_value_is_positive() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
     let draw = |element: &str| {
@@ -198,13 +198,13 @@ fn nothing_positive_is_told() {
         std::fs::read_to_string(folder.path().join("f.svg")).expect("a picture")
     };
     // Lines break between words.
-    let said = |svg: &str| svg.contains("White –") && svg.contains("values)");
-    assert!(said(&draw("-(0,0)")));
-    assert!(!said(&draw("(0,0)")));
+    let states_it = |svg: &str| svg.contains("White –") && svg.contains("values)");
+    assert!(states_it(&draw("-(0,0)")));
+    assert!(!states_it(&draw("(0,0)")));
 }
 
 #[test]
-fn inputs_are_not_outputs() {
+fn inputs_are_not_overwritten() {
     let (scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("f.svg"), "kept").expect("a file");
@@ -213,8 +213,8 @@ fn inputs_are_not_outputs() {
     let scene = scenes.path().join("scene.toml");
     for out in ["f.toml", scene.to_str().expect("UTF-8"), "out.txt", "."] {
         let before = files(folder.path());
-        let said = stderr(&run(folder.path(), &["figure", "f.toml", "--preview", "-o", out], 2));
-        assert!(said.starts_with("error: "), "{out}: {said}");
+        let printed = stderr(&run(folder.path(), &["figure", "f.toml", "--preview", "-o", out], 2));
+        assert!(printed.starts_with("error: "), "{out}: {printed}");
         assert_eq!(files(folder.path()), before, "{out}");
     }
     assert_eq!(std::fs::read_to_string(&scene).expect("the scene"), SCENE);
@@ -239,7 +239,7 @@ impl Watch for Impatient {
 }
 
 #[test]
-fn a_render_that_was_stopped_goes_on() {
+fn an_interrupted_render_resumes() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
     // More than one tile.
@@ -269,7 +269,7 @@ fn a_render_that_was_stopped_goes_on() {
 /// whether renders are finished. A path with a render's name that is not a render is reported with a fix.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn renders_are_shared_and_damage_is_told() {
+fn renders_are_shared_and_damage_is_reported() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
@@ -290,9 +290,9 @@ fn renders_are_shared_and_damage_is_told() {
     let render = std::fs::read_dir(at.join("r")).expect("renders").next();
     let render = render.expect("one").expect("an entry").path();
     let message = |what: &str| {
-        let said = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
+        let printed = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
         let name = render.file_name().expect("a name").to_str().expect("UTF-8");
-        assert!(said.contains("or delete") && said.contains(name), "{what}: {said}");
+        assert!(printed.contains("or delete") && printed.contains(name), "{what}: {printed}");
         assert!(!at.join("d.svg").exists(), "{what}");
     };
     std::fs::write(render.join("zarr.json"), "{").expect("damage");

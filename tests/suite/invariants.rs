@@ -252,7 +252,7 @@ fn projector_pixels_add_up_to_the_full_drive() {
 }
 
 #[test]
-fn parts_of_the_projector_are_parts_of_all() {
+fn projector_parts_equal_parts_of_the_full_slice() {
     let of = |name: &str, rows: &[usize], columns: &[usize]| {
         let (part, part_error) = (mean(name), error(name));
         for (got, whole) in [(part, mean("all")), (part_error, error("all"))] {
@@ -328,7 +328,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
 /// Tests that direct coaxial light is the diagonal of the full slice. A statistical test compares indirect
 /// light, which uses separate paths (`tests/transport/selected.rs`).
 #[test]
-fn direct_coaxial_light_is_the_diagonal_of_all() {
+fn direct_coaxial_light_is_the_diagonal_of_the_full_slice() {
     for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {
         let got = got.select(AxisKind::Component, 0);
         let mut want = got.clone();
@@ -372,7 +372,7 @@ fn bounces_and_components_add_up() {
 }
 
 #[test]
-fn camera_parts_are_the_same_pixels() {
+fn camera_parts_equal_pixels_of_the_full_image() {
     for (of, whole) in [(mean as fn(&str) -> Tensor, mean("mueller")), (error, error("mueller"))] {
         assert!(of("rows").data == pixels(&whole, &[1, 16, 31], &all(N)).data, "rows");
         assert!(of("columns").data == pixels(&whole, &all(N), &[0, 9, 21]).data, "columns");

@@ -130,7 +130,7 @@ fn killed(
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn renders() {
+fn killed_renders_resume() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(32, 32, 16, 4, SLICES)).expect("a scene");
@@ -142,7 +142,7 @@ fn renders() {
 /// Tests that the outputs of these commands are either complete or absent.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn merges_exports_and_copies_into_shards() {
+fn killed_merges_exports_and_shards_leave_no_partial_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 4, 16, SLICES)).expect("a scene");
@@ -159,7 +159,7 @@ fn merges_exports_and_copies_into_shards() {
 
 /// Tests that only one of several processes at one path writes, and that the others name that process.
 #[test]
-fn one_writes() {
+fn only_one_process_writes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 64, 8, SLICES)).expect("a scene");

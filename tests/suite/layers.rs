@@ -99,12 +99,12 @@ fn layers_replace_only_layers() {
     std::fs::write(at.join("scene.toml"), SCENE).expect("writes");
     std::fs::create_dir(at.join("precious.zarr")).expect("a folder");
     std::fs::write(at.join("precious.zarr/note"), "keep").expect("writes");
-    let said = refused(at, &["layers", "scene.toml", "--force", "-o", "precious.zarr"]);
-    assert!(said.contains("not overwritten"), "{said}");
+    let message = refused(at, &["layers", "scene.toml", "--force", "-o", "precious.zarr"]);
+    assert!(message.contains("not overwritten"), "{message}");
     assert!(at.join("precious.zarr/note").exists());
     run(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
-    let said = refused(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
-    assert!(said.contains("--force"), "{said}");
+    let message = refused(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
+    assert!(message.contains("--force"), "{message}");
     run(at, &["layers", "scene.toml", "--rays", "2", "--force", "-o", "truth.zarr"]);
     let group = json(&at.join("truth.zarr/zarr.json"));
     assert_eq!(group["attributes"]["rays_per_pixel"], 4);

@@ -54,12 +54,15 @@ fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     assert!(stderr(&out).contains("later than one laser period (1031 bins)"), "{}", stderr(&out));
     let out = run(d, &["ptu", "histogram", "f.ptu", "-o", "h.npy", "--bins", "1031"], 0);
     assert_eq!(counts(&d.join("h.npy")).1.iter().sum::<u32>(), 2);
-    let said = stderr(&out);
-    assert!(said.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"), "{said}");
+    let message = stderr(&out);
+    assert!(
+        message.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"),
+        "{message}"
+    );
 }
 
 #[test]
-fn lines_that_run_backwards_are_turned_around() {
+fn backward_lines_are_reversed() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let tag = |name: &str, value| Tag::new(name, value);
@@ -89,13 +92,13 @@ fn lines_that_run_backwards_are_turned_around() {
         }
     }
     // An image whose size differs from the header's has other pixels.
-    let said = refused(d, &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"]);
-    assert!(said.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{said}");
+    let message = refused(d, &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"]);
+    assert!(message.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{message}");
 }
 
 /// Tests that missing markers, sync pulses or photons, and wrong channels each give a separate message.
 #[test]
-fn photons_of_which_none_can_be_counted_are_refused() {
+fn files_without_countable_photons_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     let photons = || vec![Photon(1, 5, 0), Photon(2, 6, 0)];
@@ -113,8 +116,8 @@ fn photons_of_which_none_can_be_counted_are_refused() {
     ];
     for (record, all, more, why) in cases {
         ptu(&d.join("f.ptu"), record, 1e-9, vec![], &all);
-        let said = refused(d, &[&["ptu", "histogram", "f.ptu", "-o", "h.npy"], more].concat());
-        assert!(said.contains(why) && said.contains("f.ptu"), "{why}: {said}");
+        let message = refused(d, &[&["ptu", "histogram", "f.ptu", "-o", "h.npy"], more].concat());
+        assert!(message.contains(why) && message.contains("f.ptu"), "{why}: {message}");
         assert!(!d.join("h.npy").exists(), "{why}");
     }
 }
@@ -128,31 +131,31 @@ fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
 }
 
 #[test]
-fn arrays_of_which_nothing_is_left_are_refused() {
+fn arrays_without_valid_values_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let d = folder.path();
     run(d, &["scheme", "drr", "-k", "36", "-o", "drr36.toml"], 0);
     matrices(d, "one", [1.0, f64::NAN]);
     matrices(d, "none", [f64::NAN; 2]);
     let capture = |name: &'static str| ["capture", name, "--scheme", "drr36.toml", "-o", "I.npy"];
-    let said = refused(d, &capture("none.npy"));
-    assert!(said.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{said}");
-    let said = stderr(&run(d, &capture("one.npy"), 0));
-    assert!(said.contains("36 of 72 intensities"), "{said}");
+    let message = refused(d, &capture("none.npy"));
+    assert!(message.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{message}");
+    let message = stderr(&run(d, &capture("one.npy"), 0));
+    assert!(message.contains("36 of 72 intensities"), "{message}");
     // The captures of the second pixel are unknown; with saturation at 1e-9 those of the first are left out,
     // too.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
-    let said = stderr(&run(d, &back, 0));
-    assert!(said.contains("1 of 2 pixels are NaN"), "{said}");
+    let message = stderr(&run(d, &back, 0));
+    assert!(message.contains("1 of 2 pixels are NaN"), "{message}");
     std::fs::remove_file(d.join("M.npy")).expect("a file");
-    let said = refused(d, &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat());
-    assert!(said.contains("none of the 2 pixels is determined"), "{said}");
+    let message = refused(d, &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat());
+    assert!(message.contains("none of the 2 pixels is determined"), "{message}");
     assert!(!d.join("M.npy").exists() && !d.join("E.npy").exists());
     let decompose = |name: &'static str| ["decompose", name, "-o", "props.npz"];
-    let said = refused(d, &decompose("none.npy"));
-    assert!(said.contains("none of the 2 matrices") && !d.join("props.npz").exists(), "{said}");
-    let said = stderr(&run(d, &decompose("one.npy"), 0));
-    assert!(said.contains("1 of 2 matrices"), "{said}");
+    let message = refused(d, &decompose("none.npy"));
+    assert!(message.contains("none of the 2 matrices") && !d.join("props.npz").exists(), "{message}");
+    let message = stderr(&run(d, &decompose("one.npy"), 0));
+    assert!(message.contains("1 of 2 matrices"), "{message}");
     // An existing file keeps its content.
     let before = std::fs::read(d.join("I.npy")).expect("a file");
     refused(d, &capture("none.npy"));
@@ -178,26 +181,26 @@ fn large_lengths_need_a_unit() {
         ("0.51", "write 0.51mm or 0.51m"),
         ("0.3", "the board would be 3.0 m long; write 0.3mm or 0.3m"),
     ] {
-        let said = refused(d, &board(square));
-        assert!(said.contains(why), "{square}: {said}");
+        let message = refused(d, &board(square));
+        assert!(message.contains(why), "{square}: {message}");
     }
     // With a unit, or if small, the length is accepted: then the error is the missing image.
     for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
-        let said = refused(d, &board(square));
-        assert!(said.contains("missing.png"), "{square}: {said}");
+        let message = refused(d, &board(square));
+        assert!(message.contains("missing.png"), "{square}: {message}");
     }
     let words = ["calibrate", "counter", "run.zarr", "--distance", "1500", "-o", "c.toml"];
-    let said = refused(d, &words);
-    assert!(said.contains("--distance 1500") && said.contains("write 1500mm or 1500m"), "{said}");
-    let said = refused(d, &["calibrate", "counter", "run.zarr", "--distance", "1500mm", "-o", "c.toml"]);
-    assert!(said.contains("run.zarr"), "{said}");
+    let message = refused(d, &words);
+    assert!(message.contains("--distance 1500") && message.contains("write 1500mm or 1500m"), "{message}");
+    let message = refused(d, &["calibrate", "counter", "run.zarr", "--distance", "1500mm", "-o", "c.toml"]);
+    assert!(message.contains("run.zarr"), "{message}");
     // A calibration without a unit, with a baseline of 120.5.
     let calibration = r#"{"K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D": [0, 0, 0, 0],
         "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "T": [120.5, 0, 0]}"#;
     std::fs::write(d.join("k.json"), calibration).expect("space");
     let import = ["import", "k.json", "--resolution", "640x480"];
-    let said = refused(d, &import);
-    assert!(said.contains("120.5") && said.contains("--metres-per-unit"), "{said}");
+    let message = refused(d, &import);
+    assert!(message.contains("120.5") && message.contains("--metres-per-unit"), "{message}");
     for unit in ["0.001", "mm", "1mm"] {
         let out = run(d, &[&import[..], &["--metres-per-unit", unit]].concat(), 0);
         assert!(stdout(&out).contains("0.1205"), "{unit}");

@@ -84,7 +84,7 @@ fn two_seeds_pool_exactly() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn what_does_not_belong_together_is_refused() {
+fn incompatible_stores_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     let text = mirror_room(8, 8, 2, 8, SLICES);
@@ -112,7 +112,7 @@ fn what_does_not_belong_together_is_refused() {
 
 /// Tests that renders of plain paths cannot be merged with or resumed as renders of all paths.
 #[test]
-fn other_paths_are_not_mixed() {
+fn different_integrators_are_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(16, 16, 8, 16, SLICES)).expect("a scene");

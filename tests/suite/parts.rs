@@ -78,7 +78,7 @@ fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
 }
 
 /// Divides a scene at random `times` times, merges the parts in another order, and compares with the whole.
-fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
+fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     whole(scene, &at("whole"));
@@ -103,12 +103,12 @@ fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
 /// hundred mirrors.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn merged_parts_are_the_whole() {
+fn merged_parts_equal_the_whole() {
     for (seed, integrator) in (1..).zip(["path", "caustics", "bidirectional"]) {
-        parts_are_the_whole(&scene(&room(integrator)), seed, 3);
+        assert_parts_equal_the_whole(&scene(&room(integrator)), seed, 3);
     }
     for (seed, name) in (10..).zip(["milky_tank", "crystals", "disco_ball"]) {
-        parts_are_the_whole(&small(name), seed, 1);
+        assert_parts_equal_the_whole(&small(name), seed, 1);
     }
 }
 
@@ -124,7 +124,7 @@ fn values(part: &Path) -> Vec<String> {
 /// bytes, and that each subpath is traced once.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn light_that_is_shared_is_the_same() {
+fn shared_light_subpaths_give_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     for (integrator, of) in [("bidirectional", 3), ("caustics", 4)] {
@@ -202,7 +202,7 @@ fn small(name: &str) -> Scene {
 
 /// Tests that a part is recorded as a part, and that no command accepts a part as a finished render.
 #[test]
-fn a_part_is_no_finished_render() {
+fn a_part_is_not_a_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
@@ -310,7 +310,7 @@ fn wrong_sets_are_refused() {
 /// Tests more parts than tiles: some parts are empty but valid.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn more_parts_than_tiles_are_the_whole() {
+fn more_parts_than_tiles_merge_to_the_whole() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let scene = scene(&mirror_room(8, 8, 2, 4, "[[slices]]\nname = \"sum\"\n[[slices]]\nname = \"two\""));
@@ -351,7 +351,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
 }
 
 #[test]
-fn wrong_options_are_told() {
+fn invalid_options_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");

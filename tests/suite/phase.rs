@@ -67,7 +67,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn every_broken_file_is_told_where_and_how_to_fix_it() {
+fn errors_of_broken_files_have_position_and_fix() {
     let folder = tempfile::tempdir().expect("a folder");
     let message = |case: &Case| {
         let from = case.1;

@@ -37,7 +37,7 @@ fn text(spp: u32) -> String {
 /// Tests that threads change no byte of a bidirectional render, whose light can reach any tile. (`bytes.rs`
 /// compares other integrators.)
 #[test]
-fn threads_change_no_byte() {
+fn threads_do_not_change_the_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = small();
     let paths = [1, 2, 3].map(|threads| {
@@ -73,7 +73,7 @@ impl Watch for Impatient {
 
 /// Tests that work of an earlier run is not repeated, and that no light is lost or counted twice.
 #[test]
-fn walks_from_the_light_survive_an_interruption() {
+fn light_subpaths_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = small();
     let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
@@ -133,7 +133,7 @@ fn a_killed_render_resumes_to_the_same_bytes() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn an_interrupted_render_says_how_to_go_on() {
+fn an_interrupted_render_prints_how_to_resume() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = &folder.path().join("a folder's name");
     std::fs::create_dir(at).expect("a folder");

@@ -48,7 +48,7 @@ fn target(path: &Path, resume: bool) -> Target {
 /// this number, also with light subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn a_tile_is_that_of_a_plain_render_of_its_samples() {
+fn a_tile_equals_that_of_a_plain_render_with_its_samples() {
     for integrator in ["path", "caustics", "bidirectional"] {
         let mut scene = room(integrator);
         scene.settings.replicates = 2;
@@ -82,7 +82,7 @@ fn a_tile_is_that_of_a_plain_render_of_its_samples() {
 /// with one or two threads.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn however_it_is_made_it_is_the_same() {
+fn stopped_and_merged_renders_have_the_same_bytes() {
     for integrator in ["path", "caustics"] {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
@@ -234,7 +234,7 @@ impl Verdict {
 /// faults.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn errors_are_honest() {
+fn stated_errors_match_actual_errors() {
     const SEEDS: u64 = 32;
     const ROUNDS: u64 = 8;
     let text = mirror_room(32, 16, 32, 8, "[[slices]]\nname = \"sum\"\n");
@@ -325,7 +325,7 @@ fn errors_are_honest() {
 }
 
 #[test]
-fn the_command_says_what_was_reached_and_what_is_wrong() {
+fn the_command_reports_the_reached_error_and_invalid_options() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
@@ -354,7 +354,7 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
 /// Tests that other files at the path of the rounds are never removed, and that rounds that another
 /// process writes are not removed.
 #[test]
-fn nothing_else_is_removed_and_one_renders() {
+fn other_files_are_kept_and_only_one_process_renders() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");

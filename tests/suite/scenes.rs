@@ -78,7 +78,7 @@ fn name<'a>(object: &'a Table, key: &str) -> &'a str {
 }
 
 #[test]
-fn every_scene_is_known_here() {
+fn every_scene_folder_is_listed() {
     let all = std::fs::read_dir(path("", "")).unwrap();
     let mut found: Vec<_> = all
         .map(|e| e.unwrap())
@@ -125,7 +125,7 @@ fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64
 }
 
 #[test]
-fn scenes_and_twins_load_and_show_what_they_are_about() {
+fn scenes_and_twins_load_and_show_their_objects() {
     for shipped in SHIPPED {
         for file in ["scene.toml", shipped.twin] {
             let path = path(shipped.folder, file);
@@ -170,7 +170,7 @@ fn without_materials(mut scene: Table) -> Table {
 }
 
 #[test]
-fn twins_differ_in_materials_and_media_alone() {
+fn twins_differ_only_in_materials_and_media() {
     for shipped in SHIPPED {
         let [scene, twin] = ["scene.toml", shipped.twin].map(|f| table(&path(shipped.folder, f)));
         assert_ne!(
@@ -253,7 +253,7 @@ fn check_closed(folder: &str, shape: &Table) -> Result<(), String> {
 }
 
 #[test]
-fn what_refracts_or_holds_a_medium_is_closed_and_faces_outward() {
+fn refracting_and_filled_objects_are_closed_and_face_outward() {
     let mut checked = 0;
     for shipped in SHIPPED {
         let scene = table(&path(shipped.folder, "scene.toml"));
@@ -274,7 +274,7 @@ fn what_refracts_or_holds_a_medium_is_closed_and_faces_outward() {
 }
 
 #[test]
-fn an_open_or_inverted_mesh_is_noticed() {
+fn an_open_or_inverted_mesh_is_detected() {
     let cube = Mesh::cube();
     assert!((closed_volume(&cube).unwrap() - 8.0).abs() < 1e-6);
     let mut open = cube.clone();

@@ -49,7 +49,7 @@ fn mean(at: &Path) -> f64 {
 }
 
 #[test]
-fn variants_are_rendered_told_apart_and_not_mixed() {
+fn variants_are_rendered_distinguished_and_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     std::fs::write(at.join("plain.toml"), format!("name = \"s\"\n{SCENE}")).expect("writes");
@@ -79,20 +79,20 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
     // Another variant neither resumes it nor merges with it.
-    let said = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
-    assert!(said.contains("variant differs"), "{said}");
+    let message = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
+    assert!(message.contains("variant differs"), "{message}");
     render("varied.toml", &["--variant", "0", "--seed", "5", "-o", "other.zarr"], 0);
-    let said = stderr(&run(at, &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"], 2));
-    assert!(said.contains("different scenes"), "{said}");
+    let message = stderr(&run(at, &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"], 2));
+    assert!(message.contains("different scenes"), "{message}");
     // Faults of a variant are reported with their location in [vary]; there are at most four variants.
-    let said = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
+    let message = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
     let line =
         format!("name = \"s\"\n{SCENE}{VARY}").lines().position(|l| l.contains("1.5")).expect("there") + 1;
-    assert!(said.contains(&format!("varied.toml:{line}:")) && said.contains("1.5"), "{said}");
-    let said = stderr(&render("varied.toml", &["--variant", "4", "-o", "no.zarr"], 2));
-    assert!(said.contains("has 4"), "{said}");
-    let said = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
-    assert!(said.contains("no [vary]"), "{said}");
+    assert!(message.contains(&format!("varied.toml:{line}:")) && message.contains("1.5"), "{message}");
+    let message = stderr(&render("varied.toml", &["--variant", "4", "-o", "no.zarr"], 2));
+    assert!(message.contains("has 4"), "{message}");
+    let message = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
+    assert!(message.contains("no [vary]"), "{message}");
     assert!(!at.join("no.zarr").exists());
     let message = stdout(&run(at, &["info", "varied.toml"], 0));
     assert!(message.contains("vary shade") && message.contains("0.25, 0.75, 0.5, 1.5"), "{message}");
@@ -169,11 +169,11 @@ fn applications_are_listed_run_resumed_and_refused() {
     std::fs::remove_dir_all(one).expect("removes");
     let third = stdout(&run(at, &arguments, 0));
     assert_eq!(third.replace("(1 new renders", "(20 new renders"), first);
-    figures_keep_what_was_fitted(at, scenes);
+    figures_keep_the_fit(at, scenes);
 }
 
 /// Methods are fitted again only if a render changed or the stored fit is damaged; the figure is the same.
-fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
+fn figures_keep_the_fit(at: &Path, scenes: &str) {
     let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
     let figure =
         format!("columns = 1\n[[panels]]\n{panel}\ncaption = \"{{mean area under the curve:.9}}\"\n");
@@ -208,14 +208,14 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
 /// captures of DRR.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
+fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = ["apply", "ellipsometry", "--preview", "--seeds", "1", "--scenes", scenes];
-    let said = stdout(&run(at, &arguments, 0));
-    assert!(said.contains("(20 new renders)"), "{said}");
+    let message = stdout(&run(at, &arguments, 0));
+    assert!(message.contains("(20 new renders)"), "{message}");
     let table =
         std::fs::read_to_string(at.join("out/apply/ellipsometry_preview/table.csv")).expect("a table");
     let mean = |metric: &str, method: &str| -> f64 {
@@ -234,7 +234,7 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
 /// Tests a wall behind a pane of glass, with a ball in between: fractions, numbers and texture
 /// coordinates in closed form.
 #[test]
-fn truth_maps_look_through_glass() {
+fn truth_maps_see_through_glass() {
     let text = r#"
 [camera]
 resolution = [64, 64]
@@ -317,7 +317,7 @@ vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
 /// Tests that the noise of two variants is independent, so that training data and test data have
 /// different noise. With one seed for all variants, the noise would be equal.
 #[test]
-fn variants_of_one_seed_have_their_own_noise() {
+fn variants_of_one_seed_have_independent_noise() {
     let folder = tempfile::tempdir().expect("a folder");
     let (path, renders) = (folder.path().join("corner.toml"), folder.path().join("renders"));
     std::fs::write(&path, CORNER).expect("a scene");

@@ -77,7 +77,7 @@ fn faces_have_a_colour_and_numbers_are_weights() {
 }
 
 #[test]
-fn what_no_mesh_can_give_is_refused() {
+fn unsupported_attributes_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let with = |material: &str| scene(folder.path(), material, "");
     let colours = "m.diffuse.albedo = { attribute = \"vertex_color\" }";

@@ -90,7 +90,7 @@ pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.a
 /// Tests that each strategy alone gives the light of the paths with its number of interactions.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn every_strategy_alone() {
+fn each_strategy_alone_gives_the_light_of_its_paths() {
     let text = devices(256, 4, 2)
         + "[materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\
            red.diffuse.albedo = [0.2, 0.3, 0.8]\nfloor.plastic = { albedo = 0.5, alpha = 0.4, ior = 1.5 }\n"
@@ -154,20 +154,20 @@ pub const FOG: &str =
 /// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees: as
 /// from the projector's mirror image. Camera paths never find this light.
 #[test]
-fn mirror_throws_light_on_a_wall() {
-    thrown_on_a_wall(60.0, 120_000, "");
+fn mirror_reflects_light_onto_a_wall() {
+    reflected_onto_a_wall(60.0, 120_000, "");
 }
 
 /// Tests the mirror's light for a pixel so narrow that no light subpath hits the visible surface.
 #[test]
-fn mirror_throws_light_into_a_narrow_pixel() {
+fn mirror_reflects_light_into_a_narrow_pixel() {
     for focal_px in [60.0, 600.0, 6000.0] {
-        thrown_on_a_wall(focal_px, 500, "manifold = true\n");
+        reflected_onto_a_wall(focal_px, 500, "manifold = true\n");
     }
 }
 
 /// The wall through one pixel of a lens with this focal length.
-fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
+fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
     // The projector's image behind the mirror in the plane x = 0.
     let flip = |v: DVec3| DVec3::new(-v.x, v.y, v.z);
@@ -247,7 +247,7 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
 /// light of bidirectional paths, and that neither part alone does.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn redirected_light_and_plain_paths_are_all_light() {
+fn redirected_light_and_plain_paths_add_up_to_all_light() {
     let text = redirecting(2048, 8);
     assert_eq!(scene_of(&text).settings.integrator, Integrator::Caustics);
     let parts = with(&text, Integrator::Caustics, None);
@@ -285,7 +285,7 @@ fn lenses() {
 /// exchanged, T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with camera subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn exchanged_devices_find_the_same() {
+fn exchanged_devices_give_the_same_light() {
     let wall = DVec3::new(0.0, 0.0, -0.6);
     let behind = Device::look_at([0.25, 0.1, 1.2], wall, [1, 1], 9.0);
     let beside = Device::look_at([1.4, -0.7, -0.1], wall, [1, 1], 3.0);

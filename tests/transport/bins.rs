@@ -219,7 +219,7 @@ fn white() -> String {
 
 /// Tests a wall seen through a pane of glass against quadrature.
 #[test]
-fn through_glass_as_quadrature_says() {
+fn light_through_glass_matches_quadrature() {
     let camera = Device::look_at([0.3, 0.1, 2.0], DVec3::new(-0.2, 0.0, 0.0), [SIZE; 2], 14.0);
     let projector = Device::look_at([0.9, -0.5, 1.2], DVec3::new(-0.2, 0.1, 0.0), [SIZE; 2], 5.0);
     let (spp, start) = (256, 10000.0);
@@ -243,7 +243,7 @@ fn through_glass_as_quadrature_says() {
 
 /// Tests a wall seen in a mirror against quadrature.
 #[test]
-fn over_a_mirror_as_quadrature_says() {
+fn light_over_a_mirror_matches_quadrature() {
     let camera = Device::look_at([0.0, 0.1, 1.3], DVec3::new(1.0, 0.1, 0.6), [SIZE; 2], 24.0);
     let projector = Device::look_at([-0.6, -0.9, 1.4], DVec3::new(-0.6, 0.1, 0.0), [SIZE; 2], 4.0);
     let (spp, start) = (256, 9500.0);
@@ -274,7 +274,7 @@ fn way_out(p: DVec3, d: DVec3) -> f64 {
 
 /// Tests light scattered once by molecules against quadrature.
 #[test]
-fn in_a_medium_as_quadrature_says() {
+fn light_in_a_medium_matches_quadrature() {
     let camera = Device::look_at([0.2, 0.1, 2.5], DVec3::ZERO, [SIZE; 2], 366.0);
     let projector = Device::look_at([-1.8, 0.4, 1.0], DVec3::ZERO, [SIZE; 2], 157.0);
     let (spp, start) = (4096, 10000.0);

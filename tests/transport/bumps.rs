@@ -100,7 +100,7 @@ fn ramps_tilt_a_ball() {
 }
 
 #[test]
-fn heights_that_have_no_slopes_are_refused() {
+fn heights_without_slopes_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = ramp(folder.path(), [1.0, 0.0]);
     let text = |image: &str, shape: &str| {

@@ -222,7 +222,7 @@ name = "image"
 /// but different polarization. The depolarization index of Gil & Bernabéu (1985), |M without M00| /
 /// (√3 M00), distinguishes them.
 #[test]
-fn metamers_differ_in_depolarization_alone() {
+fn metamers_differ_only_in_depolarization() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/metamers.toml");
     let set = MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"));
     let at = flat([0.5; 2]);

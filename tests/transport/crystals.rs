@@ -163,7 +163,7 @@ fn every_wavelength_has_its_own_retardance() {
 
 /// Tests oblique rays with arbitrary axes.
 #[test]
-fn slanting_rays_and_axes() {
+fn oblique_rays_and_axes() {
     for (d, axis) in [
         (DVec3::new(0.4, -0.3, 0.9), DVec3::new(1.0, 1.0, 0.0)),
         (DVec3::new(-0.6, 0.1, 0.8), DVec3::new(0.3, -0.4, 0.7)),
@@ -265,7 +265,7 @@ fn inside_of(set: &MaterialSet, name: &str) -> Filling {
 /// Tests that the matrices of paths in a crystal are realizable, lossless, and with the same
 /// eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
 #[test]
-fn ways_are_realizable_and_reciprocal() {
+fn paths_are_realizable_and_reciprocal() {
     let set = crystals(
         "a.crystal = { name = \"quartz\", axis = [1, 2, 2], bandwidth_nm = 3 }\n\
          b.crystal = { name = \"calcite\", axis = [0, 0, -1] }\n",
@@ -333,7 +333,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
 
 /// Tests that faces reflect and transmit like glass of the mean index; weights are values over probabilities.
 #[test]
-fn faces_are_those_of_the_mean_index() {
+fn faces_act_like_glass_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");
     let n = Vec3A::Z;
     let at = surface_at(n, Vec3A::X, [0.0; 2]);

@@ -99,7 +99,7 @@ fn double_image_of_calcite() {
 /// Tests oblique rays in the plane of x and z with the axis along y: both rays obey Snell's law,
 /// each with its own index.
 #[test]
-fn slanting_rays_refract_with_their_own_index() {
+fn oblique_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);
     for (n, p, s1) in [(N_O, true, 1.0), (N_E, false, -1.0)] {
         let sin = 0.6 / n;

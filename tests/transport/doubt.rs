@@ -72,7 +72,7 @@ fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
 /// and errors of two thirds.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn unmarked_errors_are_as_stated_and_marked_ones_too_short() {
+fn unmarked_errors_are_correct_and_marked_ones_too_small() {
     let mut seeds = statue();
     let marks: Vec<Vec<bool>> = seeds.iter().map(|(_, errors)| doubtful(errors, true)).collect();
     let lit = |marks: &[Vec<bool>], want: bool| -> Vec<Vec<bool>> {

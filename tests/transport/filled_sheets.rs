@@ -143,7 +143,7 @@ fn connections_to_points_of_light_through_filled_sheets() {
 /// Tests that sheets without an effect act as a null boundary of a scattering medium.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn scattering_media_do_not_notice_idle_sheets() {
+fn sheets_without_effect_do_not_change_scattering_media() {
     let medium = "absorption = 0.4\nscattering = 3.0\nphase.henyey_greenstein = { g = 0.4, linear = 0.6, circular = 0.5 }";
     let lights = [
         "[[emitters]]\nenvironment.radiance = 1\n",

@@ -31,7 +31,7 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
 /// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
 /// in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
 #[test]
-fn what_passes_is_the_exponential_of_the_integral() {
+fn transmittance_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = vol(folder.path(), "ramp.vol", [1, 1, 2], 1, &[1.0, 3.0]);
     let file = file.display();
@@ -55,7 +55,7 @@ fn what_passes_is_the_exponential_of_the_integral() {
 /// Tests that a medium that scatters all light has the radiance of the surrounding white light, for any
 /// density distribution.
 #[test]
-fn furnaces_of_uneven_clouds() {
+fn uneven_lossless_clouds_vanish_in_the_furnace() {
     let folder = tempfile::tempdir().expect("a folder");
     let values: Vec<f32> = (0..27).map(|i| (i * 7 % 11) as f32 * 0.6).collect();
     let file = vol(folder.path(), "cloud.vol", [3, 3, 3], 1, &values);
@@ -74,7 +74,7 @@ fn furnaces_of_uneven_clouds() {
 /// Tests that a grid of equal values is a homogeneous medium, up to rounding along the same paths;
 /// the scattering albedo may also be a grid.
 #[test]
-fn equal_numbers_are_an_even_medium() {
+fn equal_values_give_a_homogeneous_medium() {
     let folder = tempfile::tempdir().expect("a folder");
     let two = vol(folder.path(), "two.vol", [2, 3, 2], 1, &[2.0; 12]);
     let share = vol(folder.path(), "share.vol", [1, 1, 1], 3, &[0.9, 0.75, 0.1]);
@@ -97,7 +97,7 @@ fn equal_numbers_are_an_even_medium() {
 /// Tests that both integrators find the same light of a projector in a heterogeneous cloud in front of a
 /// wall.
 #[test]
-fn uneven_clouds_are_the_same_from_both_ends() {
+fn uneven_clouds_agree_in_both_integrators() {
     let folder = tempfile::tempdir().expect("a folder");
     let values: Vec<f32> = (0..64).map(|i| (i * 13 % 17) as f32 * 0.25).collect();
     let file = vol(folder.path(), "cloud.vol", [4, 4, 4], 1, &values);
@@ -115,7 +115,7 @@ fn uneven_clouds_are_the_same_from_both_ends() {
 }
 
 #[test]
-fn grids_that_are_none_are_refused() {
+fn invalid_grids_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let good = vol(folder.path(), "good.vol", [1, 1, 2], 1, &[1.0, 2.0]);
     let negative = vol(folder.path(), "negative.vol", [1, 1, 2], 1, &[1.0, -2.0]);

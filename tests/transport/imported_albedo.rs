@@ -118,7 +118,7 @@ fn mtl_colours_are_those_of_the_whole_surface() {
 
 /// Compares with Mitsuba 3.9.1, scalar_rgb, 65,536 samples, along the normal.
 #[test]
-fn facets_of_a_coat_weaken_the_body_as_in_the_source() {
+fn rough_coats_darken_the_body_as_in_mitsuba() {
     for (alpha, want) in [("0.1", 0.5033), ("0.4", 0.4242), ("1", 0.2649)] {
         let got = mitsuba(&format!(
             r#"<bsdf type="roughplastic"><rgb name="diffuse_reflectance" value="0.5"/><float name="alpha" value="{alpha}"/></bsdf>"#
@@ -152,7 +152,7 @@ fn white_metal_loads_and_reflects() {
 }
 
 #[test]
-fn holes_show_what_is_behind() {
+fn holes_show_the_background() {
     let blend = r#"{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;
     near(blend, gltf(blend), [0.75 + 0.25 * 0.492; 3], NOISE);
     let cut = r#"{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;

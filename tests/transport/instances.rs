@@ -161,7 +161,7 @@ fn instances_render_as_copies() {
 
 /// Compares instances with copies by bidirectional paths, over mirrors and through glass.
 #[test]
-fn instances_are_copies_from_both_ends() {
+fn instances_equal_copies_in_bidirectional_renders() {
     let folder = folder();
     let head = HEAD.replace("SPP", "24");
     let [one, two] = [instanced(&head), copied(&head)].map(|t| {

@@ -59,7 +59,7 @@ fn direct_light_of_a_lambert_plate_is_diffuse() {
 /// Compares the two lobes of plastic, all 16 elements, with plastic that has only one of the lobes;
 /// also blended, two-sided and depolarized.
 #[test]
-fn lobes_of_plastic_are_parted_exactly() {
+fn lobes_of_plastic_are_separated_exactly() {
     let plastic = |albedo: f64, specular: f64| {
         format!("plastic = {{ albedo = {albedo}, specular = {specular}, ior = 1.5, alpha = 0.35 }}")
     };
@@ -319,7 +319,7 @@ fn integrators_agree_label_by_label() {
 
 /// Tests a sky that is seen directly, and over glass and a mirror.
 #[test]
-fn what_is_seen_straight_has_no_bits() {
+fn directly_seen_light_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);
     let text = |objects: &str| {
         head(64, 6, 5)

@@ -66,7 +66,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
 
 /// Tests a ball without a background: all layers, including its rim.
 #[test]
-fn a_ball_has_its_depth_normals_and_rim() {
+fn a_ball_has_correct_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
     let set = made(
         "[materials]\nred.diffuse.albedo = [0.1, 0.2, 0.7]\n[[objects]]\nname = \"ball\"\nmaterial = \"red\"\n\
@@ -171,7 +171,7 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
 
 /// Tests an image whose texels are camera pixels, and a map that tilts all normals equally.
 #[test]
-fn pictures_and_normal_maps_are_seen() {
+fn images_and_normal_maps_appear_in_layers() {
     let dir = tempfile::tempdir().expect("a folder");
     let texel = |x: u32, y: u32, k: u32| ((x * 61 + y * 97 + k * 53 + x * y * 29) % 256) as u8;
     let picture = image::RgbImage::from_fn(20, 16, |x, y| image::Rgb([0, 1, 2].map(|k| texel(x, y, k))));
@@ -247,7 +247,7 @@ fn normals_of_a_mesh_are_interpolated() {
 
 /// Tests that copies have the object of their group and a separate number, each at its own position.
 #[test]
-fn copies_are_told_apart() {
+fn copies_are_distinguished() {
     let set = made(
         "[materials]\nwhite.diffuse.albedo = 0.5\nblack.diffuse.albedo = 0.1\n\
          [[objects]]\nname = \"wall\"\nmaterial = \"white\"\nshape.rectangle = { corner = [-9, -9, -2], u = [18, 0, 0], v = [0, 18, 0] }\n\
@@ -291,7 +291,7 @@ fn copies_are_told_apart() {
 /// Tests a tilted pane of glass. The pane is the first visible object; rays through the pane hit
 /// the wall behind at the position given by Snell's law.
 #[test]
-fn glass_is_looked_through() {
+fn layers_see_through_glass() {
     let (n, thick, turn) = (1.5, 0.4, 0.5_f64);
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nglass.dielectric.ior = 1.5\n\
          [[objects]]\nname = \"wall\"\nmaterial = \"white\"\nshape.rectangle = { corner = [-9, -9, -2], u = [18, 0, 0], v = [0, 18, 0] }\n\
@@ -329,7 +329,7 @@ fn glass_is_looked_through() {
 
 /// Tests a card in water: one refraction, and a boundary of a medium that does not affect light.
 #[test]
-fn what_stands_in_water_is_found_by_one_bend() {
+fn objects_in_water_are_found_by_one_refraction() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\
          [media]\nfog.homogeneous = { absorption = 0.1, scattering = 1.0 }\n\
          [[objects]]\nname = \"air\"\nmaterial = \"bound\"\ninterior = \"fog\"\nshape.cube = { min = [-6, -6, 1.5], max = [6, 6, 2] }\n\

@@ -85,7 +85,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
 
 /// Tests that every light that reaches a point has a positive probability.
 #[test]
-fn no_light_that_reaches_a_point_is_left_out() {
+fn every_light_that_reaches_a_point_can_be_chosen() {
     let mut stream = Stream::new(9, 0, 0);
     let lights = lights(&mut stream);
     let tree = LightTree::new(&lights).expect("lights that shine");
@@ -113,7 +113,7 @@ fn no_light_that_reaches_a_point_is_left_out() {
 
 /// Tests a large distant lamp and a small near lamp that illuminate a plane equally, at powers of 3200 to 1.
 #[test]
-fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
+fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
     // other.
     let (far, near) = (DVec3::new(0.0, 0.0, 40.0), DVec3::new(0.3, 0.0, 0.597));

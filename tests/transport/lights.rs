@@ -173,7 +173,7 @@ fn ellipsoids_and_tubes_light_a_plane() {
 /// Tests emitters that are seen directly: radiance, travel time, one-sided or two-sided emission, and
 /// polarization.
 #[test]
-fn lights_are_seen_as_they_are() {
+fn directly_seen_lights_are_correct() {
     let seen = |more: &str, from: f64, integrator: &str| {
         let camera = Device::ray([0.0, 0.0, from], DVec3::new(0.0, 0.0, 1.0));
         let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", more);
@@ -268,7 +268,7 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
 /// Tests that a white sphere or a ball of glass in an emitting sphere vanishes, with either
 /// integrator; also a cloud without absorption.
 #[test]
-fn furnaces_of_shining_walls() {
+fn lossless_objects_vanish_inside_an_emitting_sphere() {
     let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
     for (matter, interior) in [
         ("w.diffuse.albedo = 1", ""),
@@ -327,7 +327,7 @@ fn skies_light_planes() {
 /// Tests a sky with a single bright texel: connections find the texel, and the camera sees it in its
 /// direction.
 #[test]
-fn suns_are_found_and_stand_where_they_should() {
+fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("sun.exr");
     let (w, h) = (256_u32, 128_u32);
@@ -485,7 +485,7 @@ fn a_beam_loses_no_power() {
 /// Tests that travel time counts from the emitting surface, the plane of a directional light's
 /// origin, or a beam's origin; without an origin it is overflow.
 #[test]
-fn light_takes_its_time() {
+fn travel_time_counts_from_the_emitter() {
     let from = DVec3::new(0.3, -4.0, 2.5);
     let small = shining("disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }", "");
     let cases = [
@@ -527,7 +527,7 @@ fn light_takes_its_time() {
 /// Tests that the total is the light of the projector and the lamps, and that `ambient` is the light of the
 /// lamps alone.
 #[test]
-fn ambient_light_is_apart() {
+fn ambient_light_is_the_light_of_the_lamps() {
     let camera = Device::look_at([0.0, -3.0, 2.0], DVec3::ZERO, [6, 6], 8.0);
     let projector = Device::look_at([0.5, -3.0, 2.0], DVec3::ZERO, [4, 4], 6.0);
     let lamp = "[[emitters]]\npoint = { position = [0, 0, 2], intensity = 2 }\n".to_owned()

@@ -96,7 +96,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
 
 /// Tests a plane-parallel slab between light and wall, at several angles.
 #[test]
-fn flat_slab_bends_light_as_snell_says() {
+fn refraction_by_a_flat_slab_obeys_snell() {
     for rho in [0.05, 0.5, 1.1] {
         let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5);
         let camera = Device::ray([1.6, -1.2, 0.0], point);
@@ -119,7 +119,7 @@ fn flat_slab_bends_light_as_snell_says() {
 
 /// Tests that light through a pane arrives at the correct time, to 0.01 ps in scenes of every size.
 #[test]
-fn light_through_a_pane_is_on_time() {
+fn light_through_a_pane_arrives_at_the_correct_time() {
     for (scale, rho) in [(1.0, 0.05), (1.0, 0.5), (10.0, 0.05), (10.0, 0.5), (100.0, 0.05), (100.0, 0.5)] {
         let trace = |theta: f64| {
             let (sin, cos) = theta.sin_cos();
@@ -197,7 +197,7 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
 /// Tests a ball of glass on the axis between light and wall, which refracts so weakly that there is a single
 /// path.
 #[test]
-fn ball_bends_light_as_rays_say() {
+fn refraction_by_a_ball_matches_traced_rays() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
     // The focus of the ball is beyond the wall, so near the axis there is one path.

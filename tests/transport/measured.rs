@@ -137,7 +137,7 @@ fn tables_converge_to_their_source_at_second_order() {
 
 /// Tests that at an entry the table equals its source up to rounding, including frames and cosine.
 #[test]
-fn entries_are_the_source() {
+fn entries_equal_the_source() {
     let (bench, source) = (Bench::new(), metal(0.4));
     let table = bench.of_metal(0.4, [13, 7, 10]);
     let at = surface();
@@ -194,7 +194,7 @@ fn realizability_is_inherited() {
 /// φ_d = -π and π are equal: tables that close there and tables that do not are continuous across it, and
 /// agree.
 #[test]
-fn the_azimuth_of_the_difference_goes_round() {
+fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
     let wave = |phi: f32, e: usize| {
         if e == 0 { 2.0 + phi.cos() + 0.5 * (2.0 * phi).sin() } else { 0.0 }
@@ -222,7 +222,7 @@ fn the_azimuth_of_the_difference_goes_round() {
 /// corner exists, and is 0 if none does. An entry with one invalid element is also a hole, only in its own
 /// band.
 #[test]
-fn holes_are_bridged() {
+fn holes_are_excluded_from_interpolation() {
     let bench = Bench::new();
     let axes = Axes::even([9, 6, 6], vec![450, 550]);
     let hole = |at: [usize; 4]| !(at[0] * 7 + at[1] * 5 + at[2] * 3).is_multiple_of(4) || at[1] == 5;
@@ -258,7 +258,7 @@ fn holes_are_bridged() {
 /// Values are linear between bands and those of the nearest band beyond them; angles beyond the axes use the
 /// last entry; negative light counts as zero.
 #[test]
-fn values_keep_to_the_ends() {
+fn values_beyond_the_axes_use_the_last_entry() {
     let bench = Bench::new();
     let mut axes = Axes::even([5, 3, 3], vec![450, 550, 650]);
     axes.theta_d = vec![0.1, 0.6, 1.2];

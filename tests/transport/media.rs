@@ -167,7 +167,7 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> [[f64; 4]; 4] {
 /// Tests by Cloude's criterion that no matrix polarizes more light than exists, at any angle, for all valid
 /// parameters.
 #[test]
-fn matrices_can_exist() {
+fn matrices_are_physical() {
     let mut all_cases = cases().to_vec();
     for c in [0.0, 0.2, 0.5, 0.9, 1.0_f32] {
         for share in [0.0, 0.3, 0.7, 1.0] {
@@ -237,7 +237,7 @@ fn rayleigh_has_its_closed_form() {
 /// Near the forward and backward directions, where the scattering plane is undefined, the matrix does not
 /// depend on it.
 #[test]
-fn the_plane_does_not_matter_where_there_is_none() {
+fn forward_and_backward_matrices_do_not_depend_on_the_plane() {
     for (name, media) in cases() {
         // 10⁻⁵ rad away from both, so that there is a plane.
         for forward in [1e-10, 2.0 - 1e-10] {
@@ -347,7 +347,7 @@ fn single_wavelengths_have_constant_weights() {
 }
 
 #[test]
-fn light_may_run_backwards() {
+fn media_are_reciprocal() {
     let pair =
         |stream: &mut Stream| [0; 2].map(|_| sunstone::optics::sampling::warp::sphere(stream.uniform2()));
     for (name, media) in cases() {
@@ -370,7 +370,7 @@ fn light_may_run_backwards() {
 /// forward peaks half a degree wide, and exceptions are counted: large transparent spheres of one
 /// size have deeper minima between their fringes.
 #[test]
-fn tables_meet_the_theory() {
+fn tables_match_the_theory() {
     for (radius, n, k, bound) in [
         (1e-9, 1.59, 0.0, 2.0),
         (1e-7, 1.59, 0.0, 2.0),
@@ -448,7 +448,7 @@ fn bulk_properties_add_up() {
 /// scattering of 2.55, 3.21, 3.77 and 0.70, 1.22, 1.90 per mm in red, green, blue; absorption
 /// increases tenfold from red to blue.
 #[test]
-fn milk_is_like_milk() {
+fn milk_matches_measurements() {
     let milk = |fat_percent, concentration| {
         let milk = Milk { fat_percent, protein_percent: 3.4, homogenization_mpa: 20.0, concentration };
         milk.optics(&Wavelengths::new(vec![450.0, 550.0, 650.0]).expect("three")).expect("milk").bulk
@@ -473,7 +473,7 @@ fn milk_is_like_milk() {
 }
 
 #[test]
-fn presets_say_what_their_papers_say() {
+fn presets_match_their_papers() {
     let w = Wavelengths::new(vec![450.0, 550.0, 650.0]).expect("three");
     let marble = MARBLE.optics(0.0, &w).bulk;
     let skin = SKIN.optics(0.8, &w).bulk;

@@ -82,7 +82,7 @@ fn gltf_and_obj_show_the_same_picture() {
 }
 
 #[test]
-fn materials_of_files_are_those_written_by_hand() {
+fn materials_of_files_equal_handwritten_ones() {
     let folder = tempfile::tempdir().expect("a folder");
     let own = |shape: &str| {
         format!("[materials]\np.diffuse.albedo = 0\n[[objects]]\nmaterial = \"p\"\nshape.{shape}\n")
@@ -175,7 +175,7 @@ fn fog(folder: &Path, objects: &str) -> Result<(f64, Vec<String>), String> {
 }
 
 #[test]
-fn filled_meshes_are_closed_and_look_outward() {
+fn filled_meshes_must_be_closed_and_are_turned_outward() {
     let folder = tempfile::tempdir().expect("a folder");
     let object = "[[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.obj.file = \"cube.obj\"\n";
     let want = (-0.6_f64).exp();
@@ -201,7 +201,7 @@ fn filled_meshes_are_closed_and_look_outward() {
 }
 
 #[test]
-fn which_of_two_fills_what_both_enclose_must_be_said() {
+fn overlapping_filled_objects_need_a_priority() {
     let folder = tempfile::tempdir().expect("a folder");
     cube(folder.path(), |_| {});
     let object = |shape: &str, medium: &str, priority: i32| {
@@ -239,7 +239,7 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
 /// Tests light that enters a filled object through one of its surfaces and leaves it through another: the end
 /// and the side of a tube, and parts of a mesh with different materials. exp(-2 · length) of the path inside.
 #[test]
-fn parts_of_a_filled_object_are_one() {
+fn parts_of_a_filled_object_count_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("box.obj");
     std::fs::write(

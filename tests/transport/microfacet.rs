@@ -343,7 +343,7 @@ fn rough_glass_returns_its_directional_albedo() {
 
 /// Tests that no material returns more unpolarized light than is incident, also with correlated masking.
 #[test]
-fn no_energy_is_made() {
+fn no_energy_is_created() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {
         const N: u32 = 20_000;
         let wo = seen_from(cos, 0.2);

@@ -282,7 +282,7 @@ pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
 
 /// Tests mirror balls, with a random search for paths: one against rays in f64, two against each alone.
 #[test]
-fn balls_bring_what_rays_say() {
+fn light_over_mirror_balls_matches_traced_rays() {
     let plane = (-DVec3::X, -1.5);
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 40.0);
     let point = DVec3::new(0.48, 0.64, 1.4);
@@ -323,7 +323,7 @@ fn balls_bring_what_rays_say() {
 /// and finds the same light as in a render of this wavelength alone.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn wavelengths_find_balls_by_themselves() {
+fn each_wavelength_finds_paths_over_balls_separately() {
     let plane = (-DVec3::X, -1.5);
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 40.0);
     let camera = seen_in(plane, DVec3::new(0.0, -0.5, 1.0), DVec3::new(0.48, 0.64, 1.4));

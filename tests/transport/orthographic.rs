@@ -33,7 +33,7 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
 /// Tests a point light above the plane: each pixel sees the mean irradiance of its own
 /// parallelogram, all at the same distance.
 #[test]
-fn each_pixel_sees_its_own_place() {
+fn each_pixel_sees_its_own_area() {
     let light = DVec3::new(0.1, 0.15, 0.3);
     let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
     let emitter = "[[emitters]]\npoint = { position = [0.1, 0.15, 0.3], intensity = 2 }\n";
@@ -60,7 +60,7 @@ fn each_pixel_sees_its_own_place() {
 
 /// Tests that every point on a pixel's ray projects to that pixel.
 #[test]
-fn points_fall_on_the_pixels_that_see_them() {
+fn points_project_to_the_pixels_that_see_them() {
     let slice = "[[slices]]\nname = \"m\"\n[[emitters]]\nenvironment.radiance = 1\n";
     let scene = from_text("scene.toml".as_ref(), &(head(1, "") + CAMERA + PLANE + slice));
     let camera = scene.unwrap_or_else(|e| panic!("{e}")).camera;
@@ -97,7 +97,7 @@ fn time_counts_from_the_plane_of_the_image() {
 
 /// Tests a ball of fog that the image plane intersects: rays begin inside or outside it.
 #[test]
-fn rays_begin_in_what_is_around_them() {
+fn rays_begin_in_the_surrounding_medium() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
         pose.matrix = [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]\n";
     let ball = "[materials]\nn.null = {}\n[media]\nfog.homogeneous = { absorption = 3 }\n\
@@ -121,7 +121,7 @@ fn rays_begin_in_what_is_around_them() {
 
 /// Tests that features that require a pinhole are refused.
 #[test]
-fn what_needs_a_pinhole_is_refused() {
+fn features_that_need_a_pinhole_are_refused() {
     let projector = "[projector]\nresolution = [4, 4]\nfov_x_deg = 30\n\
         pose.look_at = { origin = [1, 0, 3], target = [0, 0, 0] }\n";
     let slice = "[[slices]]\nname = \"m\"\n";

@@ -77,7 +77,7 @@ fn malus_between_projector_and_wall() {
 /// Tests a circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it make light
 /// of one handedness, which a second such filter in front of the camera distinguishes.
 #[test]
-fn circular_filters_tell_handedness() {
+fn circular_filters_distinguish_handedness() {
     // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
     let lamp = lamp();
     let materials = format!(
@@ -237,7 +237,7 @@ fn points_shine_through_blends() {
 /// The frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the
 /// projector) has the sign of "counter-clockwise looking toward the source".
 #[test]
-fn angles_in_front_of_the_projector_are_lines_in_space() {
+fn helper_frames_have_the_sign_of_the_conventions() {
     let lamp = lamp();
     let to = axis(&lamp, 45.0);
     let m: M = diattenuator(1.0, 0.0) * turn(lamp.forward, lamp.right, to);

@@ -14,7 +14,7 @@ use sunstone::transport::medium::scattered::Elements;
 /// Li & Yung (2009, ApJ 691, 1909); the signs of Q and U are those of the frames here.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn doubling_gives_coulsons_table() {
+fn doubling_matches_the_table_of_coulson() {
     let mu0 = 0.2;
     let slab = Slab::new(&rayleigh, [0.5, 1.0], 24, &[mu0, 0.02, 0.4, 1.0], &[0, 1, 2], 18);
     for (phi, mu, want) in [
@@ -100,7 +100,7 @@ fn spheroids(mu: f64) -> Elements<f64> {
 /// θ0 = 0.6. They involve six different elements of the matrix.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn doubling_gives_siewerts_tables() {
+fn doubling_matches_the_tables_of_siewert() {
     let mu0 = 0.6;
     let orders: Vec<usize> = (0..=11).collect();
     let slab = Slab::new(&spheroids, [1.0, 0.973_527], 14, &[mu0, 1.0, 0.5, 0.2], &orders, 16);
@@ -128,7 +128,7 @@ fn doubling_gives_siewerts_tables() {
 /// a constant net flux (Radiative Transfer, 1950, table XXIV: intensities in and perpendicular to the
 /// meridian plane).
 #[test]
-fn thick_slabs_end_as_chandrasekhars_atmosphere() {
+fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     let table = [
         (0.1, [0.242_47, 0.281_50]),
         (0.2, [0.290_57, 0.323_81]),
@@ -180,7 +180,7 @@ fn doubling_keeps_its_invariants() {
 /// Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of
 /// polarized light transport into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
 #[test]
-fn spheres_reflect_what_ramella_roman_published() {
+fn reflectance_of_spheres_matches_ramella_roman() {
     for (diameter_nm, want) in [(1000.0, 0.447_99), (2000.0, 0.293_01)] {
         let ensemble = spheres(1.0, diameter_nm);
         let slab = Slab::new(&mie(&ensemble), [4.0, 1.0], 16, &[1.0], &[0], 22);

@@ -133,7 +133,7 @@ fn nearly_smooth_faces_are_smooth() {
 /// A projector inside, seen through a rough face: glass of the mean index, followed by the retarder of the
 /// path.
 #[test]
-fn a_connection_through_a_rough_face_is_a_way_inside() {
+fn a_connection_through_a_rough_face_includes_the_path_inside() {
     let (n_o, n_e) = (1.5, 1.500_001);
     let axis = DVec3::new(0.7, 0.2, 0.5).normalize();
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO).rolled(0.4);

@@ -82,7 +82,7 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
 /// paths, and inverted behind it. Without any one of the paths the sum would be wrong.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn every_way_through_a_ball_is_found() {
+fn every_path_through_a_ball_is_found() {
     for (wall, rho, count, spp) in
         [(-0.42, 0.008, 3, 150_000), (-1.0, 0.2, 1, 60_000), (-1.0, 0.55, 1, 60_000)]
     {

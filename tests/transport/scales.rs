@@ -54,7 +54,7 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
 /// larger distance, at 1, 10 and 100 m, or the scene is refused with the gap in the message. A
 /// sheet slightly farther away than the message requires works.
 #[test]
-fn a_micrometre_works_or_is_refused() {
+fn gaps_of_a_micrometre_work_or_are_refused() {
     let straight = DMat3::IDENTITY;
     let turned = DMat3::from_quat(DQuat::from_rotation_x(0.5) * DQuat::from_rotation_y(0.7));
     let mut works = 0;

@@ -243,7 +243,7 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
 /// Empty null boundaries, and clear media behind them, have no effect except on travel time; absorbing media
 /// follow Beer and Lambert in both directions.
 #[test]
-fn null_boundaries_are_not_noticed() {
+fn null_boundaries_have_no_effect() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
     let lamp = Device::look_at([-0.5, 0.2, 1.0], DVec3::ZERO, [4, 4], 8.0).rolled(0.5);
     let point = DVec3::new(0.0, 0.1, 0.0);

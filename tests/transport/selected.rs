@@ -168,7 +168,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
 /// Compares both methods with 512 samples of each of 256 pixels. Negative control: paths that count twice.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn few_s_primes_bring_what_chance_brings() {
+fn drawn_projector_pixels_agree_with_the_full_slice() {
     let (by_chance, drawn) = (room(ALL, 1, SPP), room(FEW, 2, SPP));
     for (slice, truth, least) in
         [("coaxial", "matrices", 1.5), ("block", "flight", 1.2), ("strip", "matrices", 1.2)]
@@ -185,7 +185,7 @@ fn few_s_primes_bring_what_chance_brings() {
 
 /// Compares both methods for bands about epipolar lines.
 #[test]
-fn bands_bring_what_chance_brings() {
+fn drawn_bands_agree_with_the_full_slice() {
     let (by_chance, drawn) = (room_of(WIDE, ALONG, 1, SPP), room_of(WIDE, BAND, 2, SPP));
     let [mean, mut error] = of(&by_chance, "along");
     // No path of a sample is in two columns with the same number of bounces: variances (nearly) add.

@@ -327,7 +327,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
 
 /// Tests that errors in the keys of sheets are reported with location and fix.
 #[test]
-fn mistakes_are_named() {
+fn errors_have_position_and_fix() {
     for (text, words) in [
         ("a.polarizer = { angle_deg = 3, axis = [1, 0, 0] }", "both by angle_deg and by axis"),
         ("a.polarizer = { extinction = 1.5 }", "extinction is 1.5"),
@@ -382,7 +382,7 @@ fn mistakes_are_named() {
 
 /// Tests that names of the optical constants give the same materials as their values.
 #[test]
-fn names_stand_for_numbers() {
+fn named_constants_equal_their_values() {
     let set = materials(
         "gold.conductor.metal = \"gold\"\n\
          glass.dielectric.ior = \"BK7\"\n\
@@ -405,7 +405,7 @@ fn names_stand_for_numbers() {
 /// fraction: lit by a point, by the projector and by an emitting disk, in both integrators, with
 /// and without the tracking of media that a null material requires.
 #[test]
-fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
+fn partial_sheets_are_as_bright_as_their_other_part() {
     let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\
                   wave.retarder = { retardance_deg = 90 }\nthin.thin_dielectric = { ior = 1.5 }\n";
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [2, 2], 20.0);

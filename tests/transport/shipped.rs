@@ -97,7 +97,7 @@ fn fruits() {
 
 /// Light that leaves rough stone toward the projector's pinhole is found by few bidirectional samples, and
 /// errors are too small until such samples occur. (Camera paths connect to it:
-/// `strategies::light_leaves_stones`.)
+/// `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
 #[test]
 fn statue() {
     compare("sss_statue/scene.toml", [256, 64], 0.1, 3.0);

@@ -153,7 +153,7 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
 
 /// Tests oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
 #[test]
-fn rayleigh_slabs_are_as_doubling_says() {
+fn rayleigh_slabs_match_doubling() {
     let light = [0.6, 25.0];
     let mus = [0.6, 0.8, 0.3, 0.5];
     for (optics, spp, views) in [
@@ -170,7 +170,7 @@ fn rayleigh_slabs_are_as_doubling_says() {
 /// forward.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn mie_slabs_are_as_doubling_says() {
+fn mie_slabs_match_doubling() {
     let light = [1.0, 0.0];
     // Larger spheres have finer structure in their backscattering.
     for (diameter, nodes, optics, spp, views) in [
@@ -276,7 +276,7 @@ fn pane(mu: f64) -> [M; 2] {
 /// A Rayleigh slab under a pane, through which light enters, leaves and is reflected: adding and doubling
 /// against manifold connections through the pane and bidirectional paths.
 #[test]
-fn slabs_under_glass_are_as_adding_says() {
+fn slabs_under_glass_match_adding() {
     let over = format!(
         "[[objects]]\nmaterial = \"glass\"\nshape.cube = {{ min = [-{HALF:?}, -{HALF:?}, 0.2], max = [{HALF:?}, {HALF:?}, 0.25] }}\n"
     );

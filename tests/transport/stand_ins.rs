@@ -63,7 +63,7 @@ fn stand_ins_are_realizable() {
 
 /// Directional albedo by sampling, 4000 samples per direction: at most 1, within 5 standard errors.
 #[test]
-fn stand_ins_make_no_light() {
+fn stand_ins_create_no_light() {
     let set = stand_ins();
     for (name, id) in likes(&set) {
         for theta in [0.0, 40.0, 70.0, 85.0] {

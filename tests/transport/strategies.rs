@@ -87,7 +87,7 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
 /// estimation has at most a tenth of the variance.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn light_leaves_stones() {
+fn strategies_agree_on_light_that_leaves_rough_stones() {
     let phases = [
         ("1.5", "rayleigh = {}"),
         ("[1.4, 1.5, 1.6]", "henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }"),
@@ -114,7 +114,7 @@ fn light_leaves_stones() {
 /// to one.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn others_take_over() {
+fn other_strategies_replace_a_missing_one() {
     let text = |spp, seed| {
         devices(spp, 5, seed)
             + DIFFUSE

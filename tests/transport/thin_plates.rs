@@ -134,7 +134,7 @@ fn a_gap_reflects_totally() {
 /// Tests that lobes are sampled in proportion to their power, with compensating weights; all
 /// wavelengths continue together.
 #[test]
-fn lobes_are_taken_by_their_power() {
+fn lobes_are_sampled_by_their_power() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
     let at = surface();
     let wo = (at.ng * 0.3 + perpendicular(at.ng) * 0.954).normalize();
@@ -166,7 +166,7 @@ fn lobes_are_taken_by_their_power() {
 /// Tests a window pane in front of the camera, and another in front of the projector: each acts
 /// once, as in the closed form.
 #[test]
-fn panes_on_both_sides() {
+fn panes_in_front_of_both_devices_act_once() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.4, -0.3, 1.6));
     let camera = Device::ray(eye.to_array(), target);
     let lamp = Device::look_at([-0.9, 0.4, 1.0], target, [3, 3], 20.0);

@@ -77,7 +77,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
 
 /// Tests a boundary that does not refract and can be shifted: the table appears as without the boundary.
 #[test]
-fn a_boundary_that_bends_no_light_is_moved_off() {
+fn a_boundary_that_does_not_refract_is_shifted() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));
     assert!((got - 0.5).abs() < 5.0 * error + 1e-3, "{got} ± {error}");
     assert!(notes.len() == 1 && notes[0].contains("away from the other object"), "{notes:?}");

@@ -130,7 +130,7 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
 /// MB.
 #[cfg(target_os = "linux")]
 #[test]
-fn measured_tables_need_no_memory() {
+fn measured_tables_need_little_memory() {
     in_little_memory([91, 53, 53], 32 << 10, 80_000_000);
 }
 
@@ -265,7 +265,7 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
 /// camera": for every camera pixel, the projector pixel that its light started from. `moment` over `sum` is
 /// that pixel, for comparison with a decoded structured-light scan; here it is compared with the geometry.
 #[test]
-fn every_pixel_knows_where_its_light_started() {
+fn moments_give_the_projector_pixel_of_each_camera_pixel() {
     let camera = Device::look_at([0.2, 0.1, 1.5], DVec3::ZERO, [40, 30], 60.0);
     let lamp = Device::look_at([-0.3, 0.0, 1.4], DVec3::ZERO, [24, 18], 20.0);
     let r = relief(&camera, &lamp);
@@ -341,7 +341,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
 
 /// The same for a Stokes image: the slice also resolves the polarizations of camera and projector.
 #[test]
-fn moments_go_with_mueller_matrices() {
+fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);
     let lamp = Device::look_at([-0.3, 0.0, 1.4], DVec3::ZERO, [5, 5], 20.0);
     let text = head(4, 2, 2)

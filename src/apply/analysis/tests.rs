@@ -40,7 +40,7 @@ fn room(kinds: &[Kind]) -> Vec<Observation> {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn dimensions_tell_what_they_can() {
+fn each_dimension_separates_the_expected_tasks() {
     let all = room(&kinds());
     let outcome = run(&all[..3], &all[3..]).expect("it runs");
     let area = |method, task: &str| mean(&outcome.scores, method, &format!("{task}: area"));
@@ -83,7 +83,7 @@ fn dimensions_tell_what_they_can() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn scanlines_want_their_axes() {
+fn scanlines_require_their_axes() {
     let mut all = room(&kinds());
     all[3].slices.insert(scanlines::SPACE.into(), slice([4, 1, 1, 1], 0.0, |_, _, _, _| 0.0));
     assert!(matches!(run(&all[..3], &all[3..]), Err(ApplyError::Axis { .. })));

@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_are_read_and_faults_named() {
+    fn chains_are_read_and_errors_name_the_fault() {
         let chain = from_toml(Path::new("c.toml"), WHOLE).expect("a chain");
         assert_eq!(chain.beliefs, [Belief::Exact]);
         assert_eq!(chain.samples.len(), 3);
@@ -313,7 +313,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..160) {
+        fn damaged_text_never_panics(text in "[ -~\n]{0,40}", at in 0_usize..160) {
             let mut whole = WHOLE.to_owned();
             whole.insert_str(at.min(whole.len()), &text);
             let _ = from_toml(Path::new("c.toml"), &whole);

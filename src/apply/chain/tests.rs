@@ -95,7 +95,7 @@ fn perfect_rigs_return_the_slice() {
 /// sign (a retarder with exchanged axes) changes the handedness, which the matrices show far beyond the
 /// tolerance above.
 #[test]
-fn wrong_optics_are_found() {
+fn only_known_optical_errors_are_compensated() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
     let tolerances = Tolerances { axis_error_deg: 1.0, retardance_error_deg: 3.0, extinction: 1e-3 };
     let lab = laboratory(tolerances, None);
@@ -165,7 +165,7 @@ fn leaking_polarizers_bias_in_closed_form() {
 /// counts far less than one photon per pulse, because the variances ignore pile-up.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn stated_errors_are_the_scatter() {
+fn stated_errors_match_the_scatter() {
     let tolerances = Tolerances { axis_error_deg: 0.5, retardance_error_deg: 2.0, extinction: 1e-3 };
     let mut lab = laboratory(tolerances, Some(2000.0));
     lab.exposure.counts_per_pulse = 2e-4;
@@ -207,7 +207,7 @@ fn stated_errors_are_the_scatter() {
 }
 
 #[test]
-fn one_seed_is_one_capture_on_any_number_of_threads() {
+fn captures_depend_on_the_seed_and_not_on_threads() {
     let lab = laboratory(Tolerances::default(), Some(500.0));
     let real = Scheme::drr(20, false).expect("a scheme");
     let (s, timed) = (some([9, 7, 1, 3]), some([5, 3, 4, 2]));
@@ -252,7 +252,7 @@ fn highlights_are_clipped_and_counted() {
 /// Captures optimized for one functional have a smaller error of this functional than captures
 /// optimized for all elements, and vice versa.
 #[test]
-fn captures_are_chosen_for_what_counts() {
+fn captures_are_optimized_for_the_functional() {
     let mut o = Observation::default();
     o.slices.insert("epipolar".into(), some([8, 6, 1, 1]));
     let expected = Expected::of(&[o], "epipolar").expect("a moment");
@@ -278,7 +278,7 @@ fn captures_are_chosen_for_what_counts() {
 
 /// The sum over time bins of a timed slice is the photograph only if there is no other photograph.
 #[test]
-fn time_bins_together_are_a_photograph() {
+fn the_sum_over_time_bins_replaces_a_missing_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));
     let real = Scheme::drr(36, false).expect("a scheme");
     let timed = some([4, 3, 5, 2]);
@@ -302,7 +302,7 @@ fn time_bins_together_are_a_photograph() {
 }
 
 #[test]
-fn what_no_camera_sees_is_refused() {
+fn dark_and_partial_slices_are_refused() {
     let s = some([4, 3, 1, 2]);
     let part =
         Slice { mean: s.mean.select(AxisKind::StokesIn, 0), error: s.error.select(AxisKind::StokesIn, 0) };

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slab_is_told_from_what_is_behind() {
+    fn the_slab_is_separated_from_the_background() {
         let metal = Matrix4::from_diagonal(&[1.0, 0.95, -0.93, -0.92].into()) * retarder(1, 0.1);
         let without = (metal * 0.3).try_inverse().expect("it keeps polarization");
         for (axis, delta) in [(1, 0.7), (2, 2.0), (1, 3.0)] {

@@ -57,7 +57,7 @@ mod tests {
 
     /// Indices at 587.6 nm from handbooks: quartz 1.5443, 1.5534; calcite 1.6584, 1.4864.
     #[test]
-    fn indices_are_those_of_handbooks() {
+    fn indices_match_handbooks() {
         for (mineral, printed) in [(Mineral::Quartz, [1.5443, 1.5534]), (Mineral::Calcite, [1.6584, 1.4864])]
         {
             let [o, e] = mineral.indices(587.6);

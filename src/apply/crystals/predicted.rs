@@ -130,7 +130,7 @@ mod tests {
     use std::f64::consts::PI;
 
     #[test]
-    fn folds_are_what_a_decomposition_sees() {
+    fn retardance_is_folded_to_the_range_of_a_decomposition() {
         for (delta, seen) in [(0.5, 0.5), (-0.5, 0.5), (PI + 0.2, PI - 0.2), (2.0 * TAU + 0.1, 0.1)] {
             approx::assert_abs_diff_eq!(folded(delta), seen, epsilon = 1e-12);
         }
@@ -139,7 +139,7 @@ mod tests {
     /// Along the axis of a slab that is cut perpendicular to it there is no retardance; at 30° to the axis,
     /// it follows from Snell's law.
     #[test]
-    fn a_slab_retards_as_a_closed_form_says() {
+    fn slab_retardance_matches_the_closed_form() {
         let slab = Slab { mineral: Mineral::Quartz, axis: Vector3::z(), thickness: 0.01 };
         let along = slab.pixel(0, -Vector3::z(), Vector3::z(), 0.01, &[450.0, 660.0]).expect("it");
         assert!(along.path.abs() < 1e-12);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn three_wavelengths_tell_the_order() {
+    fn three_wavelengths_determine_the_order() {
         let nm = [450.0, 550.0, 660.0];
         for mineral in [Mineral::Quartz, Mineral::Calcite] {
             for path in [0.2e-6, 0.9e-6, 1.7e-6, 2.6e-6] {

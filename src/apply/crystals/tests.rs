@@ -118,7 +118,7 @@ fn score(outcome: &Outcome, method: &str, metric: usize, variant: u64) -> f64 {
 const PLAIN: Case = Case { plate: 0.0, epipolar: true, thicker: 0.0 };
 
 #[test]
-fn retardance_is_found_in_the_light_that_has_it() {
+fn retardance_is_measured_in_the_light_that_contains_it() {
     for (epipolar, seen, dark) in [(true, "epipolar", "non-epipolar"), (false, "non-epipolar", "epipolar")] {
         let outcome = run(Case { epipolar, ..PLAIN });
         for variant in [8, 10] {
@@ -140,7 +140,7 @@ fn retardance_is_found_in_the_light_that_has_it() {
 /// A plate with a retardance of 40° is compensated if it is known, and causes an error if a mirror
 /// is assumed.
 #[test]
-fn what_the_plate_does_is_taken_out() {
+fn plate_retardance_is_compensated() {
     let outcome = run(Case { plate: 40.0_f64.to_radians(), ..PLAIN });
     for variant in [8, 10] {
         let off = score(&outcome, "all light", 1, variant);
@@ -152,7 +152,7 @@ fn what_the_plate_does_is_taken_out() {
 /// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
 /// errors.
 #[test]
-fn a_wrong_thickness_is_found() {
+fn a_wrong_thickness_is_detected() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));
     for variant in [8, 10] {
         let off = score(&right, "epipolar", 1, variant);
@@ -163,7 +163,7 @@ fn a_wrong_thickness_is_found() {
 }
 
 #[test]
-fn what_is_missing_is_said() {
+fn missing_inputs_are_reported() {
     let whole = observation(0, PLAIN);
     assert!(matches!(super::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));
     let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change).to_string();

@@ -54,7 +54,7 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
 /// · 5 · 864), and larger if few directions contain most of the error. The tolerance is 5 √8 of it.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn errors_are_those_of_closed_forms() {
+fn errors_match_closed_forms() {
     let all = observations(5, 6, 0..8, 1);
     let outcome = run(&all[..3], &all[3..]).expect("it runs");
     let drr = 0.5 * (196.0_f64 / 16.0).sqrt();
@@ -82,7 +82,7 @@ fn errors_are_those_of_closed_forms() {
 /// rank 16, and an equal error at rank 16.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn priors_help_where_they_know() {
+fn priors_help_only_for_known_materials() {
     let same = observations(5, 6, 0..7, 1);
     let known = run(&same[..3], &same[3..]).expect("it runs");
     assert!(of(&known, "L-QRPR-P with a prior", 0) < 0.8 * of(&known, "L-QRPR-P", 0));
@@ -100,7 +100,7 @@ fn priors_help_where_they_know() {
 
 /// An error planted in one element of the mirror's pixels is detected there and nowhere else.
 #[test]
-fn a_planted_error_is_found_where_it_is() {
+fn a_planted_error_is_localized() {
     let bench = Bench::new(&observations(5, 6, 0..1, 1)[0]).expect("a bench");
     let mut found = bench.truth().to_vec();
     let mirror = |i: usize| bench.object[i / 16 / bench.lanes] == MIRROR;
@@ -122,7 +122,7 @@ fn a_planted_error_is_found_where_it_is() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn missing_inputs_are_reported() {
     let all = observations(5, 2, 0..2, 1);
     let mut lame = all[1].clone();
     lame.truth.clear();

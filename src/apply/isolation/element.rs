@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_the_papers() {
+    fn names_match_the_paper() {
         let e = Element::of(Space::Epipolar, [3, 3]).negative();
         assert_eq!(e.to_string(), "-(3,3) epipolar");
         let late = Element { part: (Space::All, Time::Late(1)), ..e.negative() };

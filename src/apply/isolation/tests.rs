@@ -122,21 +122,21 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
 /// uninformative candidates is uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
-/// Asserts that the methods in `tell` have areas above `least`, and all others areas in `none`.
-pub(crate) fn assert_only(table: &[(&str, f64)], tell: &[&str], least: f64, none: &Range<f64>) {
+/// Asserts that the methods in `separating` have areas above `least`, and all others areas in `none`.
+pub(crate) fn assert_only(table: &[(&str, f64)], separating: &[&str], least: f64, none: &Range<f64>) {
     for (name, a) in table {
-        let good = if tell.contains(name) { *a > least } else { none.contains(a) };
+        let good = if separating.contains(name) { *a > least } else { none.contains(a) };
         assert!(good, "{name} {a} {table:?}");
     }
 }
 
-fn only(table: &[(&str, f64)], tell: &[&str]) {
-    assert_only(table, tell, 0.95, &NONE);
+fn only(table: &[(&str, f64)], separating: &[&str]) {
+    assert_only(table, separating, 0.95, &NONE);
 }
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn every_family_tells_its_own_dimension() {
+fn each_family_separates_its_own_dimension() {
     let plain = Kind::new(4, 1);
     only(&areas(plain), &[]);
     let polarized = Kind { shares: &[(5, 0.5)], ..plain };
@@ -155,7 +155,7 @@ fn every_family_tells_its_own_dimension() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn a_named_element_needs_its_sign() {
+fn a_named_element_depends_on_its_sign() {
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
@@ -182,7 +182,7 @@ fn a_named_element_needs_its_sign() {
 /// detected.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn what_turns_is_told_by_its_magnitude() {
+fn elements_of_varying_sign_are_separated_by_magnitude() {
     let task = TASK.named(Element::of(Space::All, [0, 1]));
     let turned = |shares| Kind { shares, ..Kind::new(4, 1) };
     let kinds = [
@@ -220,7 +220,7 @@ fn two_disturbances_need_two_dimensions() {
 }
 
 #[test]
-fn light_outside_the_region_is_not_it() {
+fn light_outside_the_region_counts_as_negative() {
     let task = TASK.within(|o| seen::within(o, "left", |v| v[0] >= 0.5));
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let mut all = observations(&[Kind::new(8, 1), turned], 4);
@@ -244,7 +244,7 @@ fn light_outside_the_region_is_not_it() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn what_cannot_be_learnt_is_left_out_and_said() {
+fn tasks_without_examples_are_skipped_with_a_note() {
     let all = observations(&[Kind::new(8, 1)], 4);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     assert!(outcome.scores.is_empty());

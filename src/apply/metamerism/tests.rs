@@ -75,19 +75,19 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
 /// area of one half is √(1/12 · 2/640) = 0.0161, also for classifiers trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
-fn only(table: &[(&'static str, f64)], tell: &[&str]) {
-    assert_only(table, tell, 0.9, &NONE);
+fn only(table: &[(&'static str, f64)], separating: &[&str]) {
+    assert_only(table, separating, 0.9, &NONE);
 }
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn nothing_tells_what_does_not_differ() {
+fn equal_fruit_is_not_separated() {
     only(&areas(Difference::default()), &[]);
 }
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn each_score_tells_its_own_difference() {
+fn each_score_separates_its_own_difference() {
     let bound = "all epipolar elements";
     let of = |d: Difference| areas(d);
     let t22 = Difference { element22: 0.2, ..Difference::default() };
@@ -110,7 +110,7 @@ fn each_score_tells_its_own_difference() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn a_fake_with_more_of_it_is_told_the_wrong_way_round() {
+fn exchanged_fruit_inverts_the_scores() {
     // The planted error: exchanged fruit.
     let d = Difference { element22: -0.05, ..Difference::default() };
     let table = areas(d);
@@ -119,7 +119,7 @@ fn a_fake_with_more_of_it_is_told_the_wrong_way_round() {
 }
 
 #[test]
-fn without_fruit_it_says_so() {
+fn missing_fruit_is_reported() {
     let mut all = observations(Difference::default(), 2);
     if let Some(map) = all[1].truth.get_mut("fake") {
         map.data.fill(0.0);
@@ -130,7 +130,7 @@ fn without_fruit_it_says_so() {
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
-fn the_task_is_that_of_the_first_method() {
+fn the_task_uses_the_first_method() {
     let application = application();
     let task = application.task.expect("it is linear")(&[]).expect("nothing to learn");
     assert_eq!(task.method, application.methods[0].name);

@@ -17,7 +17,7 @@ mod tests {
     use super::angle_deg;
 
     #[test]
-    fn known_turns_are_found() {
+    fn angles_of_known_rotations() {
         for turned in [0.0, 1e-7, 1.0, 4.0, 90.0, 179.999] {
             let t = f64::to_radians(turned);
             let found = angle_deg(&[t.sin(), 0.0, t.cos()], &[0.0, 0.0, 2.0]);

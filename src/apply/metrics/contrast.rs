@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stripes_under_a_veil_have_the_contrast_of_the_closed_form() {
+    fn contrast_under_a_veil_matches_the_closed_form() {
         // Stripes of 1 and 3 under a veil that increases with depth (rows): contrast 2 / (4 + 2 v).
         let truth = Map::from_fn(16, 40, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let veil = |y: usize| (y / 10) as f64;
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_contrast() {
+    fn noise_has_no_contrast() {
         let truth = Map::from_fn(64, 64, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let mut state = 7_u64;
         let noise = Map::from_fn(64, 64, 1, |_, _, out| {

@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_light_itself_is_perfect() {
+    fn the_light_itself_has_perfect_scores() {
         let [light, all] = columns(|_| 1.0);
         // 2 of 3 is above a share of a half.
         let classes = classes(&light, &all, 0.5);
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photograph_is_less() {
+    fn a_photograph_has_lower_scores() {
         // Over a uniform background, the only error of a photograph is the background: gain 6/10, residual
         // (0.2, 0.6) of (2, 0).
         let [light, all] = columns(|_| 1.0);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_sign_gives_none() {
+    fn an_inverted_sign_has_zero_scores() {
         let [light, all] = columns(|_| 1.0);
         let classes = classes(&light, &all, 0.5);
         let turned: Vec<f64> = light.iter().map(|l| -l).collect();
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_images_say_so() {
+    fn degenerate_images_have_defined_scores() {
         let [light, all] = columns(|_| 1.0);
         let flat = vec![3.0; 64];
         assert_eq!(correlation(&flat, &light), 0.0);

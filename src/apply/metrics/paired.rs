@@ -59,7 +59,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn one_seed_is_the_usual_error_of_a_mean() {
+    fn one_seed_gives_the_standard_error_of_the_mean() {
         let table: Vec<Vec<f64>> = [1.0, 2.0, 4.0, 5.0].iter().map(|v| vec![*v]).collect();
         let e = estimate(&table);
         assert_eq!(e.mean, 3.0);
@@ -69,7 +69,7 @@ mod tests {
 
     /// The estimated variance is unbiased for crossed effects with known variances.
     #[test]
-    fn crossed_effects_are_covered() {
+    fn variance_of_crossed_effects_is_unbiased() {
         let (variants, seeds) = (6, 5);
         let mut state = 12345_u64;
         let mut normal = || {
@@ -84,7 +84,7 @@ mod tests {
         let (sa, sb, se) = (1.0, 0.7, 0.5);
         let truth: f64 = sa * sa / 6.0 + sb * sb / 5.0 + se * se / 30.0;
         let trials = 4000;
-        let (mut said, mut squares, mut seen) = (0.0, 0.0, 0.0);
+        let (mut stated, mut squares, mut seen) = (0.0, 0.0, 0.0);
         for _ in 0..trials {
             let b: Vec<f64> = (0..seeds).map(|_| sb * normal()).collect();
             let table: Vec<Vec<f64>> = (0..variants)
@@ -94,13 +94,13 @@ mod tests {
                 })
                 .collect();
             let e = estimate(&table);
-            said += e.error * e.error;
+            stated += e.error * e.error;
             squares += e.error.powi(4);
             seen += e.mean * e.mean;
         }
         let n = f64::from(trials);
-        let error = ((squares / n - (said / n).powi(2)) / n).sqrt();
-        assert!((said / n - truth).abs() < 5.0 * error, "{} ± {error}, truth {truth}", said / n);
+        let error = ((squares / n - (stated / n).powi(2)) / n).sqrt();
+        assert!((stated / n - truth).abs() < 5.0 * error, "{} ± {error}, truth {truth}", stated / n);
         // The means scatter accordingly: the relative error of a variance from n draws is √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
         // The planted error: treating all numbers as independent would be far off.
@@ -109,7 +109,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_both_share_cancels(rows in prop::collection::vec(prop::collection::vec(-9.0..9.0_f64, 4), 2..8), shift in -3.0..3.0_f64) {
+        fn common_variation_cancels_in_differences(rows in prop::collection::vec(prop::collection::vec(-9.0..9.0_f64, 4), 2..8), shift in -3.0..3.0_f64) {
             let moved: Vec<Vec<f64>> = rows.iter().map(|r| r.iter().map(|v| v + shift).collect()).collect();
             let d = difference(&moved, &rows);
             prop_assert!((d.mean - shift).abs() < 1e-9 && d.error < 1e-9);

@@ -12,8 +12,8 @@ impl Counts {
     /// Counts (decision, truth) pairs.
     pub fn of(pairs: impl IntoIterator<Item = (bool, bool)>) -> Self {
         let mut c = Self::default();
-        for (said, is) in pairs {
-            match (said, is) {
+        for (decided, is) in pairs {
+            match (decided, is) {
                 (true, true) => c.true_positive += 1,
                 (true, false) => c.false_positive += 1,
                 (false, true) => c.false_negative += 1,
@@ -45,10 +45,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_those_of_the_table() {
+    fn precision_and_recall_of_a_known_table() {
         let pairs = [(true, 30, 10), (false, 20, 40)];
-        let all = pairs.iter().flat_map(|&(said, is, not)| {
-            std::iter::repeat_n((said, true), is).chain(std::iter::repeat_n((said, false), not))
+        let all = pairs.iter().flat_map(|&(decided, is, not)| {
+            std::iter::repeat_n((decided, true), is).chain(std::iter::repeat_n((decided, false), not))
         });
         let c = Counts::of(all);
         assert_eq!((c.precision(), c.recall()), (0.75, 0.6));

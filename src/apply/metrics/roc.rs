@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn small_cases_by_hand() {
+    fn small_cases_match_hand_calculation() {
         assert_eq!(area(&[3.0, 4.0], &[1.0, 2.0]), 1.0);
         assert_eq!(area(&[1.0, 2.0], &[3.0, 4.0]), 0.0);
         assert_eq!(area(&[1.0, 3.0], &[2.0, 2.0]), 0.5);
@@ -129,29 +129,29 @@ mod tests {
     /// Areas and their errors agree with the closed form 1 - (1 - d)²/2, for positives that are
     /// uniform on 0..1 and negatives on -d..1-d.
     #[test]
-    fn delong_covers_the_closed_form() {
+    fn delong_intervals_cover_the_closed_form() {
         let d = 0.3;
         let truth = 1.0 - (1.0_f64 - d).powi(2) / 2.0;
         let trials = 2000;
-        let (mut covered, mut said, mut seen) = (0, 0.0, 0.0);
+        let (mut covered, mut stated, mut seen) = (0, 0.0, 0.0);
         for k in 0..trials {
             let positive = numbers(2 * k, 60);
             let negative: Vec<f64> = numbers(2 * k + 1, 40).iter().map(|x| x - d).collect();
             let a = delong(&positive, &negative);
             covered += i32::from(a.interval[0] <= truth && truth <= a.interval[1]);
-            said += a.error * a.error;
+            stated += a.error * a.error;
             seen += (a.area - truth).powi(2);
         }
         let n = trials as f64;
         // The estimated variance equals that of the areas, which n draws determine to √(2/n).
-        assert!((said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", said / seen);
+        assert!((stated / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", stated / seen);
         let share = f64::from(covered) / n;
         // 95 %, minus the error of the normal approximation at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
     }
 
     #[test]
-    fn groups_that_hang_together_are_less_sure_than_delong_says() {
+    fn correlated_groups_have_larger_errors_than_delong() {
         // Every group has a separate shift that its twenty scores share.
         let shifts = numbers(5, 40);
         let groups: Vec<Group> = shifts

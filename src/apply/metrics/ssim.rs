@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn alike_is_one_and_closed_forms_hold() {
+    fn equal_images_score_one_and_constants_match_closed_forms() {
         let a = picture(1, 32, 24);
         let all = vec![true; a.data.len()];
         approx::assert_relative_eq!(ssim(&a, &a, &all, 1.0), 1.0, epsilon = 1e-12);
@@ -115,7 +115,7 @@ mod tests {
     /// SSIM equals `structural_similarity(.., gaussian_weights=True, sigma=1.5,
     /// use_sample_covariance=False)` of scikit-image 0.26.0.
     #[test]
-    fn scikit_image_gives_the_same() {
+    fn agrees_with_scikit_image() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));
         let flatter = Map { data: a.data.iter().map(|v| 0.7 * v + 0.1).collect(), ..a.clone() };
         let all = vec![true; a.data.len()];

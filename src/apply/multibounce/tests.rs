@@ -42,7 +42,7 @@ const EITHER: &str = "the named element, either sign";
 const BOUND: &str = "any element of space and polarization";
 
 #[test]
-fn hands_tell_odd_from_even() {
+fn handedness_separates_odd_from_even_reflections() {
     let coins = [
         Kind::new(8, 1),
         Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) },
@@ -68,7 +68,7 @@ fn hands_tell_odd_from_even() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn signs_that_are_not_the_papers_are_told() {
+fn signs_opposite_to_the_paper_invert_the_scores() {
     let kind = |sign: &'static [(usize, f64)]| Kind { shares: sign, epipolar: false, ..Kind::new(10, 2) };
     let ball = |sign| [Kind::new(8, 1), Kind { shares: &[(1, 0.4)], ..Kind::new(4, 1) }, kind(sign)];
     let signs: [(&'static [(usize, f64)], bool); 2] = [(&[(2, 0.4)], true), (&[(2, -0.4)], false)];
@@ -95,7 +95,7 @@ fn signs_that_are_not_the_papers_are_told() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn plans_name_what_tasks_need() {
+fn plans_list_the_required_slices() {
     for application in [disco_ball(), coins()] {
         let all = room(&application, &[Kind::new(8, 1), Kind::new(4, 1)]);
         assert!((application.run)(&all[..1], &all[1..]).is_ok());
@@ -106,7 +106,7 @@ fn plans_name_what_tasks_need() {
 }
 
 #[test]
-fn diagonals_are_of_the_ball() {
+fn diagonals_are_relative_to_the_ball() {
     let [up_right, other] = [1.0, -1.0].map(|side| {
         let mut all = room(&disco_ball(), &[Kind::new(8, 1)]);
         all[0].values.extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);
@@ -130,7 +130,7 @@ fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn times_and_hands_together_tell_metal_in_a_mirror() {
+fn time_and_handedness_together_separate_metal_in_a_mirror() {
     let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
     let metal = "metal in the mirror";
     let outcome = statue(&[(15, -0.7)]);

@@ -68,7 +68,7 @@ mod tests {
     use crate::metrics::roc::area;
 
     #[test]
-    fn it_reaches_the_best_that_normal_kinds_allow() {
+    fn reaches_the_optimum_for_normal_classes() {
         // Two normal kinds with one covariance: the area is Φ(d/√2) with the Mahalanobis distance d (here 1
         // along a + b, while each feature alone separates less).
         let mut r = random(4);

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gradient_is_that_of_the_cost() {
+    fn the_gradient_matches_the_cost() {
         let problem = Problem::new(&examples(), 2.0, 3.0).expect("a problem");
         // The cost is the loss, in y's unit.
         let moments = examples();
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_to_what_closed_form_least_squares_reaches() {
+    fn reaches_the_loss_of_closed_form_least_squares() {
         let moments = examples();
         let found = minimize(&moments).expect("a minimum");
         let best = moments.loss(&least_squares(&moments));

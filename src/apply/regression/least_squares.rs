@@ -167,7 +167,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn features_that_depend_on_each_other_have_the_shortest_solution() {
+    fn dependent_features_have_the_minimum_norm_solution() {
         let x: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), f64::from(i), 7.0]).collect();
         let y: Vec<f64> = (0..20).map(|i| f64::from(4 * i + 1)).collect();
         let fit = least_squares(&Moments::of(3, &x, &[0.0; 60], &y));
@@ -176,7 +176,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn cross_validation_shrinks_what_is_noise() {
+    fn cross_validation_shrinks_noise() {
         // Forty uninformative features and few examples: plain least squares fits the noise.
         let mut r = random(3);
         let mut group = |n: usize| {

@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_loss_is_that_of_the_examples() {
+    fn the_loss_equals_that_of_the_examples() {
         let x = [1.0, 2.0, -1.0, 0.5, 3.0, 1.0, 0.0, -2.0];
         let y = [1.0, 0.0, 2.0, -1.0];
         let moments = Moments::of(2, &x, &[0.1; 8], &y);

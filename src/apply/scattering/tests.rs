@@ -120,7 +120,7 @@ const VEILED: f64 = 25.0;
 const PLAIN: Milk = Milk { linear: 0.0, circular: 0.0, things: 0.0, epipolar: 1.0, bins: BINS };
 
 #[test]
-fn without_polarization_or_space_or_time_nothing_helps() {
+fn plain_backscatter_is_not_removed_without_time() {
     for (name, value) in psnr_of(PLAIN) {
         // Time bins determine the veil, because all except the last contain nothing else.
         let by_time = name.starts_with("time");
@@ -130,7 +130,7 @@ fn without_polarization_or_space_or_time_nothing_helps() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
+fn treibitz_and_schechner_remove_linearly_polarized_backscatter() {
     for things in [0.0, 0.2] {
         let milk = Milk { linear: 0.7, things, ..PLAIN };
         let table = psnr_of(milk);
@@ -161,14 +161,14 @@ fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
 }
 
 #[test]
-fn circular_light_takes_circularly_polarized_backscatter_away() {
+fn circular_light_removes_circularly_polarized_backscatter() {
     let table = psnr_of(Milk { circular: -0.5, ..PLAIN });
     assert!(of(&table, "cross-polarization, circular") > EXACT, "{table:?}");
     assert!(of(&table, "cross-polarization, linear") < VEILED, "{table:?}");
 }
 
 #[test]
-fn epipolar_light_takes_backscatter_off_the_plane_away() {
+fn epipolar_light_removes_backscatter_off_the_plane() {
     let table = psnr_of(Milk { epipolar: 0.0, ..PLAIN });
     for exact in ["epipolar confocal", "polarized light striping", "W, b by least squares"] {
         assert!(of(&table, exact) > EXACT, "{exact} {table:?}");
@@ -189,7 +189,7 @@ fn striping_needs_both_lines_and_polarization() {
 }
 
 #[test]
-fn a_gate_opens_when_the_milk_is_silent() {
+fn time_gating_uses_the_bin_without_backscatter() {
     let table = psnr_of(Milk { bins: BINS - 1, ..PLAIN });
     for exact in ["time gating", "time-gated W, b by ridge regression"] {
         assert!(of(&table, exact) > 60.0, "{exact} {table:?}");
@@ -200,7 +200,7 @@ fn a_gate_opens_when_the_milk_is_silent() {
 }
 
 #[test]
-fn images_of_an_analyzer_are_those_of_the_forward_model() {
+fn analyzer_images_match_the_forward_model() {
     // Element by element: light [1, 0, 1, 0]/... behind [1, ±1]/2.
     let all = observations(PLAIN, 3);
     let seen = Seen::new(&all[0]).expect("seen");
@@ -217,7 +217,7 @@ fn images_of_an_analyzer_are_those_of_the_forward_model() {
 }
 
 #[test]
-fn what_is_missing_is_said() {
+fn missing_inputs_are_reported() {
     let mut all = observations(PLAIN, 3);
     assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
     all[1].slices.remove("gated");
@@ -226,7 +226,7 @@ fn what_is_missing_is_said() {
 
 /// Captures are optimized for the elements that the first method uses.
 #[test]
-fn the_task_is_that_of_the_first_method() {
+fn the_task_uses_the_first_method() {
     let milk = Milk { linear: 0.5, circular: 0.3, things: 0.2, epipolar: 0.5, bins: 2 };
     let all = observations(milk, 3);
     let application = application();

@@ -105,7 +105,7 @@ fn gray_code_ties_on_a_diffuse_object() {
 /// codes, Sunstone's method and the scan of the sprayed twin do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn light_from_beside_is_found_where_it_is() {
+fn light_from_neighbouring_columns_affects_only_methods_that_use_it() {
     let (clear, blurred) = (&*CLEAR, run(0.67));
     for m in ["Gray code", "phase shift"] {
         let [before, after] = [clear, &blurred].map(|o| score(o, m, 2));
@@ -119,7 +119,7 @@ fn light_from_beside_is_found_where_it_is() {
 }
 
 #[test]
-fn what_is_missing_is_said_and_names_are_the_methods() {
+fn missing_inputs_are_reported_and_names_match_the_methods() {
     let (inputs, shape) = scene(0.0);
     let whole = observation(0, &inputs, &inputs, &shape);
     assert!(matches!(application::run(&[], std::slice::from_ref(&whole)), Err(ApplyError::Empty(_))));

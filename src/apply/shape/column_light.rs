@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn captures_are_sums_and_misfits_are_refused() {
+    fn captures_are_sums_and_size_mismatches_are_refused() {
         let light = ColumnLight {
             light: Map::from_fn(2, 1, 3, |x, _, out| out.copy_from_slice(&[1.0, 2.0, x as f64])),
         };

@@ -181,7 +181,7 @@ mod tests {
     /// Exact normals reduce depth noise of 1 mm on a sphere to a tenth; without normals the noise
     /// stays the same.
     #[test]
-    fn normals_take_the_noise_off_a_sphere() {
+    fn normals_reduce_the_depth_noise_of_a_sphere() {
         let camera = rig(64, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
         let noisy = noisy(&shape.depth, 1e-3, 3);
@@ -199,7 +199,7 @@ mod tests {
     /// least squares does not. Normals fill in pixels without a depth. Pixels without depth and
     /// normal stay unknown.
     #[test]
-    fn outliers_are_taken_out_and_holes_filled() {
+    fn outliers_are_rejected_and_holes_filled() {
         let camera = rig(40, 256).camera;
         let shape = Shape::plane(&camera, Vector3::new(0.3, -0.2, -1.0));
         let mut depth = shape.depth.clone();
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_across_the_view_say_nothing() {
+    fn normals_perpendicular_to_the_view_have_no_weight() {
         let camera = rig(4, 16).camera;
         let across = Map::from_fn(4, 4, 3, |_, _, o| o.copy_from_slice(&[1.0, 0.0, 0.0]));
         let rays = [camera.centre(1, 1), camera.centre(2, 1)];

@@ -102,7 +102,7 @@ mod tests {
     /// Light from half the image away is brighter than the direct light: exactly the bits in which
     /// the two columns differ are wrong, so the decoded column is that of the indirect light.
     #[test]
-    fn brighter_indirect_light_is_taken_for_direct() {
+    fn brighter_indirect_light_is_decoded_as_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);
         let got = columns_of(&light, 256, 0.0);
         assert!(got.iter().enumerate().all(|(i, c)| *c == ((i + 128) % 256) as f64 + 0.5));
@@ -124,7 +124,7 @@ mod tests {
     /// 20,000 pixels with noise of 1/8 of the amplitude: a bit's difference is 8/√2 = 5.7 standard errors, so
     /// none of 160,000 bits is expected to be wrong (8e-9 each); at 1/2 it is √2 errors, and 7.9 % are wrong.
     #[test]
-    fn bits_are_wrong_as_often_as_noise_says() {
+    fn bit_error_rate_matches_theory() {
         let n = 256;
         let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n)).expect("captures");
         for (sigma, wrong) in [(0.125, 8e-9), (0.5, 0.0786)] {

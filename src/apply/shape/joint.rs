@@ -154,7 +154,7 @@ mod tests {
     /// vectors, depths and normals are right, for a given or a fitted index.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn a_noisy_scan_and_exact_polarization_make_a_sphere() {
+    fn a_noisy_scan_and_exact_polarization_reconstruct_a_sphere() {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
         let stokes = stokes(&mueller(&camera, &shape, 1.5, Reflection::Diffuse), false);
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn the_index_is_found_from_an_exact_scan() {
+    fn the_index_is_fitted_to_an_exact_scan() {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
         for n in [1.3, 1.5, 1.8] {

@@ -141,7 +141,7 @@ mod tests {
     /// grid, μ = 4 - 2cos(πk/w) - 2cos(πl/h), the mean squared error is Σ 1/(1 + qμ)² / (wh). 60 grids of 24
     /// × 20 pixels; the bound is five standard errors of the measured mean.
     #[test]
-    fn exact_steps_take_as_much_noise_away_as_theory_says() {
+    fn noise_reduction_by_exact_steps_matches_theory() {
         let (w, h) = (24, 20);
         for q in [0.3, 3.0, 100.0] {
             let of_k = |k: usize, n: usize| 2.0 - 2.0 * (PI * k as f64 / n as f64).cos();
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nothing_is_known_of_keeps_its_start() {
+    fn unconstrained_pixels_keep_their_initial_values() {
         let p = problem(3, 2, Step::default);
         let start = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         assert_eq!(p.solve(&start, 1e-9), start);

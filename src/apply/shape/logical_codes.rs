@@ -111,7 +111,7 @@ mod tests {
     /// Indirect light 1.5 times as bright as the direct light, spread widely around a column a quarter of the
     /// image away: the Gray code is wrong in many columns, the XOR codes in none.
     #[test]
-    fn long_range_light_does_not_turn_bits() {
+    fn long_range_light_does_not_flip_bits() {
         let n = 256;
         let light = Light::direct(1.0).plus_blurred(1.5, 12.0, 64.0);
         let captures = one_row(n, &light).capture(&gray_code::patterns(n)).expect("captures");
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn two_of_three_are_believed() {
+    fn consensus_needs_two_agreeing_codes() {
         let of = |c: f64, clear: f64| Decoded {
             column: Map::from_fn(1, 1, 1, |_, _, o| o[0] = c),
             confidence: Map::from_fn(1, 1, 1, |_, _, o| o[0] = clear),

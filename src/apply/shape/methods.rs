@@ -309,7 +309,7 @@ pub(super) mod tests {
     /// window of 3 × 3 pixels on a sphere.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn every_method_finds_a_sphere() {
+    fn every_method_reconstructs_a_sphere() {
         let (inputs, shape) = scene(0.0);
         let all = [Code::Gray, Code::Phase, Code::Micro, Code::Logical];
         for code in all {
@@ -332,7 +332,7 @@ pub(super) mod tests {
     /// Two thirds indirect light biases the phase shift and breaks the Gray code; the epipolar band does not
     /// contain it.
     #[test]
-    fn epipolar_light_is_free_of_what_breaks_codes() {
+    fn epipolar_light_excludes_the_light_that_breaks_codes() {
         let (inputs, shape) = scene(0.67);
         for code in [Code::Gray, Code::Phase] {
             let depth = |light| {

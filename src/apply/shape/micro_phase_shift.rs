@@ -170,7 +170,7 @@ mod tests {
     /// errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn noise_moves_columns_as_theory_says() {
+    fn column_noise_matches_theory() {
         let (n, sigma) = (256, 0.004);
         let p = periods(n, 16.0, 5);
         let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");

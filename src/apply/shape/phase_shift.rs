@@ -153,7 +153,7 @@ mod tests {
     /// 36 columns. This is more than half of the next period, 64, which then has the wrong number of turns:
     /// all columns are wrong by exactly 64.
     #[test]
-    fn biased_long_periods_take_the_wrong_turn() {
+    fn biased_long_periods_unwrap_incorrectly() {
         let n = 1024;
         let light = Light::direct(1.0).plus_blurred(1.0, 20.0, 80.0);
         let got = columns_of(&light, n, &[1024.0, 256.0, 64.0, 16.0]);
@@ -165,7 +165,7 @@ mod tests {
     /// White noise σ changes the column by P/(2π)·σ√2/(A·2), with A half the light: 500 × 256 pixels, the rms
     /// within five of its errors.
     #[test]
-    fn noise_moves_columns_as_theory_says() {
+    fn column_noise_matches_theory() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);
         let clean = one_row(n, &Light::direct(1.0)).capture(&patterns(n, &p)).expect("captures");
         let (mut sum, mut count) = (0.0, 0.0);

@@ -112,7 +112,7 @@ mod tests {
     use crate::shape::synthetic::{Shape, rig};
 
     #[test]
-    fn a_spheres_half_turns_are_right_everywhere() {
+    fn half_turns_of_a_sphere_are_resolved_everywhere() {
         let camera = rig(64, 256).camera;
         let shape = Shape::sphere(&camera, 0.035);
         let matrices = mueller(&camera, &shape, 1.5, Reflection::Diffuse);
@@ -135,7 +135,7 @@ mod tests {
 
     /// If the image contains no outline, no normal is decided.
     #[test]
-    fn no_outline_no_normals() {
+    fn without_an_outline_no_normals_are_decided() {
         let camera = rig(8, 16).camera;
         let angles = Map::from_fn(8, 8, 3, |_, _, o| o.fill(0.4));
         let all = Map::from_fn(8, 8, 1, |_, _, o| o[0] = 1.0);

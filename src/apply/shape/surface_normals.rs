@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_has_its_normal_though_a_fifth_of_its_depths_is_wrong() {
+    fn normals_of_a_plane_are_robust_to_outliers() {
         let camera = rig(48, 256).camera;
         let shape = Shape::plane(&camera, Vector3::new(0.5, 0.3, -1.0));
         let mut outliers = shape.depth.clone();
@@ -149,7 +149,7 @@ mod tests {
     /// Inverse depths with noise σ: least squares over 5 × 5 pixels have slopes of variance σ²/50 per pixel
     /// (Σ i² = 50). 150 × 9 disjoint windows, within five errors of the variance.
     #[test]
-    fn noise_turns_normals_as_theory_says() {
+    fn normal_noise_matches_theory() {
         let camera = rig(21, 256).camera;
         let flat = 4.0;
         let sigma = 1e-4;
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_has_its_normals_to_second_order() {
+    fn normals_of_a_sphere_are_accurate_to_second_order() {
         let camera = rig(96, 256).camera;
         let shape = Shape::sphere(&camera, 0.04);
         let got = normals(&camera, &shape.depth, Window { radius: 1, robust: false });

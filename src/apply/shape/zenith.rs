@@ -75,7 +75,7 @@ mod tests {
 
     /// The formulas agree with Fresnel's equations: degrees of the program's dielectric interface, in f32.
     #[test]
-    fn degrees_are_fresnels() {
+    fn degrees_match_fresnel() {
         for n in [1.3, 1.5, 1.8] {
             for zenith in [0.1, 0.4, 0.8, 1.1, 1.4_f64] {
                 let fresnel = dielectric(zenith.cos() as f32, Spectral::splat(n as f32));
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn zeniths_come_back_to_a_millionth() {
+    fn zenith_angles_round_trip_to_a_millionth() {
         for n in [1.3, 1.5, 1.8] {
             for step in 0..150 {
                 let zenith = f64::from(step) * 0.01;
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_has_no_angle() {
+    fn out_of_range_degrees_give_a_limit_or_nan() {
         assert!((of_diffuse(0.9, 1.5) - FRAC_PI_2).abs() < 1e-9);
         assert!(of_diffuse(f64::NAN, 1.5).is_nan() && of_diffuse(-0.1, 1.5).is_nan());
         assert!(of_diffuse(0.1, 1.0).is_nan() && of_specular(f64::NAN, 1.5)[0].is_nan());

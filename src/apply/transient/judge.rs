@@ -81,7 +81,7 @@ mod tests {
     use super::pearson;
 
     #[test]
-    fn correlations_are_pearsons() {
+    fn pearson_matches_known_correlations() {
         let of = |x: &[f64], y: &[f64]| {
             let pairs: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().copied()).collect();
             pearson(&pairs)

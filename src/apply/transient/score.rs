@@ -121,7 +121,7 @@ fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
 pub(super) fn counts(scoring: &Scoring, seen: &Seen, target: Target) -> Counts {
     let threshold = scoring.threshold(target);
     Counts::of(seen.lit.iter().map(|place| {
-        let said = scoring.score(seen, target, *place) >= threshold;
-        (said, seen.is(target, *place))
+        let decided = scoring.score(seen, target, *place) >= threshold;
+        (decided, seen.is(target, *place))
     }))
 }

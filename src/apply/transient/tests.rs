@@ -89,7 +89,7 @@ const KEEPING: &str = "area under the curve, keeping";
 /// captures is equally good. Linear polarization separates specular from diffuse light but not odd
 /// from even, intensity separates nothing, and without time all kinds are mixed.
 #[test]
-fn circular_polarization_tells_odd_from_even() {
+fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);
     for method in ["(3,3) of the bin", "(3,3)/(0,0) of the bin", "circular pair, time-gated"] {
         for metric in [INVERTING, KEEPING, "area, keeping, mean of those of bins"] {
@@ -113,7 +113,7 @@ fn circular_polarization_tells_odd_from_even() {
 /// Baselines win or tie where expected: intensity if specular light is brighter and not polarized, linear
 /// polarization if only it differs, and the sum over time if pixels are of one kind.
 #[test]
-fn baselines_tell_what_they_can() {
+fn baselines_win_or_tie_where_expected() {
     let d = Differs { circular: false, linear: false, bright: 6.0, mixed: true };
     let of = worth(d);
     assert!((of("(3,3) of the bin", INVERTING) - 0.5).abs() < 0.08);
@@ -132,7 +132,7 @@ fn baselines_tell_what_they_can() {
 /// Dim specular light: the sign of intensity is learned from training variants and kept, although test
 /// variants differ.
 #[test]
-fn signs_are_learnt_from_training_variants_alone() {
+fn signs_are_learned_only_from_training_variants() {
     let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
     let bright = Differs { bright: 6.0, ..AS_IN_NATURE };
     let area = |train, test| {
@@ -158,7 +158,7 @@ fn labels_and_reflections_are_counted() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn missing_inputs_are_reported() {
     let all = observations(AS_IN_NATURE, 0..2);
     let mut lame = all[1].clone();
     lame.slices.remove(LABELLED);

@@ -290,7 +290,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn files_come_back(k in prop::collection::vec(-1.0..1.0_f64, 8), turn in prop::array::uniform3(-1.0..1.0_f64), five in any::<bool>()) {
+        fn files_round_trip(k in prop::collection::vec(-1.0..1.0_f64, 8), turn in prop::array::uniform3(-1.0..1.0_f64), five in any::<bool>()) {
             let c = calibration(if five { k[..5].to_vec() } else { k }, turn);
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("c.toml");
@@ -303,7 +303,7 @@ mod tests {
         }
 
         #[test]
-        fn damaged_files_are_survived(at in 0_usize..2000, byte in any::<u8>(), cut in 0_usize..3000) {
+        fn damaged_files_never_panic(at in 0_usize..2000, byte in any::<u8>(), cut in 0_usize..3000) {
             let c = calibration(vec![0.1; 5], [0.1; 3]);
             let mut bytes = c.to_toml().unwrap().into_bytes();
             let n = bytes.len();

@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn derivatives_are_differences() {
+    fn derivatives_match_finite_differences() {
         for model in [Model::Pinhole, Model::Five, Model::Eight, Model::Twelve, Model::Fisheye] {
             let mut d = Device::pinhole([640, 480], [700.0, 690.0], [320.0, 241.0], model);
             for (i, c) in d.coefficients.iter_mut().enumerate() {

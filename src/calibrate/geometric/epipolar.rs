@@ -136,7 +136,7 @@ mod tests {
         /// A point is on the same epipolar plane in both devices, and its projector pixel
         /// illuminates the epipolar line of its camera pixel.
         #[test]
-        fn both_devices_name_a_point_alike(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
+        fn both_devices_assign_a_point_to_the_same_plane(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
             let planes = planes();
             let at = Vector3::new(x, y, z);
             let p = planes.camera.project(&at).unwrap();
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_share_their_planes() {
+    fn camera_and_projector_bands_share_planes() {
         let planes = planes();
         let [camera, projector] = planes.bands(10);
         assert_eq!((camera.len(), projector.len()), (64 * 48, 80 * 50));

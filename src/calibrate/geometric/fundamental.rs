@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn points_of_a_plane_give_none() {
+    fn coplanar_points_give_none() {
         let p: Vec<_> = (0..30).map(|i| Vector2::new(f64::from(i % 6), f64::from(i / 6))).collect();
         let q: Vec<_> = p.iter().map(|p| Vector2::new(2.0 * p.x + 1.0, p.y - 0.1 * p.x)).collect();
         assert_eq!(of_points(&p, &q), None);
@@ -190,7 +190,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_points_are_survived(x in prop::collection::vec(prop::array::uniform4(prop::num::f64::ANY), 0..12)) {
+        fn arbitrary_points_never_panic(x in prop::collection::vec(prop::array::uniform4(prop::num::f64::ANY), 0..12)) {
             let p: Vec<_> = x.iter().map(|p| Vector2::new(p[0], p[1])).collect();
             let q: Vec<_> = x.iter().map(|p| Vector2::new(p[2], p[3])).collect();
             let _ = of_points(&p, &q);

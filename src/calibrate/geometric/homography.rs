@@ -146,7 +146,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn exact_points_give_the_homography_back(h in prop::array::uniform8(-0.3..0.3_f64)) {
+        fn exact_points_recover_the_homography(h in prop::array::uniform8(-0.3..0.3_f64)) {
             let m = Matrix3::new(100.0 + h[0], h[1], 300.0 * h[2], h[3], 90.0 + h[4], 200.0 * h[5], h[6], h[7], 1.0);
             let from: Vec<_> = (0..20).map(|i| Vector2::new(f64::from(i % 5) * 0.2, f64::from(i / 5) * 0.2)).collect();
             let to: Vec<_> = from.iter().map(|p| apply(&m, *p)).collect();
@@ -160,7 +160,7 @@ mod tests {
         }
 
         #[test]
-        fn any_points_are_survived(x in prop::collection::vec(prop::array::uniform4(prop::num::f64::ANY), 0..12)) {
+        fn arbitrary_points_never_panic(x in prop::collection::vec(prop::array::uniform4(prop::num::f64::ANY), 0..12)) {
             let from: Vec<_> = x.iter().map(|p| Vector2::new(p[0], p[1])).collect();
             let to: Vec<_> = x.iter().map(|p| Vector2::new(p[2], p[3])).collect();
             let _ = fit(&from, &to);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_give_none() {
+    fn collinear_points_give_none() {
         let from: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i), 2.0 * f64::from(i))).collect();
         let to: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i * i), 1.0)).collect();
         assert_eq!(fit(&from, &to), None);

@@ -209,7 +209,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn images_come_back(w in 1_u32..20, h in 1_u32..20, seed in 0_u8..255) {
+        fn images_round_trip(w in 1_u32..20, h in 1_u32..20, seed in 0_u8..255) {
             let values: Vec<u8> = (0..w * h).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)).collect();
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("a.png");
@@ -220,7 +220,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_survived(mut bytes in prop::collection::vec(any::<u8>(), 0..200), head in any::<bool>(), npy in any::<bool>()) {
+        fn arbitrary_bytes_never_panic(mut bytes in prop::collection::vec(any::<u8>(), 0..200), head in any::<bool>(), npy in any::<bool>()) {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join(if npy { "a.npy" } else { "a.png" });
             if head {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn between_pixels_is_linear() {
+    fn interpolation_between_pixels_is_linear() {
         let image =
             Image::new(4, 3, (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect()).unwrap();
         for (x, y) in [(0.5, 0.5), (1.7, 2.1), (3.5, 2.5)] {
@@ -297,7 +297,7 @@ mod tests {
     /// The eight orientations of EXIF 2.32 (4.6.5, tag 274) place the stored first row and column
     /// correctly.
     #[test]
-    fn images_are_rotated_as_exif_says() {
+    fn images_are_rotated_by_exif_orientation() {
         for orientation in 1..=8 {
             let found = loaded("a.jpg", &jpeg(true, orientation)).unwrap();
             assert_eq!(found.orientation, orientation);
@@ -329,10 +329,10 @@ mod tests {
         for keep in 1..whole.len() - 2 {
             assert!(loaded("a.jpg", &whole[..keep]).is_err(), "{keep} bytes of {}", whole.len());
         }
-        let said = loaded("a.png", &whole).unwrap_err();
-        assert!(said.contains("the file contains Jpeg data, not PNG"), "{said}");
-        let said = loaded("a.tif", &whole).unwrap_err();
-        assert!(said.contains(".png"), "{said}");
+        let message = loaded("a.png", &whole).unwrap_err();
+        assert!(message.contains("the file contains Jpeg data, not PNG"), "{message}");
+        let message = loaded("a.tif", &whole).unwrap_err();
+        assert!(message.contains(".png"), "{message}");
     }
 
     #[test]

@@ -88,7 +88,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn changes_lead_there_and_back(a in prop::array::uniform3(-1.5..1.5_f64), b in prop::array::uniform3(-2.0..2.0_f64),
+        fn pose_changes_round_trip(a in prop::array::uniform3(-1.5..1.5_f64), b in prop::array::uniform3(-2.0..2.0_f64),
             c in prop::array::uniform6(-0.8..0.8_f64)) {
             let p = Pose::new(a, b);
             let q = p.changed(c);

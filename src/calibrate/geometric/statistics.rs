@@ -176,7 +176,7 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn errors_of_cameras_are_what_they_claim() {
+fn errors_of_cameras_match_the_scatter() {
     hold("camera, 5 coefficients", &[camera(Model::Five)], 32, 0.05, true);
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 16, 0.05, false);
     // The parameters of the rational model depend linearly on the noise only if it is very small. At 0.05
@@ -186,7 +186,7 @@ fn errors_of_cameras_are_what_they_claim() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn errors_of_projectors_are_what_they_claim() {
+fn errors_of_projectors_match_the_scatter() {
     let pair = |model| [camera(model), projector(model)];
     hold("pair, 5 coefficients", &pair(Model::Five), 32, 0.05, true);
     // At 0.05 pixels, one in a hundred rational projector lenses diverges to infinite coefficients and is
@@ -196,7 +196,7 @@ fn errors_of_projectors_are_what_they_claim() {
 }
 
 #[test]
-fn outliers_are_found_and_left_out() {
+fn outliers_are_detected_and_excluded() {
     let devices = [camera(Model::Five)];
     let poses = poses(8);
     let mut views = views(&devices, &poses, [0.05, 0.0], &mut Noise::new(1));
@@ -217,7 +217,7 @@ fn outliers_are_found_and_left_out() {
 }
 
 #[test]
-fn what_is_fixed_stays() {
+fn fixed_parameters_keep_their_values() {
     let mut truth = camera(Model::Five);
     truth.focal.y = truth.focal.x;
     truth.centre = Vector2::new(640.0, 480.0);
@@ -236,7 +236,7 @@ fn what_is_fixed_stays() {
 
 /// The fit recovers k1 to k4 of OpenCV's fisheye model, up to 60° off axis.
 #[test]
-fn fisheyes_are_found() {
+fn fisheye_coefficients_are_recovered() {
     let mut truth = Device::pinhole([1280, 960], [420.0, 421.0], [645.0, 477.0], Model::Fisheye);
     truth.coefficients = vec![0.05, -0.01, 0.004, -0.001];
     let views = views(&[truth.clone()], &poses(12), [0.05, 0.0], &mut Noise::new(2));
@@ -253,7 +253,7 @@ fn refused(views: &[Vec<Corner>], model: Model) -> Fault {
 }
 
 #[test]
-fn views_that_do_not_tell_are_refused() {
+fn degenerate_views_are_refused() {
     let devices = [camera(Model::Five)];
     let flat = |tilt: f64, sigma: f64| {
         let poses: Vec<Pose> = (0..6)
@@ -311,7 +311,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
     /// Arbitrary points yield a result or a fault, without a panic.
     #[test]
-    fn any_views_are_survived(points in prop::collection::vec(prop::array::uniform4(-1e3..1e3_f64), 0..60), split in 1_usize..20,
+    fn arbitrary_views_never_panic(points in prop::collection::vec(prop::array::uniform4(-1e3..1e3_f64), 0..60), split in 1_usize..20,
         eight in any::<bool>(), robust in any::<bool>(), far in any::<bool>()) {
         let corner = |p: &[f64; 4]| Corner {
             board: Vector3::new(p[0] * 1e-3, p[1] * 1e-3, 0.0),

@@ -130,7 +130,7 @@ mod tests {
     use crate::geometric::device::project_all;
 
     #[test]
-    fn exact_pinholes_are_found_at_once() {
+    fn initial_estimates_of_exact_pinholes_are_exact() {
         let truth = Device::pinhole([640, 480], [810.0, 790.0], [350.0, 250.0], Model::Pinhole);
         let centred = Device::pinhole([640, 480], [810.0, 790.0], [320.0, 240.0], Model::Pinhole);
         let board: Vec<Vector3<f64>> =

@@ -242,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_go_and_come() {
+    fn values_round_trip() {
         for array in [false, true] {
             let mut scheme = Scheme::quad(4, array).expect("a scheme");
             let all = Parameter::all(&scheme);

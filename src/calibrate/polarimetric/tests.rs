@@ -79,7 +79,7 @@ fn sample_along(
 /// Over repeats with different truths and noise, every parameter's errors over its sigmas have variance 1.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn stated_errors_are_those_that_are_made() {
+fn stated_errors_match_actual_errors() {
     let count = repeats(32);
     for (array, what) in [(false, "intensities"), (true, "polarizer array")] {
         let nominal = Scheme::quad(24, array).expect("a scheme");
@@ -116,7 +116,7 @@ fn stated_errors_are_those_that_are_made() {
 }
 
 #[test]
-fn air_alone_cannot_tell_a_common_rotation() {
+fn air_alone_does_not_determine_a_common_rotation() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
     let (real, _) = truth(&nominal, 3);
     let air = sample("air", AIR, &nominal, &real, 1e-4, 1);
@@ -206,7 +206,7 @@ fn dispersive_samples(
 /// whole covariance, errors over stated ones have variance 1 for all determined parameters.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn dispersion_is_found_with_its_errors() {
+fn dispersion_is_recovered_with_correct_errors() {
     let nominal = dispersive();
     let one = |repeat: u32| {
         let (real, values) = dispersive_truth(&nominal, repeat);
@@ -259,7 +259,7 @@ fn dispersion_is_found_with_its_errors() {
 /// Along one direction, mirrors and beamsplitter are not determined separately, and the calibration
 /// reports this.
 #[test]
-fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
+fn one_direction_does_not_separate_mirrors_from_the_beamsplitter() {
     let nominal = dispersive();
     let (real, _) = dispersive_truth(&nominal, 1);
     let samples = dispersive_samples(&nominal, &real, 1, 1e-5, 1);
@@ -270,7 +270,7 @@ fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
 
 /// A mirror and a plate determine a coaxial rig's beamsplitter.
 #[test]
-fn a_beamsplitter_is_found() {
+fn a_beamsplitter_is_recovered() {
     let mut nominal = Scheme::quad(40, false).expect("a scheme");
     nominal.coaxial = Some(Coaxial { transmission: arm(), reflection: arm(), galvo: None });
     let free = Parameter::all(&nominal);
@@ -289,7 +289,7 @@ fn a_beamsplitter_is_found() {
 }
 
 #[test]
-fn what_cannot_be_calibrated_is_refused() {
+fn invalid_samples_are_refused() {
     let nominal = Scheme::drr(9, false).expect("a scheme");
     let free = Parameter::all(&nominal);
     assert_eq!(calibrate(&[], &free), Err(CalibrationError::NoSample));

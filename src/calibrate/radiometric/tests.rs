@@ -97,7 +97,7 @@ impl Camera {
 
 /// Over repeats of 400 pixels with different truths, all errors agree with their stated standard errors.
 #[test]
-fn stated_errors_are_those_that_are_made() {
+fn stated_errors_match_actual_errors() {
     let one = |repeat: u32| {
         let camera = Camera::new(repeat);
         let (dark, light) = camera.captures(&mut stream(32, 0, repeat));
@@ -156,7 +156,7 @@ fn stated_errors_are_those_that_are_made() {
 
 /// With an independent simulation of a camera, every parameter is recovered within five standard errors.
 #[test]
-fn settings_of_a_simulated_camera_come_back() {
+fn settings_of_a_simulated_camera_are_recovered() {
     let cmos = Cmos {
         quantum_efficiency: SpectralValue::Same(0.5),
         photons_per_unit: 1e6,
@@ -202,7 +202,7 @@ fn settings_of_a_simulated_camera_come_back() {
 
 /// A corrected uniform frame is uniform, in electrons, with the stated variance.
 #[test]
-fn corrected_frames_are_the_light() {
+fn corrected_frames_match_the_light() {
     let camera = Camera::new(1000);
     let mut random = stream(33, 0, 0);
     let (dark, light) = camera.captures(&mut random);
@@ -255,15 +255,15 @@ fn bad_pixels_are_named() {
 }
 
 #[test]
-fn what_cannot_be_told_is_said() {
+fn undetermined_quantities_are_reported() {
     let camera = Camera::new(102);
     let mut random = stream(35, 0, 0);
     let dark = [camera.stack(0.0, 0.01, 8, &mut random)];
     let options = Options::default();
     let alone = calibrate(&dark, &[], &options).expect("a dark frame");
-    let said = alone.untold.join("\n");
+    let reported = alone.untold.join("\n");
     for word in ["dark current", "saturation", "linearity", "gain"] {
-        assert!(said.contains(word), "{word}: {said}");
+        assert!(reported.contains(word), "{word}: {reported}");
     }
     assert!(alone.transfer.is_none() && alone.linearity.is_none() && alone.flat.is_none());
     // Linear DN without a gain.
@@ -300,7 +300,7 @@ fn what_cannot_be_told_is_said() {
 }
 
 #[test]
-fn calibrations_go_through_files() {
+fn calibrations_round_trip_through_files() {
     let camera = Camera::new(103);
     let (dark, light) = camera.captures(&mut stream(36, 0, 0));
     let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");
@@ -316,7 +316,7 @@ proptest! {
 
     /// Arbitrary readings yield a calibration or an error, without a panic.
     #[test]
-    fn no_frames_panic(
+    fn arbitrary_frames_never_panic(
         stacks in prop::collection::vec(
             (
                 prop::collection::vec(prop::collection::vec(0_u32..=TOP, 3), 0..4),

@@ -105,7 +105,7 @@ impl Bench {
 /// planes. At one to three photons in ten pulses, up to a seventh is lost to pile-up.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn stated_errors_are_those_that_are_made() {
+fn stated_errors_match_actual_errors() {
     let one = |repeat: u32| {
         let mut random = stream(79, 0, repeat);
         let mut around = |v: f64| v * (0.8 + 0.4 * f64::from(random.uniform()));
@@ -179,7 +179,7 @@ fn pile_up_does_not_move_time_zero() {
 /// dead time of three quarters of a period and 3 % afterpulses.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn after_pulses_are_told_from_background() {
+fn after_pulses_are_separated_from_background() {
     let one = |repeat: u32| {
         let mut spad = diode(&Impulse::default());
         spad.mode = Mode::FreeRunning;
@@ -207,7 +207,7 @@ fn after_pulses_are_told_from_background() {
 
 /// The aligned mean equals the response in bins, and its time zeros agree with those of the model.
 #[test]
-fn measured_responses_serve_as_well() {
+fn measured_responses_agree_with_the_model() {
     let truth = Impulse::default();
     let bench = Bench::new(diode(&truth), 0.1, 64, &[5000.0], 0.0, 600);
     let found = bench.calibrate(&Options::default()).expect("a calibration");
@@ -283,7 +283,7 @@ fn exact_counts_give_the_exact_time() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn tails_that_are_not_there_are_said() {
+fn an_undetectable_tail_is_reported() {
     let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
     let mut spad = diode(&truth);
     spad.pulses = 50_000;
@@ -295,7 +295,7 @@ fn tails_that_are_not_there_are_said() {
 }
 
 #[test]
-fn what_cannot_be_calibrated_is_said() {
+fn invalid_captures_are_reported() {
     let spad = diode(&Impulse::default());
     let counter = counter(&spad);
     let flat = vec![7_u32; BINS];
@@ -332,7 +332,7 @@ fn what_cannot_be_calibrated_is_said() {
 }
 
 #[test]
-fn calibrations_go_through_files() {
+fn calibrations_round_trip_through_files() {
     let bench = Bench::new(diode(&Impulse::default()), 0.1, 3, &[5000.0, 8000.0], 0.0, 800);
     let mut found = bench.calibrate(&Options::default()).expect("a calibration");
     let text = toml::to_string(&found).expect("a text");
@@ -347,7 +347,7 @@ proptest! {
 
     /// Arbitrary counts yield a calibration or an error.
     #[test]
-    fn no_histograms_panic(
+    fn arbitrary_histograms_never_panic(
         counts in prop::collection::vec(prop_oneof![4 => 0_u32..6, 1 => 0_u32..5000, 1 => any::<u32>()], 8..40),
         pulses in prop_oneof![any::<u64>(), 1000_u64..1_000_000],
         travel_ps in prop_oneof![proptest::num::f64::ANY, 0.0..2000.0],

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn log_places_are_of_powers_of_ten() {
+    fn log_scales_mark_powers_of_ten() {
         let s = Scale::new(&axis(true, Some((1.0, 100.0))), "y range", [].into_iter()).unwrap();
         assert_eq!(s.place(10.0), Some(0.5));
         assert_eq!((s.place(0.0), s.place(-1.0), s.place(f64::NAN)), (None, None, None));
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_of_ten_go_to_the_unit() {
+    fn powers_of_ten_are_moved_to_the_unit() {
         let ticks = Ticks { marks: vec![], exponent: -6 };
         assert_eq!(label("power [W]", &ticks), "power [10⁻⁶ W]");
         assert_eq!(label("loss ", &ticks), "loss (× 10⁻⁶)");
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_that_show_nothing_are_refused() {
+    fn empty_and_invalid_ranges_are_refused() {
         for (log, range) in [
             (false, (1.0, 1.0)),
             (false, (2.0, 1.0)),

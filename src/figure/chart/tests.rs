@@ -44,7 +44,7 @@ fn message(chart: &Chart) -> String {
 }
 
 #[test]
-fn lines_and_markers_have_their_places() {
+fn lines_and_markers_are_at_their_positions() {
     let chart = square(vec![
         series("", &[(0.0, 3.3), (10.0, 3.3)], SeriesStyle::Line, 0),
         series("", &[(4.3, 0.0), (4.3, 10.0)], SeriesStyle::Line, 1),
@@ -107,7 +107,7 @@ fn error_bars_reach_one_standard_error() {
 }
 
 #[test]
-fn dashes_are_black_and_have_holes() {
+fn dashes_are_black_with_gaps() {
     let chart = square(vec![series("", &[(0.0, 3.3), (10.0, 3.3)], SeriesStyle::Dashed, BLACK)]);
     let at: Vec<(f64, f64)> = (1..999).map(|i| (f64::from(i) / 100.0, 3.3)).collect();
     let row = colours(&chart, &at);
@@ -119,7 +119,7 @@ fn dashes_are_black_and_have_holes() {
 /// Tests that the legend avoids the data, and that the legend is outside the plot if there is no free corner
 /// or too many names.
 #[test]
-fn legends_keep_clear_of_the_data() {
+fn legends_avoid_the_data() {
     let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
     let line = |k: usize| series("some name", &across, SeriesStyle::LineMarkers, k);
     let (bare, _) = seen(&square(vec![series("", &across, SeriesStyle::LineMarkers, 0)]));
@@ -139,7 +139,7 @@ fn legends_keep_clear_of_the_data() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_refused() {
+fn invalid_charts_are_refused() {
     let nowhere = [(f64::NAN, 1.0), (1.0, f64::INFINITY)];
     assert_eq!(DISTINCT, 56, "the number in the refusal");
     assert!(message(&Chart::default()).contains("number of series"));
@@ -161,7 +161,7 @@ fn what_cannot_be_drawn_is_refused() {
 /// Tests charts of every style on both kinds of axis: each has a useful size and contains its text,
 /// and drawing is deterministic.
 #[test]
-fn charts_come_out_at_a_useful_size_and_the_same_again() {
+fn charts_have_a_useful_size_and_are_deterministic() {
     let styles = [SeriesStyle::Dashed, SeriesStyle::Band, SeriesStyle::LineMarkers, SeriesStyle::Line];
     for log in [false, true] {
         let chart = Chart {
@@ -226,7 +226,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn no_chart_panics(
+    fn arbitrary_charts_never_panic(
         title in ".{0,80}",
         x in any_axis(),
         y in any_axis(),

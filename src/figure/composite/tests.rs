@@ -64,7 +64,7 @@ fn curves(legend: bool) -> Tile {
 /// Tests that the legend is under the axis, with each name next to the line's colour, and that markers are at
 /// logarithmic positions.
 #[test]
-fn charts_have_their_places_and_their_legend() {
+fn charts_have_a_legend_and_logarithmic_positions() {
     let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
     let without = layout(&figure(1, vec![Some(part(curves(false)))])).expect("places");
     assert!(without.panels[0].legend.is_empty());
@@ -95,7 +95,7 @@ fn near(a: f64, b: f64) -> bool {
 /// Tests two columns and two rows of 4:3 images in 84 mm without a colour bar against positions computed by
 /// hand.
 #[test]
-fn places_are_in_closed_form() {
+fn positions_match_the_closed_form() {
     let places = layout(&figure(2, (0..4).map(|_| image(40, 30)).collect())).expect("places");
     let p = (84.0 - 2.0 * EDGE - GAP) / 2.0;
     let row = 0.75 * p + SPACE + LINE * CAPTION + ROW_GAP;
@@ -115,7 +115,7 @@ fn places_are_in_closed_form() {
 /// Tests that a colour bar narrows all images equally, that headings take space at the edges, and
 /// that a span covers the gap between columns.
 #[test]
-fn bars_headings_and_spans_have_their_room() {
+fn colour_bars_headings_and_spans_take_space() {
     let with_bar = |x: f32| {
         let scale = Scale::Linear { low: 0.0, high: x };
         part(of_values("", 4, &[0.0; 16], scale).expect("a map"))
@@ -143,7 +143,7 @@ fn bars_headings_and_spans_have_their_room() {
 
 /// Tests that the sixteen images of a grid divide their panel evenly.
 #[test]
-fn grids_part_their_panel() {
+fn grids_divide_their_panel_evenly() {
     let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
     let kinds = [(AxisKind::Y, 2), (AxisKind::X, 2), (AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4)];
     let mean = Tensor::zeros("s", kinds.map(|(k, n)| axis(k, n)).into());
@@ -201,7 +201,7 @@ fn insets_show_the_pixels_of_their_crop() {
 /// Tests that the tip of an arrow is at its target: the arrow's colour is behind the tip and not in front of
 /// it.
 #[test]
-fn arrows_point_where_they_should() {
+fn arrow_tips_are_at_their_targets() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
         let mut one = part(Tile::image(numbered(20, 20)));
         one.arrows = vec![Arrow { from: [0.05, 0.05], to, ink: Ink([213, 94, 0]) }];
@@ -222,13 +222,13 @@ fn arrows_point_where_they_should() {
 }
 
 #[test]
-fn letters_go_on_after_z() {
+fn letters_continue_after_z() {
     assert_eq!([0, 25, 26, 52].map(letter), ["(a)", "(z)", "(aa)", "(ba)"]);
 }
 
 /// Tests the physical size of a figure: 84 mm in the SVG, and the same size in points in the PDF.
 #[test]
-fn figures_have_their_size_on_paper() {
+fn figures_have_the_requested_physical_size() {
     let drawing = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
     let svg = drawing.svg();
     let width: f64 = svg
@@ -281,8 +281,8 @@ proptest! {
                 }
             }
             Err(e) => {
-                let said = e.to_string();
-                prop_assert!(said.contains("number of panels") || said.contains("columns"), "{}", said);
+                let message = e.to_string();
+                prop_assert!(message.contains("number of panels") || message.contains("columns"), "{}", message);
             }
         }
     }

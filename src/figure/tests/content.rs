@@ -108,7 +108,7 @@ fn scanlines() -> Tensor {
 }
 
 #[test]
-fn bright_bin_of_a_space_time_map_is_in_its_place() {
+fn bright_bin_of_a_space_time_map_is_at_its_position() {
     let t = scanlines();
     let place = |r: usize, nm| seen(&View::SpaceTime(map_view(r, [0, 0], nm)), &panel(&t));
     let (img, r) = place(1, Some(550.0));

@@ -25,7 +25,7 @@ fn values() -> impl Strategy<Value = f32> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
-    fn no_tensor_panics(
+    fn arbitrary_tensors_never_panic(
         shape in shapes(),
         absent in 0_u32..1024,
         pool in proptest::collection::vec(values(), 1..40),
@@ -71,7 +71,7 @@ fn empty_and_damaged_tensors_are_errors() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn wide_and_tiny_pictures_come_to_a_useful_size() {
+fn wide_and_tiny_images_get_a_useful_size() {
     for (w, h) in [(1, 1), (2000, 1), (2000, 1500), (1, 700), (3001, 2)] {
         let t = tensor(axes([(AxisKind::Y, h), (AxisKind::X, w), (AxisKind::T, 1)]), |_| 1.0);
         for view in [photo_view(), flight_view(4), View::SpaceTime(map_view(0, [0, 0], None))] {

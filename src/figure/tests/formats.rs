@@ -66,7 +66,7 @@ fn maps_have_images_and_profiles_have_paths() {
 
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn same_input_same_bytes_in_every_format() {
+fn equal_inputs_give_equal_bytes_in_every_format() {
     let (t, folder) = (full(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let read = |name: &str| std::fs::read(at(name)).unwrap();
@@ -95,7 +95,7 @@ fn same_input_same_bytes_in_every_format() {
 }
 
 #[test]
-fn extensions_name_formats() {
+fn extensions_select_formats() {
     assert_eq!(Format::of(Path::new("a/b.PNG")).unwrap(), Format::Png);
     assert_eq!(Format::of(Path::new("b.svg")).unwrap(), Format::Svg);
     assert_eq!(Format::of(Path::new("b.c.pdf")).unwrap(), Format::Pdf);

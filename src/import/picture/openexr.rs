@@ -76,7 +76,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     let chosen = &layers[name];
     let (channels, is_xyz) = colours(name, &chosen.channels)?;
     if layers.len() > 1 && layer.is_none() {
-        notes.push(format!("the file has {} layers; {} is used", layers.len(), said(name)));
+        notes.push(format!("the file has {} layers; {} is used", layers.len(), described(name)));
     }
     let given = image
         .attributes
@@ -94,7 +94,10 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
             FlatSamples::F32(v) => v.clone(),
             FlatSamples::U32(_) => {
                 return Err(PictureError::new(
-                    format!("{} of the OpenEXR file has 32-bit integer channels (identifiers)", said(name)),
+                    format!(
+                        "{} of the OpenEXR file has 32-bit integer channels (identifiers)",
+                        described(name)
+                    ),
                     "export the channels as half or float",
                 ));
             }
@@ -124,7 +127,7 @@ fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
 }
 
 /// Returns a layer's name for messages.
-fn said(name: &str) -> String {
+fn described(name: &str) -> String {
     if name.is_empty() { "the unnamed layer".to_owned() } else { format!("layer `{name}`") }
 }
 
@@ -182,7 +185,7 @@ fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, b
         _ => {
             let list = layer.keys().cloned().collect::<Vec<_>>().join(", ");
             Err(PictureError::new(
-                format!("{} of the OpenEXR file has unsupported channels: {list}", said(name)),
+                format!("{} of the OpenEXR file has unsupported channels: {list}", described(name)),
                 "provide channels R, G and B, or X, Y and Z, or a single channel",
             ))
         }

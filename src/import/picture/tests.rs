@@ -146,7 +146,7 @@ fn openexr_storage_does_not_matter() {
 /// Tests the conversion to BT.709: X, Y, Z of the white point D65 give equal red, green and blue; X, Y, Z of
 /// BT.709's red give red only.
 #[test]
-fn colours_of_other_primaries_become_those_of_srgb() {
+fn colours_of_other_primaries_are_converted_to_srgb() {
     let constant = |v: f32| FlatSamples::F32(vec![v; SIZE[0] * SIZE[1]]);
     let xyz = |[x, y]: [f64; 2]| [x / y, 1.0, (1.0 - x - y) / y].map(|v| v as f32);
     let wavelengths = Wavelengths::new(vec![450.0, 550.0, 650.0]).expect("wavelengths");
@@ -240,7 +240,7 @@ fn radiance_headers_and_orientations_are_read() {
 }
 
 #[test]
-fn radiance_exposures_are_taken_back() {
+fn radiance_exposures_are_divided_out() {
     let head = "#?RADIANCE\nEXPOSURE=2\nFORMAT=32-bit_rle_rgbe\nEXPOSURE= 4.0\nCOLORCORR= 1 2 0.5";
     let pixels = decode("a.hdr", &radiance_file(head, "-Y 3 +X 2", 0..6), None).expect("read");
     for (got, rgbe) in pixels.values.iter().zip(RGBE) {

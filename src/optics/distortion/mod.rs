@@ -157,7 +157,7 @@ mod tests {
 
     /// Compares with OpenCV's formulas evaluated by hand at x = 0.5, y = 0, for one coefficient at a time.
     #[test]
-    fn each_coefficient_does_what_opencv_says() {
+    fn each_coefficient_matches_opencv() {
         let p = DVec2::new(0.5, 0.0);
         let with = |f: fn(&mut Opencv)| {
             let mut lens = Opencv::default();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_undone_is_none() {
+    fn points_without_an_inverse_give_none() {
         let barrel = Distortion::from(Opencv { k1: -1.0, ..Opencv::default() });
         // r - r³ has its maximum of 0.385 at r = 0.577.
         assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());

@@ -370,7 +370,7 @@ mod tests {
     /// Verifies that a product built from both ends equals a product built from one end, wherever the two
     /// meet.
     #[test]
-    fn products_from_both_ends_meet() {
+    fn products_from_both_ends_equal_products_from_one() {
         let d = Vec3A::Z;
         let full = full();
         let flat = Scatter::Depolarize(Spectral::splat(0.7));

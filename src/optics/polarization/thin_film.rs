@@ -138,7 +138,7 @@ mod tests {
     /// Compares with ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), which is zero for n₁² =
     /// n₀ n_s.
     #[test]
-    fn a_quarter_wave_film_reflects_as_the_textbook_says() {
+    fn a_quarter_wave_film_matches_the_textbook() {
         for (ns, n1) in [(1.52_f32, 1.38_f32), (1.52, 2.3), (1.9044, 1.38)] {
             let films = [film(n1, 0.0, 550.0 / (4.0 * n1), 550.0)];
             let [r, b, ..] = lane0(reflection(1.0, &films, Spectral::splat(ns), Spectral::ZERO));

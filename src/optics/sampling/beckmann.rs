@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn erf_inv_undoes_erf() {
+    fn erf_inv_inverts_erf() {
         for i in -2999..3000 {
             let x = i as f32 / 3000.0;
             assert!((erf(erf_inv(x)) - x).abs() < 1e-6, "{x}");

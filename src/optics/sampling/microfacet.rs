@@ -176,7 +176,7 @@ mod tests {
     /// Verifies that G2 is at least the product of both G1 for reflection, which is correlated by height,
     /// and at most the product for transmission, which is anticorrelated.
     #[test]
-    fn heights_help_reflection_and_hinder_transmission() {
+    fn correlated_masking_increases_reflection_and_decreases_transmission() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {
             for k in 1..30 {
                 let (wo, up) = (toward(0.3, 0.0), toward(k as f32 / 30.0, 2.0));

@@ -85,7 +85,7 @@ mod tests {
 
     /// Verifies that every net has one point in every box of its elementary partitions.
     #[test]
-    fn nets_are_nets() {
+    fn nets_have_one_point_in_every_elementary_box() {
         for bits in 1..=MOST_BITS {
             for net in nets(bits).chunks_exact(1 << bits) {
                 for across in 0..=bits {

@@ -371,7 +371,7 @@ mod tests {
     /// Verifies that raw numbers are those from which uniform numbers are computed, and that every bit is
     /// set half of the time (5 sigma).
     #[test]
-    fn raw_numbers_are_those_of_uniforms() {
+    fn raw_numbers_match_uniforms_and_are_unbiased() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));
         assert_eq!(a.uniform(), (b.next_u32() >> 8) as f32 / 16_777_216.0);
         let n = 40_000;

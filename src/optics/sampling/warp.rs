@@ -98,7 +98,7 @@ pub(super) mod tests {
     use std::f32::consts::{PI, TAU};
 
     #[test]
-    fn sines_are_those_of_the_library() {
+    fn sines_match_the_standard_library() {
         for i in 0..=100_000 {
             let x = i as f32 / 100_000.0;
             let (s, c) = sin_cos_turns(x);
@@ -173,7 +173,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn several_hemispheres_are_as_each_alone() {
+    fn batched_hemisphere_samples_equal_single_ones() {
         use crate::polarization::frame::basis;
         let mut stream = Stream::new(8, 0, 0);
         for _ in 0..1000 {

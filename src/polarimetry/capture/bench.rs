@@ -109,7 +109,7 @@ mod tests {
 
     /// Single frames equal the simulated batch, along the axis and through a pinhole.
     #[test]
-    fn frames_are_those_of_the_batch() {
+    fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };
         let matrices: Vec<f32> = (0..layout.pixels() * 16)
             .map(|i| if i % 16 == 0 { 1.0 } else { ((i * 31) % 17) as f32 / 50.0 })

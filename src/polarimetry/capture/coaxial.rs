@@ -197,7 +197,7 @@ mod tests {
 
     /// Tracing the return path mirror by mirror agrees with reciprocity.
     #[test]
-    fn the_way_back_is_the_way_out_reversed() {
+    fn the_return_path_is_the_reversed_forward_path() {
         let galvo = silver();
         for direction in [[0.0, 0.0], [0.1, -0.05], [-0.2, 0.15]] {
             let (normals, beam) = galvo.bounces(direction);
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn arms_do_what_they_state() {
+    fn arm_matrices_have_the_stated_properties() {
         let arm = Arm {
             efficiency: SpectralValue::Same(0.45),
             diattenuation: SpectralValue::Same(0.1),

@@ -207,7 +207,7 @@ mod tests {
 
     /// The error variances of dual rotating retarders have their known values.
     #[test]
-    fn dual_rotating_retarders_have_their_variances() {
+    fn dual_rotating_retarders_have_known_variances() {
         for (captures, want) in [(36, 196.0), (25, 2054.0)] {
             let found = drr(captures, false).error_variance().expect("rank 16");
             assert!((found - want).abs() < 0.5, "{captures}: {found}");
@@ -291,7 +291,7 @@ mod tests {
 
     /// The stated minimum number of captures suffices, and one capture fewer does not.
     #[test]
-    fn the_least_captures_are() {
+    fn the_minimum_number_of_captures_suffices() {
         for (array, least) in [(false, 16), (true, 8)] {
             let rank = |k| matrix(&Scheme::qrpr(k, array).expect("a scheme")).rank();
             assert_eq!((rank(least), rank(least - 1)), (16, 15));
@@ -303,7 +303,7 @@ mod tests {
 
     /// The error of a rank-deficient scheme states its rank and the required number of captures.
     #[test]
-    fn low_ranks_are_named() {
+    fn rank_errors_state_rank_and_required_captures() {
         let few = drr(10, false).pseudo_inverse().expect_err("too few");
         assert_eq!((few.rank, few.least), (10, 16));
         assert!(few.to_string().contains("rank 10 of 16") && few.to_string().contains("at least 16"));

@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pinholes_corners_look_where_they_should() {
+    fn rays_of_pinhole_corners_have_known_directions() {
         let view = Directions::pinhole(90_f64.to_radians(), 4, 2);
         let ray = view.ray(3, 0, [4, 2], 550.0);
         // The centre of the upper right pixel is at (0.75, 0.25) at distance one.

@@ -277,7 +277,7 @@ mod tests {
 
     /// Signs agree with the elements of the renderer.
     #[test]
-    fn the_signs_are_the_renderers() {
+    fn signs_match_the_renderer() {
         let ray = Ray::axial(550.0);
         for step in 0..24 {
             let theta = f64::from(step) * 0.3;
@@ -291,7 +291,7 @@ mod tests {
 
     /// Derivatives agree with central differences.
     #[test]
-    fn derivatives_are_those_of_the_matrix() {
+    fn derivatives_match_finite_differences() {
         let ray = Ray { nm: 550.0, incidence: 0.0, azimuth: 0.4 };
         let of = |theta: f64, delta: f64| {
             let mut e = Element::retarder("r", Setting::Fixed(theta), Setting::Fixed(delta));
@@ -321,7 +321,7 @@ mod tests {
     /// also lowers the extraordinary index. The reference is the waves' k_z of a plate with indices 1.5499
     /// and 1.5501.
     #[test]
-    fn oblique_rays_see_the_waves_retardance() {
+    fn oblique_retardance_matches_wave_optics() {
         let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);
         let exact = |beta: f64| {
             let s = alpha.sin();
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leaky_polarizer_passes_what_it_should() {
+    fn a_leaky_polarizer_has_the_stated_transmittances() {
         let mut p = Element::polarizer("p", Setting::Fixed(0.0));
         p.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(0.01) };
         p.transmittance = SpectralValue::Same(0.8);

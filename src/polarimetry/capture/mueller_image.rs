@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_have_rows_columns_and_what_else_there_is() {
+    fn array_layout_follows_the_shape() {
         let layout = |shape: &[usize], nm: &[f64]| {
             let l = image(shape, nm).expect("an image").layout;
             [l.height, l.width, l.times, l.lanes]
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn slices_say_which_axes_they_have() {
+    fn slice_layout_follows_the_axes() {
         let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
         let of = |axes: &[Axis]| {
             let elements = 16 * axes.iter().map(|a| a.coords.len()).product::<usize>();
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_refused() {
+    fn invalid_images_are_refused() {
         assert_eq!(image(&[2], &[-1.0]), Err(ImageError::Wavelength(-1.0)));
         assert!(matches!(
             image(&[2, 3], &[450.0, 650.0]),

@@ -401,7 +401,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parameters_go_and_come() {
+    fn parameters_round_trip() {
         for scheme in [Scheme::drr(9, false), Scheme::qrpr(7, true), Scheme::liquid_crystal(5, false)] {
             let scheme = scheme.expect("a scheme");
             let parameters = scheme.parameters();
@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_named() {
+    fn errors_name_the_element() {
         assert_eq!(Scheme::drr(0, false), Err(SchemeError::Empty));
         let four = |a: Setting, b: Setting| {
             Scheme::four("x", [a, b, Setting::Fixed(0.0), Setting::Fixed(0.0)], false)

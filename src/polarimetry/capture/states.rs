@@ -192,7 +192,7 @@ mod tests {
 
     /// The states of a scheme with derivatives equal those computed from its settings.
     #[test]
-    fn states_are_those_of_the_scheme() {
+    fn states_equal_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
             let scheme = scheme.expect("a scheme");
             let ray = Ray { nm: 450.0, incidence: 0.2, azimuth: 1.0 };
@@ -212,7 +212,7 @@ mod tests {
     /// First and second derivatives of both states agree with central differences, for rotating and
     /// liquid-crystal schemes.
     #[test]
-    fn derivatives_are_those_of_the_states() {
+    fn derivatives_match_finite_differences() {
         let schemes = [Scheme::qrpr(2, false), Scheme::qrpr(2, true), Scheme::liquid_crystal(2, false)];
         let (k, h) = (1, 1e-5);
         let ray = Ray::axial(550.0);
@@ -255,7 +255,7 @@ mod tests {
 
     /// The reduced rows have the same normal matrix.
     #[test]
-    fn few_rows_know_as_much_as_all() {
+    fn reduced_rows_have_the_same_normal_matrix() {
         let scheme = Scheme::qrpr(3, true).expect("a scheme");
         let normal = |few: bool| -> Matrix4<f64> {
             let rows = analyzed(&scheme, 2, &Ray::axial(450.0), 0, few);

@@ -281,7 +281,7 @@ mod tests {
 
     /// The batch equals single decompositions, and its factors reproduce the matrices.
     #[test]
-    fn many_are_as_one() {
+    fn batch_equals_single_decompositions() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();
         for some in all.as_chunks::<LANES>().0 {
             let batch = Batch::new(some, DOUBLE);
@@ -310,7 +310,7 @@ mod tests {
 
     /// Lanes that need the slow method or have no decomposition do not affect the others.
     #[test]
-    fn odd_lanes_keep_to_themselves() {
+    fn irregular_lanes_do_not_affect_others() {
         let good = samples(1, 3).next().expect("a sample").m;
         let (mut polarizer, mut depolarizer, mut wrong) = ([[0.0; 4]; 4], [[0.0; 4]; 4], good);
         (polarizer[0][0], polarizer[0][1], polarizer[1][0], polarizer[1][1]) = (0.5, 0.5, 0.5, 0.5);

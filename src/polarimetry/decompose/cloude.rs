@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn known_spectra() {
+    fn eigenvalues_of_known_matrices() {
         assert_eigenvalues(&diagonal([1.0; 4]), [1.0, 0.0, 0.0, 0.0]);
         assert_eigenvalues(&diagonal([3.0; 4]), [3.0, 0.0, 0.0, 0.0]);
         assert_eigenvalues(&matrix(depolarizer()), [0.25; 4]);
@@ -142,7 +142,7 @@ mod tests {
     /// its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ), which the wrong
     /// sign of σ3 would conjugate.
     #[test]
-    fn paulis_are_those_of_the_conventions() {
+    fn pauli_matrices_follow_the_conventions() {
         let (o, l) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
         let delta = 0.7_f64;
         let slow = Complex::from_polar(1.0, -delta);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_optics_makes_is_realizable() {
+    fn optical_elements_are_realizable() {
         let mut all = vec![matrix(ideal_mirror())];
         for i in 0..18 {
             let t = i as f32 * 0.3;
@@ -230,7 +230,7 @@ mod tests {
         }
 
         #[test]
-        fn coherency_and_back_is_the_same(e in prop::array::uniform16(-2.0..2.0_f64)) {
+        fn coherency_round_trips_and_projection_is_nearest(e in prop::array::uniform16(-2.0..2.0_f64)) {
             let m: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| e[4 * i + j]));
             let h = coherency(&m);
             prop_assert!((h - h.adjoint()).norm() < 1e-14);

@@ -168,7 +168,7 @@ mod tests {
 
     /// Products of the factors reproduce the input, and constructed parameters are recovered.
     #[test]
-    fn constructed_parts_come_back() {
+    fn constructed_factors_are_recovered() {
         for Sample { m, parts, retardance, axis, .. } in samples(2000, 1) {
             let got = decompose(&m, DOUBLE).expect("a decomposition");
             assert_rebuilds(&m, &got, 1e-10);
@@ -196,7 +196,7 @@ mod tests {
 
     /// The decomposition reproduces a rotated polarizer before or behind a retarder (D = 1).
     #[test]
-    fn polarizers_rebuild() {
+    fn factors_reproduce_polarizers() {
         let (c, s) = (0.6, 0.8);
         let states = [[1.0, 0.0, 0.0], [c, s, 0.0], [0.0, c, -s], [-1.0, 0.0, 0.0]];
         for d in states {
@@ -245,7 +245,7 @@ mod tests {
 
     /// Matrices that cannot be Mueller matrices have no decomposition.
     #[test]
-    fn impossible_matrices_have_none() {
+    fn invalid_matrices_have_no_decomposition() {
         let mut m = [[0.0; 4]; 4];
         assert_eq!(decompose(&m, DOUBLE), None);
         m[0] = [1.0, 0.9, 0.9, 0.0];

@@ -300,7 +300,7 @@ mod tests {
     /// Maps equal the values of single matrices for any number of matrices, and are NaN without a
     /// decomposition.
     #[test]
-    fn maps_hold_each_matrix() {
+    fn maps_equal_single_matrices() {
         for n in [1_u32, 3, 4, 1023, 1025, 2050] {
             let mut all = elements(n);
             let wrong = n as usize / 2;
@@ -331,7 +331,7 @@ mod tests {
     /// Stated errors equal the scatter of quantities of noisy elements: 4000 draws, 5 sigma of a standard
     /// deviation plus second-order terms.
     #[test]
-    fn errors_are_the_scatter() {
+    fn errors_of_quantities_match_the_scatter() {
         let all = elements(6);
         let draws = 4000;
         for m in all.chunks(16) {

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_are_of_known_neighbours() {
+    fn means_use_only_known_neighbours() {
         let size = [3, 4];
         let mut values: Vec<f32> = (0..24).map(|i| i as f32).collect();
         let mut known = [true; 12];

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn what_one_render_met_once_is_one() {
+    fn a_contribution_in_only_one_render_is_an_outlier() {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn its_neighbours_stand_in_its_place() {
+    fn outliers_are_replaced_by_their_neighbours() {
         let mut values = spot(50.0, 49.0);
         let of: Vec<bool> = (0..25).map(|p| p == SPOT).collect();
         let taken = replace(&mut values, &of, &[true; 25]);

@@ -149,7 +149,7 @@ fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
 /// Correctly stated errors pass, for an image with edges and gradients and for a plain one. Errors misstated
 /// by a factor of two (variances by four) fail.
 #[test]
-fn the_stated_error_is_the_error() {
+fn errors_of_denoised_images_match_actual_errors() {
     for (name, seeds) in [("one", &[1_u64][..]), ("two", &[2, 3])] {
         let of = |truth: Truth, stated: f64| {
             let all: Vec<Values> = seeds.iter().map(|s| rendered_of(truth, *s, 64, stated)).collect();
@@ -194,7 +194,7 @@ fn matrices_stay_realizable() {
 }
 
 #[test]
-fn weights_are_shares() {
+fn weights_are_nonnegative_and_sum_to_one() {
     let renders = [rendered(6, 8, 1.0), rendered(7, 8, 1.0)];
     let weights = weights_of(&renders, &mueller());
     for of in &weights.of {
@@ -209,7 +209,7 @@ fn weights_are_shares() {
 /// counts in the stated errors. With a single render the contribution stays, because nothing
 /// distinguishes it from a highlight.
 #[test]
-fn an_outlier_is_left_out_and_stated() {
+fn an_outlier_is_removed_and_stated_in_the_error() {
     let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
     let spot = 20 * SIZE[1] + 24;
     let mut met = plain.clone();
@@ -245,7 +245,7 @@ fn an_outlier_is_left_out_and_stated() {
 
 /// The edge of the disc keeps its contrast at every pixel.
 #[test]
-fn an_edge_stays() {
+fn an_edge_keeps_its_contrast() {
     let renders = [rendered(8, 64, 1.0), rendered(9, 64, 1.0)];
     for renders in [&renders[..1], &renders] {
         let out = denoised(renders, &mueller());
@@ -264,7 +264,7 @@ fn an_edge_stays() {
 }
 
 #[test]
-fn what_has_no_error_stays_bit_for_bit() {
+fn pixels_without_error_are_unchanged_bit_for_bit() {
     let mut still = rendered(10, 4, 0.0);
     still.mean[5] = -0.0;
     still.mean[7] = 1e-40;
@@ -283,7 +283,7 @@ fn what_has_no_error_stays_bit_for_bit() {
 }
 
 #[test]
-fn a_constant_image_stays_so_and_is_known_better() {
+fn a_constant_image_is_unchanged_and_its_error_decreases() {
     let size = [30, 30];
     let values = Values { size, channels: 2, mean: vec![3.0; 1800], error: vec![0.1; 1800] };
     let out = denoised(&[values], &[axis(AxisKind::Wavelength, 2)]);
@@ -314,7 +314,7 @@ fn lost_pixels_do_not_spread() {
 }
 
 #[test]
-fn images_of_any_size_and_brightness() {
+fn images_of_any_size_and_brightness_are_denoised() {
     for size in [[1, 1], [1, 7], [7, 1], [2, 2], [0, 3]] {
         let n = size[0] * size[1];
         let mut random = Normal(13);
@@ -345,7 +345,7 @@ fn images_of_any_size_and_brightness() {
 
 /// Two walls of equal brightness whose depths differ by one bin are separated by their arrival times.
 #[test]
-fn depth_separates() {
+fn surfaces_of_different_depth_are_separated() {
     let (size, bins) = ([16, 24], 80);
     let axes = [axis(AxisKind::T, bins), axis(AxisKind::Wavelength, 1)];
     let mut random = Normal(15);
@@ -376,7 +376,7 @@ fn depth_separates() {
 /// samples per pixel, so a sixth of the pixels have no light and state no error. The surface keeps
 /// its mean over 1,920 pixels within five standard errors.
 #[test]
-fn what_met_no_light_by_chance_is_no_black_speck() {
+fn randomly_dark_pixels_do_not_stay_black() {
     let (n, rare) = (16, 0.1);
     let render = |seed: u64| {
         let mut random = Normal(seed);
@@ -408,7 +408,7 @@ fn what_met_no_light_by_chance_is_no_black_speck() {
 
 /// A single path in a dark image adds no light to other pixels.
 #[test]
-fn one_path_in_the_dark_makes_no_blot() {
+fn a_single_path_in_the_dark_does_not_spread() {
     let n = SIZE[0] * SIZE[1];
     let (at, mut values) = (20 * SIZE[1] + 24, rendered_of(|_| [0.0; 16], 41, 4, 1.0));
     for c in 0..16 {

@@ -89,7 +89,7 @@ mod tests {
 
     /// Reconstruction along each pixel's ray recovers the matrices; reconstruction along the axis does not.
     #[test]
-    fn oblique_plates_are_undone() {
+    fn oblique_plates_are_corrected_along_rays() {
         let mut scheme = Scheme::drr(36, false).expect("a scheme");
         let layout = Layout { height: 3, width: 4, times: 2, lanes: 2 };
         scheme.name = "oblique".into();

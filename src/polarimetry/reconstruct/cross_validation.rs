@@ -137,7 +137,7 @@ mod tests {
     /// Folds affect the result only if materials do: below rank 16, and with a prior. The spread comes from
     /// the folds.
     #[test]
-    fn folds_count_where_materials_do() {
+    fn folds_matter_only_if_materials_do() {
         let moment = |seed: u64| {
             let s = Moments::of(&rows(200, seed)).second();
             Moment::from_fn(|i, j| s[i][j])

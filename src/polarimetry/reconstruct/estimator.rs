@@ -59,7 +59,7 @@ mod tests {
 
     /// An uninformative prior is equivalent to least squares.
     #[test]
-    fn a_vague_prior_is_least_squares() {
+    fn a_vague_prior_equals_least_squares() {
         let design = design(20);
         let least = LinearEstimate::least_squares(&design).expect("rank 16");
         let prior = LinearEstimate::prior(&design, &(Moment::identity() * 1e6), 1e-2);
@@ -70,7 +70,7 @@ mod tests {
     /// With few captures the prior recovers matrices of its class, and its covariance equals that of the
     /// error.
     #[test]
-    fn the_prior_errs_as_it_says() {
+    fn covariance_of_the_prior_matches_the_error() {
         let mut stream = Stream::new(5, 0, 0);
         let mut uniform = || 2.0 * f64::from(stream.uniform()) - 1.0;
         // Matrices of three kinds mixed at random.

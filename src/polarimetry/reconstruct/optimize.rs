@@ -173,7 +173,7 @@ mod tests {
     struct Closing {
         looks: AtomicU32,
         open: u32,
-        tells: bool,
+        stops: bool,
     }
     impl Smooth for Closing {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
@@ -183,19 +183,19 @@ mod tests {
             Valley.evaluate(x)
         }
         fn is_unwanted(&self) -> bool {
-            self.tells && self.looks.load(Ordering::Relaxed) >= self.open
+            self.stops && self.looks.load(Ordering::Relaxed) >= self.open
         }
     }
 
     /// A search ends where the function becomes undefined, also within a line search.
     #[test]
-    fn searches_end_where_the_function_does() {
-        for (open, tells) in (1..12).flat_map(|open| [(open, false), (open, true)]) {
-            let valley = || Closing { looks: AtomicU32::new(0), open, tells };
+    fn searches_stop_where_the_function_is_undefined() {
+        for (open, stops) in (1..12).flat_map(|open| [(open, false), (open, true)]) {
+            let valley = || Closing { looks: AtomicU32::new(0), open, stops };
             let closing = valley();
             let found = quasi_newton(&closing, &[-1.2, 1.0], 1_000_000);
             let looks = closing.looks.load(Ordering::Relaxed);
-            assert!(looks <= if tells { open } else { open + MOST_WALLS + 1 }, "{looks} looks at {open}");
+            assert!(looks <= if stops { open } else { open + MOST_WALLS + 1 }, "{looks} looks at {open}");
             assert!(found.value <= 24.3, "{found:?}");
             let closing = valley();
             let found = adam(&closing, &[-1.2, 1.0], 50, 0.02);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_end_the_search() {
+    fn a_function_undefined_everywhere_ends_the_search() {
         assert!(quasi_newton(&Wall, &[0.0, 1.0], 50).value >= BAD);
         assert_eq!(adam(&Wall, &[0.0, 1.0], 5, 0.1).x, [0.0, 1.0]);
     }

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn images_come_back() {
+    fn images_are_recovered() {
         check::<f64>(1e-12);
         check::<f32>(1e-4);
     }

@@ -137,7 +137,7 @@ mod tests {
     use optics::sampling::stream::Stream;
 
     #[test]
-    fn what_is_written_is_read_and_faults_are_named() {
+    fn written_moments_are_read_back_and_errors_name_the_fault() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("prior.toml");
         let root = Moment::from_fn(|i, j| ((i * 3 + j) as f64).cos());
@@ -163,7 +163,7 @@ mod tests {
     /// The rotated moment agrees with that of 20 000 rotated matrices within 5 sigma; a second rotation
     /// changes nothing.
     #[test]
-    fn moments_are_turned_with_their_matrices() {
+    fn rotated_moments_match_rotated_matrices() {
         let t = nalgebra::SVector::<f64, 16>::from_fn(|e, _| (e as f64 * 1.3).cos());
         let turned = in_any_frames(&(t * t.transpose()));
         assert!((in_any_frames(&turned) - turned).amax() < 1e-12);

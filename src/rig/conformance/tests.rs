@@ -40,7 +40,7 @@ fn simulated_instruments_conform() {
 
 /// The suite detects a stage that reports its goal but does not move.
 #[test]
-fn liars_are_found() {
+fn a_stage_that_does_not_move_is_detected() {
     struct Liar;
     impl Instrument for Liar {
         fn name(&self) -> &'static str {

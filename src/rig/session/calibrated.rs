@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn calibrated_numbers_go_before_given_ones() {
+    fn calibrated_values_override_given_ones() {
         let texts = [
             "[radiometric]\nx = 1\n[detector.cmos]\ngain_e_per_dn = 2.5\nread_noise_e = 3\n",
             "[detector.spad]\nirf_fwhm_ps = 61\n[detector.cmos]\nread_noise_e = 4\n",
@@ -160,7 +160,7 @@ mod tests {
     /// A calibration file can contain everything: detectors and geometry are read, and the scheme
     /// is ignored.
     #[test]
-    fn one_file_has_all() {
+    fn one_file_can_contain_everything() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");
         let found = read(&[&all], [Some([8, 6]), Some([4, 4])]).expect("a calibration");
         assert_eq!(found.cmos.read_noise_e, 4.0);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_told() {
+    fn errors_name_the_key() {
         let torn = PAIR.replace("[5, 0, 1.5]", "[0, 0, 1.5]");
         let still = PAIR.replace("t = [0.2, 0, 0]", "t = [0, 0, 0]");
         let cases = [
@@ -203,7 +203,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..400) {
+        fn damaged_text_never_panics(text in "[ -~\n]{0,40}", at in 0_usize..400) {
             let mut whole = PAIR.to_owned();
             whole.insert_str(at.min(whole.len()), &text);
             let _ = read(&[&whole], [Some([8, 6]), None]);

@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_told() {
+    fn invalid_calibrations_are_refused() {
         assert!(Geometry::new(&file("[1.0]")).expect_err("a fault").contains("OpenCV's 4, 5, 8 or 12"));
         let mut none = file("[]");
         none.translation = [0.0; 3];

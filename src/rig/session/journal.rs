@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn torn_lines_are_no_events_and_gaps_end_the_run() {
+    fn incomplete_lines_are_ignored_and_gaps_end_the_run() {
         let dir = tempfile::tempdir().expect("a folder");
         let store = dir.path();
         let mut journal = Journal::open(store).expect("opens");

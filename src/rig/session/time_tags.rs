@@ -253,7 +253,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(48))]
         /// Rows and logs round-trip, and a histogram equals the count of the tags.
         #[test]
-        fn tags_come_back(points in points(), cut in 0_usize..2000) {
+        fn tags_round_trip(points in points(), cut in 0_usize..2000) {
             let folder = tempfile::tempdir().expect("a folder");
             let mut log = TagLog::new(folder.path(), SCALE).expect("a log");
             for (n, p) in (7..).zip(&points) {
@@ -283,7 +283,7 @@ mod tests {
 
         /// Arbitrary records yield tags or a message.
         #[test]
-        fn any_records_are_survived(words in prop::collection::vec(any::<u32>(), 0..30), pulses in any::<u64>()) {
+        fn arbitrary_records_never_panic(words in prop::collection::vec(any::<u32>(), 0..30), pulses in any::<u64>()) {
             for record in RecordType::ALL {
                 let _ = Tags::new(&words, record, pulses);
             }
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_card_sends_is_refused() {
+    fn invalid_records_are_refused() {
         let photon = |sync: u32, dtime: u32| sync | dtime << 10;
         let message = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
         assert!(message(&[photon(5, 1)], 5).contains("pulse 5 of 5"));

@@ -289,7 +289,7 @@ mod tests {
     use tensor::axes::{Axis, SliceLayout};
 
     #[test]
-    fn denoised_light_is_not_played() {
+    fn denoised_slices_are_refused() {
         let axis = |kind, n: u32| Axis { kind, coords: (0..n).map(f64::from).collect(), chunk: n.into() };
         let layout = SliceLayout {
             name: "m".into(),

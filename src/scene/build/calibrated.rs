@@ -180,7 +180,7 @@ mod tests {
 
     /// A scene that refers to a calibration file has the same hash as a scene that contains the same tables.
     #[test]
-    fn tables_by_name_are_those_by_copy() {
+    fn referenced_tables_equal_copied_tables() {
         let copied = format!("[camera]\n{CAMERA}[projector]\nirradiance = 2.0\n{PROJECTOR}");
         let named = scene(BY_KEY, &document()).expect("a scene");
         let same = scene(&copied, "").expect("a scene");
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_told_where_they_are() {
+    fn errors_name_file_and_position() {
         let same = ["", ""];
         let [camera, projector] = [format!("[camera]\n{CAMERA}"), format!("[projector]\n{PROJECTOR}")];
         let in_camera = |line: &str| format!("{line}\n[projector]");
@@ -238,7 +238,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..400) {
+        fn damaged_text_never_panics(text in "[ -~\n]{0,40}", at in 0_usize..400) {
             let mut whole = document();
             whole.insert_str(at.min(whole.len()), &text);
             let _ = scene(BY_KEY, &whole);
@@ -246,7 +246,7 @@ mod tests {
 
         /// Tests that names that are not calibration files do not panic.
         #[test]
-        fn any_name_is_survived(name in "[a-z./ *]{0,12}") {
+        fn arbitrary_names_never_panic(name in "[a-z./ *]{0,12}") {
             let _ = crate::from_text(Path::new("/nowhere/s.toml"), &format!("[camera]\ncalibration = \"{name}\"\n"));
         }
     }

@@ -148,7 +148,7 @@ mod tests {
     proptest! {
         /// Tests that rotations rounded to four digits are accepted.
         #[test]
-        fn printed_rotations_are_rotations(v in prop::array::uniform3(-3.0..3.0_f64)) {
+        fn rounded_rotations_are_accepted(v in prop::array::uniform3(-3.0..3.0_f64)) {
             let r = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from_array(v)));
             let rows = r.transpose().to_cols_array_2d();
             let printed = rows.map(|row| row.map(|x| (x * 1e4).round() / 1e4));

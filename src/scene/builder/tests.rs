@@ -109,7 +109,7 @@ fn rendered(scene: &Scene) -> Vec<Vec<u32>> {
 }
 
 #[test]
-fn a_scene_in_code_is_the_scene_of_its_file() {
+fn a_scene_in_code_equals_the_scene_of_a_file() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("tent.ply"), write_ply::write(&tent())).expect("a mesh");
     std::fs::write(folder.path().join("checks.png"), checks()).expect("an image");
@@ -196,7 +196,7 @@ fn numbers_of_images_are_channels_or_luminances() {
 }
 
 #[test]
-fn a_scene_knows_its_files() {
+fn a_scene_lists_its_files() {
     let code = in_code().build().expect("a scene");
     assert_eq!(code.files, ["checks.png", "tent"]);
     let folder = tempfile::tempdir().expect("a folder");
@@ -240,35 +240,38 @@ fn refusal(scene: SceneBuilder, words: &str) -> String {
 }
 
 #[test]
-fn faults_name_what_was_given() {
-    let said = |scene: SceneBuilder, words: &str| {
+fn errors_name_the_key() {
+    let refused = |scene: SceneBuilder, words: &str| {
         let message = refusal(scene, words);
         assert!(message.contains(words), "{message}");
     };
-    said(SceneBuilder::new(), "scene in code: camera: the scene has no camera");
-    said(
+    refused(SceneBuilder::new(), "scene in code: camera: the scene has no camera");
+    refused(
         in_code().material("red", Material::diffuse(1.5)),
         "scene in code: materials.red.diffuse.albedo: albedo is 1.5",
     );
-    said(
+    refused(
         in_code().object(Object::sphere([0.0; 3], 1.0).material("wood")),
         "scene in code: objects[3].material: unknown material `wood`",
     );
-    said(
+    refused(
         in_code().object(Object::mesh("roof").material("gold")),
         "scene in code: objects[3].shape.ply.file: cannot read roof",
     );
-    said(
+    refused(
         in_code().slice(Slice::new("flight")),
         "scene in code: slices[1].name: duplicate slice name `flight`",
     );
-    said(in_code().spp(0), "scene in code: render.spp: spp is 0");
-    said(in_code().material("gold", Material::diffuse(0.5)), "scene in code: materials.gold: duplicate name");
+    refused(in_code().spp(0), "scene in code: render.spp: spp is 0");
+    refused(
+        in_code().material("gold", Material::diffuse(0.5)),
+        "scene in code: materials.gold: duplicate name",
+    );
     let mut mesh = tent();
     mesh.normals.pop();
-    said(
+    refused(
         in_code().mesh("roof", &mesh),
         "scene in code: mesh(\"roof\"): invalid mesh: 3 normals for 4 vertices",
     );
-    said(in_code().mesh("roof.obj", &tent()), "another format");
+    refused(in_code().mesh("roof.obj", &tent()), "another format");
 }

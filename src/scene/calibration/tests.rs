@@ -48,7 +48,7 @@ fn same(name: &str, text: &str, options: &Options) -> Calibration {
 }
 
 #[test]
-fn opencvs_own_yaml_and_json() {
+fn opencv_yaml_and_json_are_read() {
     let flat = |m: [[f64; 3]; 3]| format!("{:?}", m.concat());
     let matrix = |data: &str, rows: usize, columns: usize| {
         format!("!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {data}\n")
@@ -76,7 +76,7 @@ fn opencvs_own_yaml_and_json() {
 }
 
 #[test]
-fn two_devices_of_one_file() {
+fn two_devices_in_one_file_are_read() {
     let json = serde_json::json!({
         "cam_K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "cam_kc": [0, 0, 0, 0, 0],
         "proj_K": MATRIX, "proj_kc": LENS, "R": rotation(), "T": T,
@@ -103,7 +103,7 @@ fn two_devices_of_one_file() {
 }
 
 #[test]
-fn archives_of_numpy() {
+fn numpy_archives_are_read() {
     let matrix: Vec<f64> = MATRIX.concat();
     let column_major: Vec<f64> = transposed(MATRIX).concat();
     for (order, values) in [("False", &matrix), ("True", &column_major)] {
@@ -172,7 +172,7 @@ fn matlab_counts_from_one_and_has_row_vectors() {
 }
 
 #[test]
-fn kalibrs_chains() {
+fn kalibr_chains_are_read() {
     let four = |r: [[f64; 3]; 3], t: [f64; 3]| {
         let rows: Vec<String> =
             (0..3).map(|i| format!("  - [{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i])).collect();
@@ -231,7 +231,7 @@ fn ros_has_no_pose() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_place() {
+fn errors_name_their_position() {
     let good = "K: [[600, 0, 320], [0, 600, 240], [0, 0, 1]]\nD: [0.1, 0, 0, 0, 0]\nsize: [640, 480]\nR: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nt: [0, 0, 1]\n";
     assert!(read("a.yaml", good, &Options::default()).is_ok());
     let cases = [
@@ -253,13 +253,13 @@ fn what_is_wrong_is_said_with_its_place() {
         ("K:", "k_nothing:", "", "camera matrix is missing"),
         ("t: [0, 0, 1]", "t: [0, 0, 1, 0, 0, 1]", "4:1", "poses of 2 views"),
     ];
-    for (from, to, place, says) in cases {
+    for (from, to, place, expected) in cases {
         assert!(good.contains(from));
-        let options = Options { view: says.contains("poses").then_some(0), ..Options::default() };
-        let e = read("a.yaml", good.replacen(from, to, 1), &options).expect_err(says);
+        let options = Options { view: expected.contains("poses").then_some(0), ..Options::default() };
+        let e = read("a.yaml", good.replacen(from, to, 1), &options).expect_err(expected);
         let e = e.to_string();
         assert!(
-            e.contains(says)
+            e.contains(expected)
                 && e.starts_with(&format!("a.yaml{}{place}", if place.is_empty() { "" } else { ":" })),
             "{e}"
         );
@@ -276,7 +276,7 @@ fn what_is_wrong_is_said_with_its_place() {
 }
 
 #[test]
-fn what_is_printed_is_a_table_of_a_scene() {
+fn printed_calibrations_are_tables_of_a_scene() {
     let json = serde_json::json!({"K": MATRIX, "D": LENS, "R": rotation(), "t": T, "resolution": [640, 480]});
     let c = read("a.json", json.to_string(), &Options::default()).unwrap();
     let scene: syntax::scene::SceneFile = toml::from_str(&c.to_toml(false).unwrap()).unwrap();

@@ -312,8 +312,9 @@ fn check(
             "move the clipping planes (near_clip, far_clip), or remove the clipped surfaces: Sunstone does not clip",
         ));
     }
-    let said = |(scene, gap): (Scene, Option<InputError>)| (scene.notes.clone(), gap.map(|g| g.message));
-    built.map(said).map_err(|e| {
+    let notes_and_gap =
+        |(scene, gap): (Scene, Option<InputError>)| (scene.notes.clone(), gap.map(|g| g.message));
+    built.map(notes_and_gap).map_err(|e| {
         source.placed(InputError {
             span: e.span.or(Some(importer.document.scene.span.clone())),
             help: e.help.or(Some("correct the value".into())),

@@ -127,7 +127,7 @@ fn parts_merge_to_the_whole() {
 
 /// Verifies that a merge has no errors of totals if an input of an earlier version has none.
 #[test]
-fn what_one_input_lacks_is_dropped() {
+fn fields_missing_in_one_input_are_dropped() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     part(&at("a"), 1, 0, 4, "a", true);
@@ -174,7 +174,7 @@ fn binned_elements_weigh_by_samples() {
 }
 
 #[test]
-fn strangers_and_twins_are_refused() {
+fn different_scenes_and_equal_seeds_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     part(&at("a"), 1, 0, 4, "a", false);
@@ -193,7 +193,7 @@ fn strangers_and_twins_are_refused() {
 /// Verifies that a store whose rows are not increasing is refused when its slice is opened, and that the
 /// message names the store.
 #[test]
-fn rows_that_do_not_rise_are_refused() {
+fn rows_that_do_not_increase_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     for (i, name) in ["a", "b"].into_iter().enumerate() {
@@ -213,7 +213,7 @@ fn rows_that_do_not_rise_are_refused() {
 /// Verifies that a merge that is interrupted at any chunk leaves no store, and that the next merge resumes
 /// it and gives the same bytes.
 #[test]
-fn a_merge_that_was_cut_off_goes_on() {
+fn an_interrupted_merge_resumes() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     for (i, name) in ["a", "b"].into_iter().enumerate() {

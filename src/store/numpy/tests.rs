@@ -43,7 +43,7 @@ fn column_major_arrays_are_read_by_their_indices() {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn written_arrays_are_read_back() {
     let single = NumpyArray { shape: vec![0, 4], values: Values::Single(vec![]) };
     for array in [example(), single] {
         assert_eq!(NumpyArray::read(file(&bytes(&array)).path()).expect("an array"), array);
@@ -52,7 +52,7 @@ fn what_is_written_is_read() {
 
 /// Verifies that other number types are read, and that unsupported types are refused with a fix.
 #[test]
-fn kinds_of_numbers() {
+fn number_types_are_converted_or_refused() {
     let of = |kind: &str, order: &str, data: &[u8]| {
         let mut head = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 2), }}");
         head.push_str(&" ".repeat(118 - head.len() - 1));
@@ -97,7 +97,7 @@ proptest! {
     /// Verifies that damaged files are refused or read, without panics and without allocations of the
     /// claimed sizes.
     #[test]
-    fn damage_is_survived(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
+    fn damaged_files_never_panic(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
         let mut all = bytes(&example());
         all.truncate(cut);
         if let Some(byte) = all.get_mut(at) {

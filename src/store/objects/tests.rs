@@ -15,7 +15,7 @@ fn below(address: &str) -> Objects {
 const LEASE: Duration = Duration::from_millis(1500);
 
 #[test]
-fn a_lock_has_one_holder_and_ends_with_it() {
+fn a_lock_is_exclusive_and_ends_with_its_holder() {
     let objects = below("memory://locks/s.zarr");
     let first = ObjectLock::take(&objects, LEASE).expect("free");
     let Err(NoLock::Held(who)) = ObjectLock::take(&objects, LEASE) else {
@@ -44,7 +44,7 @@ fn a_lock_has_one_holder_and_ends_with_it() {
 
 /// Verifies that a conditional put whose response was lost finds its own object when it is repeated.
 #[test]
-fn locks_are_taken_when_answers_are_lost() {
+fn locks_are_taken_despite_lost_responses() {
     let objects = below("flaky://bad_line/s.zarr");
     for _ in 0..12 {
         let lock = ObjectLock::take(&objects, LEASE).expect("free");

@@ -149,7 +149,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn words_are_understood() {
+    fn selections_and_pulses_are_parsed() {
         let parse = |t: &str| t.parse::<Selection>();
         assert_eq!(parse("y=128").unwrap(), Selection::nearest(AxisKind::Y, 128.0));
         assert_eq!(parse("t=1000:2e3").unwrap().range, CoordRange::Between(1000.0, 2000.0));
@@ -172,7 +172,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_answered(text in ".{0,24}", words in "[a-z_]{0,10}[=:,][-0-9.:e,]{0,12}") {
+        fn arbitrary_text_never_panics(text in ".{0,24}", words in "[a-z_]{0,10}[=:,][-0-9.:e,]{0,12}") {
             for t in [&text, &words] {
                 let _ = t.parse::<Selection>();
                 let _ = t.parse::<Pulse>();

@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn entries_stand_for_pixels() {
+    fn entries_map_to_ranges_of_pixels() {
         assert_eq!(pixels(&[0.0, 1.0, 2.0], None, 3).unwrap(), [(0, 0), (1, 1), (2, 2)]);
         assert_eq!(pixels(&[1.5, 5.5, 8.5], None, 10).unwrap(), [(0, 3), (4, 7), (8, 9)]);
         assert_eq!(pixels(&[1.0, 4.0, 6.5], Some(3), 8).unwrap(), [(0, 2), (3, 5), (6, 7)]);
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_average() {
+    fn boxes_give_the_mean_of_their_pixels() {
         let pattern = Pattern { width: 3, height: 2, values: vec![1., 2., 3., 4., 5., 6.] };
         assert_eq!(pattern.mean((1, 2), (0, 1)), 4.0);
     }

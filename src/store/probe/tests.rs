@@ -87,7 +87,7 @@ fn the_default_probe_changes_nothing() {
 }
 
 #[test]
-fn contraction_is_the_brute_force_sum() {
+fn contraction_equals_the_brute_force_sum() {
     use AxisKind::{StokesIn, T, U, V};
     let dir = tempfile::tempdir().unwrap();
     let slice = stored(dir.path(), binned(), Polarization::Mueller);
@@ -144,7 +144,7 @@ fn stokes_contraction_is_a_matrix_product() {
 }
 
 #[test]
-fn convolution_moves_light_and_makes_none() {
+fn convolution_conserves_light() {
     use AxisKind::T;
     let dir = tempfile::tempdir().unwrap();
     let slice = stored(dir.path(), ProjectorSelect::Sum, Polarization::Intensity);
@@ -183,7 +183,7 @@ fn convolution_moves_light_and_makes_none() {
 }
 
 #[test]
-fn the_classical_matrices() {
+fn spatial_and_temporal_probes_equal_sums() {
     use AxisKind::{Component, StokesIn, StokesOut, T, U, V, X, Y};
     let dir = tempfile::tempdir().unwrap();
     let slice = stored(dir.path(), ProjectorSelect::All, Polarization::Mueller);
@@ -252,7 +252,7 @@ fn selections_take_nearest_entries() {
 }
 
 #[test]
-fn patterns_fit_or_say_why_not() {
+fn pattern_sizes_are_checked() {
     let dir = tempfile::tempdir().unwrap();
     let slice = stored(dir.path(), ProjectorSelect::Rows(vec![1, 4]), Polarization::Intensity);
     let run = |pattern| Probe { pattern: Some(pattern), ..Probe::default() }.run(&slice);

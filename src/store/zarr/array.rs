@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn chunk_keys_are_those_of_the_specification() {
+    fn chunk_keys_follow_the_specification() {
         let key = |encoding: Value, index: &[u64]| {
             let mut json = json();
             json["chunk_key_encoding"] = encoding;
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_ours_is_refused() {
+    fn unsupported_metadata_is_refused() {
         let read = |key: &str, value: Value| {
             let mut json = json();
             json[key] = value;

@@ -329,7 +329,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn leftovers_go_and_files_stay() {
+    fn leftovers_are_removed_and_files_kept() {
         let dir = tempfile::tempdir().unwrap();
         let deep = dir.path().join("a/c/0");
         whole_file::write(&deep.join("1"), b"kept").unwrap();

@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_told_is_read() {
+    fn described_coordinates_are_read_back() {
         let bins: Vec<f64> = (0..640).map(|i| 13012.5 + 25.0 * f64::from(i)).collect();
         let thirds: Vec<f64> = (0..9).map(|i| f64::from(i) / 3.0 + 1e-3 * f64::from(i * i)).collect();
         for coords in [&bins[..], &[450.0, 550.0, 660.0], &[7.0], &[0.0, 1.0], &thirds] {

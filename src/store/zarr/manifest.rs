@@ -275,7 +275,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_manifests_are_read_back() {
         let dir = tempfile::tempdir().unwrap();
         let root = dir.path();
         assert_eq!(Manifest::read(root).unwrap(), None);
@@ -295,7 +295,7 @@ mod tests {
     proptest! {
         /// Verifies that any changed, lost or added byte is detected.
         #[test]
-        fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), kind in 0..3) {
+        fn damage_is_detected(at in any::<prop::sample::Index>(), byte in any::<u8>(), kind in 0..3) {
             let dir = tempfile::tempdir().unwrap();
             for name in ["zarr.json", "samples/c.0.0", "samples/c.0.1"] {
                 whole_file::write(&dir.path().join(name), name.as_bytes()).unwrap();
@@ -314,7 +314,7 @@ mod tests {
         }
 
         #[test]
-        fn no_text_panics(text in ".{0,200}") {
+        fn arbitrary_text_is_refused(text in ".{0,200}") {
             prop_assert_eq!(parse(&text), None);
         }
     }

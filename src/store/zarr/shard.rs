@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_together_is_found() {
+    fn frames_are_found_by_number() {
         let (bytes, sum, frames) = example();
         let tail = &bytes[bytes.len() - tail_len(4) as usize..];
         assert_eq!(checksum(tail), sum);
@@ -236,7 +236,7 @@ mod tests {
 
     /// Verifies that two shards whose frames have equal sizes have the same index, but different checksums.
     #[test]
-    fn checksums_tell_frames() {
+    fn checksums_distinguish_frames() {
         let shard = |content: &[u8]| {
             let mut builder = Builder::new(1);
             builder.push(0, &sealed(content));
@@ -250,7 +250,7 @@ mod tests {
     proptest! {
         /// Verifies that any changed or lost byte is detected.
         #[test]
-        fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
+        fn damage_is_detected(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
             let (sound, sum, _) = example();
             let mut bytes = sound.clone();
             let at = at.index(bytes.len());
@@ -265,7 +265,7 @@ mod tests {
         }
 
         #[test]
-        fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), frames in 1_usize..6) {
+        fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), frames in 1_usize..6) {
             prop_assert!(fault(&bytes, frames).is_some() || bytes.is_empty());
         }
     }

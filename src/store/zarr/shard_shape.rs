@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_small_is_one_shard() {
+    fn small_arrays_have_one_shard() {
         let found = cut(&[100, 90], &[32, 32], 2000);
         assert_eq!((found.inner, found.shard), (vec![32, 32], vec![128, 96]));
         let odd = cut(&[7, 11, 5], &[7, 7, 5], 60 << 10);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shard_is_bounded() {
+    fn shard_size_is_bounded() {
         let found = cut(&[64, 64, 9], &[32, 32, 9], 80 << 20);
         assert_eq!(found.shard, [32, 32, 9]);
         // An empty array has one shard with a short tail.

@@ -143,7 +143,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn zeros_and_noise_are_told_apart() {
+    fn zero_and_dense_content_is_distinguished() {
         assert_eq!(encode(&[], None), Content::Zero);
         assert_eq!(encode(&[0; 1000], None), Content::Zero);
         assert_eq!(encode(&[1; 1000], None), Content::Dense);
@@ -153,7 +153,7 @@ mod tests {
         /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any
         /// position.
         #[test]
-        fn the_decoder_gives_back_the_bytes(
+        fn the_decoder_returns_the_original_bytes(
             length in 4096_usize..600_000,
             at in prop::collection::vec((any::<prop::sample::Index>(), 1..=u8::MAX), 1..12),
         ) {

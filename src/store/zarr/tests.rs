@@ -72,7 +72,7 @@ pub(crate) fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>>
 }
 
 #[test]
-fn layout_attributes_and_values_come_back() {
+fn layout_attributes_and_values_round_trip() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("new/out.zarr");
     let store = create(&path);
@@ -108,7 +108,7 @@ fn layout_attributes_and_values_come_back() {
 use tensor::region;
 
 #[test]
-fn a_region_may_lie_anywhere() {
+fn regions_can_be_anywhere() {
     let dir = tempfile::tempdir().unwrap();
     let store = create(&dir.path().join("s"));
     let slice = store.slice("steady").unwrap();
@@ -205,7 +205,7 @@ fn leftovers_are_ignored_and_removed() {
 }
 
 #[test]
-fn an_existing_path_is_kept_unless_told() {
+fn an_existing_path_is_replaced_only_on_request() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
     let store = create(&path);
@@ -289,7 +289,7 @@ fn damaged_descriptions_are_errors() {
 /// root's arrays apply to every group, so xarray would refuse slices of a part of the camera. Stores of
 /// earlier versions, with counts along `y` and `x`, still open.
 #[test]
-fn sample_counts_are_along_dimensions_of_no_slice() {
+fn sample_counts_use_dimensions_of_no_slice() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
     create(&path).write_samples([0, 0], [7, 11], &[3; 77]).unwrap();
@@ -403,7 +403,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
 
 /// Verifies that a lost, exchanged or foreign chunk is an error, and that `verify` detects it.
 #[test]
-fn finished_stores_are_what_was_written() {
+fn changes_of_finished_stores_are_detected() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
     let store = create(&path);
@@ -426,11 +426,11 @@ fn finished_stores_are_what_was_written() {
         ("", Box::new(|| std::fs::write(&a, &other).unwrap())),
         ("was not in the store", Box::new(|| std::fs::write(&foreign, &other).unwrap())),
     ];
-    for (says, harm) in harms {
+    for (expected, harm) in harms {
         harm();
         let faults = verify(&path).unwrap().faults;
-        assert!(faults.len() == 1 && faults[0].contains(says), "{faults:?}");
-        if says != "was not in the store" {
+        assert!(faults.len() == 1 && faults[0].contains(expected), "{faults:?}");
+        if expected != "was not in the store" {
             let read = TensorStore::open(&path).unwrap().slice("timed").unwrap().read_all(Field::Mean);
             assert!(matches!(read, Err(AccessError::Chunk { .. })), "{read:?}");
         }
@@ -445,7 +445,7 @@ fn finished_stores_are_what_was_written() {
 /// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several
 /// chunks.
 #[test]
-fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
+fn an_unaligned_region_of_chunk_shape_covers_several_chunks() {
     let dir = tempfile::tempdir().unwrap();
     let store = create(&dir.path().join("s"));
     let slice = store.slice("steady").unwrap();

@@ -329,7 +329,7 @@ mod tests {
 
     /// Tests that a difference of two standard errors is not a win, and that a slightly larger difference is.
     #[test]
-    fn verdicts_say_where_ours_wins_beyond_doubt() {
+    fn a_win_needs_more_than_two_standard_errors() {
         let mut all = vec![];
         for (value, a, b, c, d) in
             [(10.0, 0.2, 0.3, 0.1, -0.3), (100.0, 0.2, 0.21, 0.3, -0.3), (1000.0, 0.21, 0.3, 0.1, -0.3)]
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_all_captures_is_drawn_where_few_begin() {
+    fn the_line_of_all_captures_spans_the_axis() {
         let mut all = vec![point(36.0, "theirs", Some([0.1, 0.1])), point(2.0, "ours", None)];
         all[0].series = WHOLE.into();
         all.push(point(1.0, "ours", None));

@@ -98,7 +98,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn values_stand_where_they_are_named() {
+    fn placeholders_are_replaced_by_values() {
         let known = [
             ("method".to_owned(), Value::Text("ours".into())),
             ("area under the curve".to_owned(), Value::Number(0.987_6)),
@@ -116,7 +116,7 @@ mod tests {
     proptest! {
         /// Tests that no text causes a panic, and that a text without braces is not changed.
         #[test]
-        fn any_text_is_a_caption_or_refused(text in "\\PC{0,40}", braces in "[{}:.a0-9]{0,20}") {
+        fn arbitrary_text_never_panics(text in "\\PC{0,40}", braces in "[{}:.a0-9]{0,20}") {
             let _ = fill(&braces, &[]);
             let plain = text.replace(['{', '}'], "");
             prop_assert_eq!(fill(&plain, &[]), Ok(plain));

@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fit_comes_back_bit_for_bit_and_of_its_inputs_alone() {
+    fn a_fit_round_trips_only_for_its_own_inputs() {
         let folder = tempfile::tempdir().expect("a folder");
         let place = |program, inputs| Place::new(folder.path(), "x", program, inputs);
         let own = place("p", "i");
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_damaged_is_none_and_what_is_foreign_stays() {
+    fn damaged_fits_are_ignored_and_other_files_kept() {
         let folder = tempfile::tempdir().expect("a folder");
         let place = Place::new(folder.path(), "x", "p", "i");
         place.write(&mut fit());

@@ -44,7 +44,7 @@ fn albedo(file: &SceneFile) -> toml::Value {
 }
 
 #[test]
-fn values_go_where_their_paths_lead() {
+fn values_are_set_at_their_paths() {
     let vary = r#"
 [vary.shade]
 path = "materials.wall.diffuse.albedo"
@@ -71,7 +71,7 @@ values = ["wall", "glass"]
 }
 
 #[test]
-fn lists_last_as_long_as_they_say() {
+fn list_entries_last_the_given_number_of_variants() {
     let vary = r#"
 [vary.a]
 path = "materials.wall.diffuse.albedo"
@@ -89,7 +89,7 @@ every = 2
 }
 
 #[test]
-fn draws_are_even_fixed_and_their_own() {
+fn draws_are_uniform_reproducible_and_independent() {
     let range = |more: &str| {
         format!(
             "{more}[vary.x]\npath = ['objects.\"the doll\".transform.translate.0', 'objects.1.shape.sphere.center.1']\n\
@@ -127,7 +127,7 @@ fn draws_are_even_fixed_and_their_own() {
 const PINNED: [f64; 3] = [1.9336119120850315, 2.5320505006663043, -0.620638408815303];
 
 #[test]
-fn mistakes_are_told_where_they_stand() {
+fn errors_name_their_position() {
     let path = "path = \"materials.wall.diffuse.albedo\"";
     let listed = |values: &str| format!("[vary.p]\n{path}\nvalues = {values}");
     let ranged = |path: &str, range: &str| format!("[vary.p]\npath = \"{path}\"\nrange = {range}");
@@ -212,7 +212,7 @@ mod any_text {
 
         /// Tests that no text makes the parser of paths or of `[vary]` panic.
         #[test]
-        fn any_path_is_read_or_refused(path in any::<String>(), values in any::<String>(), number in any::<u64>()) {
+        fn arbitrary_paths_never_panic(path in any::<String>(), values in any::<String>(), number in any::<u64>()) {
             let path = toml::Value::String(path).to_string();
             let text = format!("{}[vary.p]\npath = {path}\nvalues = [{values}]\n", super::SCENE);
             if let Err(e) = super::super::read(Path::new("s"), &text, number) {
@@ -222,7 +222,7 @@ mod any_text {
 
         /// Tests that each number of a list appears in `every` consecutive variants.
         #[test]
-        fn listed_numbers_come_back(list in prop::collection::vec(0.0..1.0_f64, 1..8), every in 1..5_u64, turn in 0..1000_u64) {
+        fn each_listed_number_is_used_in_consecutive_variants(list in prop::collection::vec(0.0..1.0_f64, 1..8), every in 1..5_u64, turn in 0..1000_u64) {
             let text = format!(
                 "{}[vary.p]\npath = \"media.milk.milk.concentration\"\nvalues = {list:?}\nevery = {every}\n\
                  [vary.q]\npath = \"objects.1.shape.sphere.radius\"\nrange = {{ min = 1, max = 2 }}\n",

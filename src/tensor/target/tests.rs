@@ -72,7 +72,7 @@ fn the_goal_is_reached_with_fewer_samples() {
 
 /// Verifies that equal tiles use no more samples than uniform sampling, because no samples can be saved.
 #[test]
-fn alike_tiles_cost_what_they_cost() {
+fn equal_tiles_cost_as_much_as_uniform_sampling() {
     let mut image = Image::new(0.0, 0.5);
     image.render(&goal(0.03, 0.5));
     let survey = image.survey();
@@ -83,7 +83,7 @@ fn alike_tiles_cost_what_they_cost() {
 /// Verifies that the only lit pixel of a tile gets as many samples as its neighbours, although it needs 100
 /// times as many.
 #[test]
-fn no_pixel_decides_alone() {
+fn a_single_pixel_does_not_determine_its_tile() {
     let counts = |variance: f64| {
         let mut image = Image::new(0.5, 0.3);
         // Tile 20 has one lit pixel.
@@ -113,7 +113,7 @@ fn no_pixel_decides_alone() {
 }
 
 #[test]
-fn rounds_end_at_the_most_samples() {
+fn rounds_end_at_the_maximum_number_of_samples() {
     let mut image = Image::new(0.5, 0.3);
     let goal = Goal { most: 100, ..goal(0.001, 0.5) };
     let Next::Round(more) = image.survey().next(&goal) else {
@@ -126,13 +126,13 @@ fn rounds_end_at_the_most_samples() {
 }
 
 #[test]
-fn counts_are_of_whole_groups() {
+fn counts_are_whole_numbers_of_groups() {
     assert_eq!([0.0, 8.0, 8.1, 33.0].map(round_count), [0, 0, 16, 33]);
     assert_eq!([64.5, 127.0, 128.5, 5000.0].map(round_count), [66, 128, 132, 5056]);
 }
 
 #[test]
-fn goals_that_make_no_sense_are_refused() {
+fn invalid_goals_are_refused() {
     assert_eq!(goal(0.02, 0.5).fault(""), None);
     for wrong in [goal(0.0, 0.5), goal(f64::NAN, 0.5), goal(0.1, 1.0)] {
         assert!(wrong.fault("--").is_some_and(|m| m.contains("--target-")));

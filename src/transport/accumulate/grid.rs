@@ -55,7 +55,7 @@ mod tests {
 
     /// Every cell of uneven axes has a distinct position that agrees with its chunk's box.
     #[test]
-    fn places_are_those_of_the_chunks_boxes() {
+    fn cell_positions_agree_with_chunk_boxes() {
         let grid = Grid { axes: vec![[5, 2], [3, 3], [7, 4]], chunks: 6 };
         let mut seen = std::collections::HashSet::new();
         for cell in 0..5 * 3 * 7 {

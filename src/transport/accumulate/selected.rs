@@ -127,11 +127,11 @@ mod tests {
     use tensor::slice::{CameraSelect, Polarization, TimeSelect};
 
     fn of(projector: ProjectorSelect) -> Option<Selected> {
-        told_apart(projector, false)
+        of_bounces(projector, false)
     }
 
     /// Selects pixels for a slice that separates light by `bounces`, or does not.
-    fn told_apart(projector: ProjectorSelect, bounces: bool) -> Option<Selected> {
+    fn of_bounces(projector: ProjectorSelect, bounces: bool) -> Option<Selected> {
         let slice = Slice {
             name: "s".into(),
             camera: CameraSelect::All,
@@ -155,7 +155,7 @@ mod tests {
     /// Verifies that the frequencies in 100,000 samples of a mask with weights 1, 3 and 4 match the
     /// probabilities (5 sigma).
     #[test]
-    fn pixels_are_drawn_with_their_chances() {
+    fn pixels_are_drawn_with_the_stated_probabilities() {
         let mut weights = vec![0.0; 256];
         for (pixel, weight) in [(3, 1.0), (77, 3.0), (255, 4.0)] {
             weights[pixel] = weight;
@@ -176,10 +176,10 @@ mod tests {
     }
 
     #[test]
-    fn few_are_chosen_and_many_are_not() {
+    fn only_few_pixels_are_selected() {
         let coaxial = of(ProjectorSelect::Coaxial).expect("one pixel is few");
         assert_eq!((coaxial.draw(9, &[], &mut Stream::new(1, 2, 3)), coaxial.chance(9, 0.0)), (9, 1.0));
-        let band = |half_width_px, bounces| told_apart(ProjectorSelect::Epipolar { half_width_px }, bounces);
+        let band = |half_width_px, bounces| of_bounces(ProjectorSelect::Epipolar { half_width_px }, bounces);
         // 1/128 of the pixels is two pixels; a line crosses 16.
         assert!(matches!(band(0.0625, true), Some(Selected::Band { most: 2, .. })));
         assert!(band(0.0625, false).is_none() && band(0.07, true).is_none());

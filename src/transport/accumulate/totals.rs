@@ -62,7 +62,7 @@ mod tests {
     /// Verifies the variance for groups of two samples at two wavelengths, one of them dark: the variance
     /// of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
-    fn the_variance_is_that_of_groups() {
+    fn the_variance_is_computed_over_groups() {
         let mut sums = TotalSums::default();
         for (group, total) in [(1, 1.0), (2, 2.0), (3, 5.0)] {
             for share in [1.5, 0.5] {

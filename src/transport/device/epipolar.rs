@@ -240,7 +240,7 @@ mod tests {
     /// camera pixels each, two half widths. The poses give lines that are flat, steep, oblique, and outside
     /// the image.
     #[test]
-    fn lists_hold_what_is_within() {
+    fn lists_contain_the_pixels_within_the_band() {
         let mut stream = Stream::new(7, 0, 0);
         let mut kinds = [0; 4];
         for case in 0..60 {

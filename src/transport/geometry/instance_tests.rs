@@ -163,7 +163,7 @@ fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
 
 /// Verifies that random rays hit instances in the same way as copies.
 #[test]
-fn instances_are_copies() {
+fn instances_equal_copies() {
     let mut stream = Stream::new(21, 0, 0);
     // One group near its origin, and one so far from it that its origin is moved.
     let groups = [things(Vec3::ZERO), things(Vec3::new(30.0, -20.0, 50.0))];
@@ -225,7 +225,7 @@ fn instances_are_copies() {
 
 /// Verifies that the generic code gives bit-identical results.
 #[test]
-fn plain_code_gives_the_same_bits() {
+fn generic_code_is_bit_identical() {
     let mut stream = Stream::new(22, 0, 0);
     let (groups, where_to) = ([things(Vec3::ZERO)], places(&mut stream, 10));
     let [one, _] = pair(&groups, &where_to);
@@ -245,7 +245,7 @@ fn plain_code_gives_the_same_bits() {
 /// Verifies that a ray that leaves a surface does not hit it again, and that a ray that enters a closed
 /// surface hits the inside of the surface, at any size or distance.
 #[test]
-fn nothing_leaks() {
+fn rays_do_not_leak_through_closed_instances() {
     let mut stream = Stream::new(23, 0, 0);
     let mut closed = Things::default();
     closed.meshes.push((ball(40), 0));
@@ -291,7 +291,7 @@ fn nothing_leaks() {
 
 /// `Option<Hit>` is no larger than `Hit`.
 #[test]
-fn hits_are_small() {
+fn an_optional_hit_is_no_larger_than_a_hit() {
     assert_eq!(size_of::<Option<Hit>>(), 20);
     for number in [0, 1, 77, 1 << 30] {
         assert_eq!(Owner::instance(number).number(), Some(number));
@@ -301,7 +301,7 @@ fn hits_are_small() {
 
 /// Verifies that a thousand instances take the memory of one, plus a small amount for each.
 #[test]
-fn a_thousand_copies_in_the_memory_of_one() {
+fn a_thousand_instances_take_the_memory_of_one() {
     let mesh = ball(100);
     assert!(mesh.indices.len() > 19_000);
     let with = |n: usize| {
@@ -338,7 +338,7 @@ fn a_thousand_copies_in_the_memory_of_one() {
 /// Verifies that a view of a world with instances agrees with rays that pass next to, between and inside
 /// the instances.
 #[test]
-fn views_know_of_instances() {
+fn views_include_instances() {
     let mut stream = Stream::new(24, 0, 0);
     let groups = [things(Vec3::ZERO)];
     let [g, _] = pair(&groups, &places(&mut stream, 12));

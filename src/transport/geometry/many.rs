@@ -69,7 +69,7 @@ mod tests {
     use optics::sampling::warp;
 
     #[test]
-    fn many_are_as_each_alone() {
+    fn batched_vectors_equal_single_ones() {
         let mut stream = Stream::new(1, 0, 0);
         let mut draw = || warp::sphere(stream.uniform2()) * (0.1 + stream.uniform());
         let m = Mat3A::from_cols(draw(), draw(), draw());

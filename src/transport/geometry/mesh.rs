@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn transforms_keep_normals_true() {
+    fn transforms_keep_normals_consistent() {
         let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
         for scale in [vec3(1.0, 2.0, 0.5), vec3(-1.0, 1.0, 3.0), vec3(-1.0, -2.0, -1e-3)] {
             let mut c = Mesh::cube();
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_named() {
+    fn invalid_meshes_are_refused() {
         assert_eq!(Mesh::default().validate(), Err(MeshError::Empty));
         let broken = |f: fn(&mut Mesh)| {
             let mut m = Mesh::rectangle();
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_triangles_and_loose_vertices_go() {
+    fn degenerate_triangles_and_unused_vertices_are_removed() {
         let mut m = Mesh::rectangle();
         m.positions.insert(0, vec3(9.0, 9.0, 9.0));
         m.normals.insert(0, Vec3::Z);

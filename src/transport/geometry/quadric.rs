@@ -416,7 +416,7 @@ mod tests {
 
     /// Compares the derivative of the normal with finite differences.
     #[test]
-    fn normals_bend_as_their_derivative_says() {
+    fn normal_derivatives_match_finite_differences() {
         let mut stream = Stream::new(5, 0, 0);
         let ball = Quadric::new(QuadricKind::Sphere, Affine3A::from_scale(Vec3::splat(0.7)), 0);
         for q in all().into_iter().chain([ball]) {

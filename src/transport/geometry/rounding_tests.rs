@@ -76,7 +76,7 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
 /// that it leaves, and that a surface does not block lines to its own points. A ray may hit the other side
 /// of a curved surface, or its inside, but nothing nearer.
 #[test]
-fn nothing_meets_itself() {
+fn rays_do_not_hit_the_surface_they_leave() {
     let mut stream = Stream::new(41, 0, 0);
     let (mut left, mut again, mut lines, mut blocked) = (0, [0; 6], 0, [0; 6]);
     for case in 0..720 {
@@ -154,7 +154,7 @@ fn nothing_meets_itself() {
 /// Verifies that no ray of random walks inside closed meshes and quadrics escapes, at all positions and
 /// sizes.
 #[test]
-fn closed_rooms_lose_no_light() {
+fn rays_do_not_escape_closed_shapes() {
     let mut stream = Stream::new(42, 0, 0);
     for offset in OFFSETS {
         for (what, scale) in [
@@ -230,7 +230,7 @@ fn closed_rooms_lose_no_light() {
 
 /// Verifies that a ray along the inside of a round shape hits the shape again, at any small angle.
 #[test]
-fn round_rooms_are_closed_to_grazing_rays() {
+fn grazing_rays_do_not_escape_round_shapes() {
     let mut stream = Stream::new(44, 0, 0);
     for (offset, kind, scale) in [
         (0.1, QuadricKind::Sphere, Vec3::ONE),
@@ -270,7 +270,7 @@ fn round_rooms_are_closed_to_grazing_rays() {
 /// Verifies that rays from each of two parallel sheets, 1 µm apart at a distance of 1 m, hit the other
 /// sheet.
 #[test]
-fn a_micrometre_is_seen_at_a_metre() {
+fn sheets_a_micrometre_apart_are_resolved_at_a_metre() {
     let mut stream = Stream::new(43, 0, 0);
     for axis in 0..3 {
         let mut builder = GeometryBuilder::default();

@@ -164,7 +164,7 @@ fn shared_edges_are_closed() {
 }
 
 #[test]
-fn an_empty_scene_is_hit_by_nothing() {
+fn an_empty_scene_has_no_hits() {
     let g = GeometryBuilder::default().build();
     let ray = Ray { origin: Vec3A::ZERO, dir: Vec3A::X };
     assert!(g.intersect(&ray, f32::INFINITY).is_none());
@@ -175,7 +175,7 @@ fn an_empty_scene_is_hit_by_nothing() {
 /// give bit-identical hits. All three use only sums, products, quotients and square roots, which every
 /// processor rounds equally.
 #[test]
-fn every_processor_meets_the_same() {
+fn hits_are_bit_identical_on_all_processors() {
     let mut stream = Stream::new(21, 0, 0);
     let mesh = crowd(&mut stream, 500, (Vec3A::ZERO, 2.0), 0.5);
     let build = || {

@@ -283,7 +283,7 @@ mod tests {
 
     /// Verifies that a pinhole inside a sphere, or just in front of a wall, has no view.
     #[test]
-    fn what_is_too_close_is_left_to_rays() {
+    fn pinholes_close_to_surfaces_have_no_view() {
         let mut stream = Stream::new(12, 0, 0);
         let g = room(&mut stream);
         let window = [Vec2::splat(-0.5), Vec2::splat(0.5)];

@@ -236,7 +236,7 @@ mod tests {
 
     /// Verifies that facets close to the mean surface transmit according to Fresnel's equations.
     #[test]
-    fn smooth_facets_pass_as_the_mean_surface() {
+    fn smooth_facets_transmit_like_the_mean_surface() {
         let eta = Spectral::splat(1.5);
         let smooth = rough(0.002, Masking::Correlated);
         for single in [false, true] {
@@ -261,7 +261,7 @@ mod tests {
     /// Compares with Mitsuba 3.9.1's `eval_transmittance` and `eval_reflectance`, which `roughplastic`
     /// tabulates (GGX, relative index 1.49). A script evaluated Mitsuba's formulas with 65,536 normals.
     #[test]
-    fn a_single_passage_is_that_of_roughplastic() {
+    fn a_single_passage_matches_roughplastic() {
         let eta = Spectral::splat(1.49);
         for (alpha, inside, through) in [
             (0.1_f32, 0.554_f32, [0.961_f32, 0.948, 0.908, 0.689]),

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn interpolates_between_and_refuses_outside() {
+    fn constants_are_interpolated_and_refused_out_of_range() {
         let c = find("bk7").unwrap();
         let [[x0, n0, _], [x1, n1, _]] = [c.samples[3], c.samples[4]];
         let (n, k) = c.at(0.25 * x0 + 0.75 * x1).unwrap();

@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn texels_are_where_they_belong() {
+    fn texel_centres_have_their_values() {
         for filter in [Filter::Bilinear, Filter::Nearest] {
             for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
                 let t = textures(filter, wrap, SAME);
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn images_go_on_as_asked() {
+    fn images_continue_by_wrap_mode() {
         // The lower left texel is 4, the lower right one 6.
         let at = |wrap, u| value(&textures(Filter::Nearest, wrap, SAME), u, 0.25);
         for (wrap, expected) in [
@@ -271,7 +271,7 @@ mod tests {
 
     /// Compares gradients with finite differences of the image, for every wrap mode and an affine map.
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_match_finite_differences() {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             let t = textures(Filter::Bilinear, wrap, [[2.0, 0.5, 0.1], [0.25, -1.0, 1.0]]);
             for (u, v) in [(0.21, 0.33), (0.71, 0.93), (-0.43, 1.61), (1.37, 0.48)] {
@@ -288,7 +288,7 @@ mod tests {
 
     /// Verifies corner values also for high triangle indices, where texture coordinates are coarse.
     #[test]
-    fn values_of_corners_are_mixed() {
+    fn corner_values_are_interpolated() {
         let mut t = Textures::default();
         for number in 0..70_000_u32 {
             let base = (number % 97) as f32;

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn integrals_are_those_of_the_numbers() {
+    fn integrals_match_quadrature() {
         let mut stream = Stream::new(7, 0, 0);
         for nearest in [false, true] {
             for _ in 0..60 {
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn reaches_invert_integrals() {
+    fn reach_inverts_the_integral() {
         let mut stream = Stream::new(9, 0, 0);
         for nearest in [false, true] {
             for _ in 0..200 {
@@ -274,7 +274,7 @@ mod tests {
 
     /// Verifies rays along a grid axis, on a plane between cells, and past the box.
     #[test]
-    fn rays_along_the_grid_are_walked() {
+    fn rays_along_the_grid_are_integrated() {
         let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();
         let grid = Grid::new([2, 1, 1], values, Affine3A::IDENTITY, false).expect("a grid");
         let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };

@@ -229,7 +229,7 @@ mod tests {
     #[test]
     // One of the numbers is near π/4.
     #[expect(clippy::approx_constant)]
-    fn bohren_and_huffmans_sphere() {
+    fn matches_bohren_and_huffman() {
         let s = sphere(2.0 * PI * 0.525 / 0.6328, 1.55, 0.0);
         for (got, want) in [(s.q_sca, 3.10543), (s.q_ext(), 3.10543), (s.q_back, 2.92534)] {
             assert!((got - want).abs() < 5e-6, "{got} is not {want}");
@@ -255,7 +255,7 @@ mod tests {
     /// Compares with Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to its printed
     /// precision.
     #[test]
-    fn wiscombes_spheres() {
+    fn matches_wiscombe() {
         for (n, k, x, ext, sca, g) in [
             (0.75, 0.0, 0.101, 0.000_008, 0.000_008, 0.001_507),
             (0.75, 0.0, 10.0, 2.232_265, 2.232_265, 0.896_473),
@@ -280,7 +280,7 @@ mod tests {
     /// Compares with Rayleigh's (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), up to relative
     /// corrections of order x² (Bohren & Huffman 5.7).
     #[test]
-    fn small_spheres_scatter_as_rayleigh_says() {
+    fn small_spheres_match_rayleigh() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
             let m2 = C::new(n, k) * C::new(n, k);
             let polarizability = (m2 - 1.0) / (m2 + 2.0);
@@ -352,7 +352,7 @@ mod tests {
     /// the specular point, with an angle of incidence of (180° - θ)/2. The test thus verifies that the
     /// order and signs of S1 and S2, the sign of time and the sign of k agree with `polarization::fresnel`.
     #[test]
-    fn a_large_gold_sphere_reflects_as_fresnel_says() {
+    fn a_large_gold_sphere_matches_fresnel() {
         let s = sphere(3000.0, 0.4242, 2.4721);
         for deg in [50.0_f64, 75.0, 100.0, 120.0, 150.0, 170.0] {
             let [a, b, c, d] = matrix(s.amplitudes(deg.to_radians().cos()));
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn large_spheres_take_twice_their_shadow() {
+    fn extinction_of_large_spheres_approaches_two() {
         let excess = |x: f64| sphere(x, 1.5, 0.1).q_ext() - 2.0;
         assert!(excess(3000.0) > 0.0 && excess(3000.0) < 0.012, "{}", excess(3000.0));
         // The contribution of the edges decreases as x^(-2/3).
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn invalid_sizes_and_indices_are_refused() {
         for x in [0.0, -1.0, 1e-7, 3001.0, f64::NAN, f64::INFINITY] {
             assert!(matches!(Sphere::new(x, C::new(1.5, 0.0)), Err(MieError::Size(_))), "{x}");
         }

@@ -85,7 +85,7 @@ mod tests {
 
     /// Verifies that boundaries 0 and 4, of the same object, count as one object.
     #[test]
-    fn parts_of_an_object_are_one() {
+    fn parts_of_an_object_count_as_one() {
         let (b, mut nest) = (boundaries(), Nest::default());
         nest.cross(&b, 4, true);
         assert_eq!(nest.medium(&b), Some(10));
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn the_innermost_of_equals_fills() {
+    fn the_innermost_object_of_equal_priority_fills() {
         let (b, mut nest) = (boundaries(), Nest::default());
         assert_eq!(nest.medium(&b), None);
         nest.cross(&b, 0, true);
@@ -124,7 +124,7 @@ mod tests {
 
     /// Verifies that nesting deeper than [`DEPTH`] does not fail.
     #[test]
-    fn too_deep_is_not_noticed() {
+    fn nesting_deeper_than_the_limit_does_not_fail() {
         let (b, mut nest) = (boundaries(), Nest::default());
         for _ in 0..2 * DEPTH {
             nest.cross(&b, 0, true);

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn mean_volumes_are_those_of_the_quadratures() {
+    fn mean_volumes_match_the_quadratures() {
         for sizes in [
             SizeDistribution::Single { radius: 2e-7 },
             SizeDistribution::LogNormal { median: 1e-7, sigma: 0.3 },
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_distributions_are_refused() {
         let bad = [
             SizeDistribution::Single { radius: 0.0 },
             SizeDistribution::Single { radius: f64::NAN },

@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_published_numbers_are_met() {
+    fn absorption_matches_published_values() {
         // Table entries, a midpoint, the seam between the tables, and 4πk/λ beyond it.
         for (nm, want) in [
             (380.0, 0.01137),

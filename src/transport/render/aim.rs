@@ -96,7 +96,7 @@ mod tests {
     /// Verifies that points fall into each cell according to its density, by chi squared over all cells (5
     /// sigma).
     #[test]
-    fn points_have_their_density() {
+    fn points_follow_their_density() {
         const N: usize = 400_000;
         let mut stream = Stream::new(9, 0, 0);
         let weights: Vec<f32> = (0..CELLS * CELLS)

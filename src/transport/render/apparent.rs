@@ -166,7 +166,7 @@ mod tests {
 
     /// Verifies that too few lines, or parallel lines, have no nearest point.
     #[test]
-    fn parallel_lines_have_no_place() {
+    fn parallel_lines_have_no_nearest_point() {
         let mut lines = Lines::NONE;
         for k in 0..GRID * GRID {
             lines.add(Vec3A::new(k as f32 * 0.01, 0.0, 0.0), Vec3A::Z);

@@ -59,7 +59,7 @@ mod tests {
     /// Verifies that a distant ball scatters uniformly the light on its cross-section, a quarter of its
     /// surface area.
     #[test]
-    fn a_ball_throws_what_it_takes_in() {
+    fn a_ball_scatters_the_light_on_its_cross_section() {
         let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };
         let bounds = [Vec3A::X - 0.1, Vec3A::X + 0.1];
         let glints = Glints::new([(&ball, bounds, 0.5)].into_iter());

@@ -248,7 +248,7 @@ mod tests {
     /// Verifies that sampled directions have the stated density: 5 sigma of chi squared over 512 cells of
     /// 400,000 samples. Densities without guided turns fail the test.
     #[test]
-    fn turns_have_their_density() {
+    fn guided_directions_follow_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
         let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
             let back = guide.turn(at, stream).unwrap_or(back);
@@ -268,7 +268,7 @@ mod tests {
     /// Verifies that directions sampled with leaning have the stated density, by the same test. Densities
     /// without leaning, or with a quarter less leaning, fail the test.
     #[test]
-    fn leaning_has_its_density() {
+    fn leaned_directions_follow_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
         let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
             let to = media.sample_direction(0, back, 0, stream);
@@ -293,7 +293,7 @@ mod tests {
     /// Verifies that subpaths from the other end, in other media and at a target have the density of the
     /// medium alone.
     #[test]
-    fn others_do_not_turn() {
+    fn other_subpaths_keep_the_density_of_the_medium() {
         let (media, guide) = guided();
         let of = |medium, p, from| At { medium, p, from };
         let (to, own) = (Vec3A::Z, Spectral::splat(0.3));

@@ -70,7 +70,7 @@ mod tests {
     /// Verifies that the factor equals the gain of the product, and that the factor at right angles is 2
     /// minus this gain.
     #[test]
-    fn factors_are_gains() {
+    fn factors_equal_gains() {
         let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);
         for phase in [
             PhaseOptics::Rayleigh(Rayleigh::new(0.0)),

@@ -116,7 +116,7 @@ mod tests {
     /// Verifies that the typical contribution is a robust mean over samples. On average, connections below
     /// the threshold contribute as if all were made (5 sigma), and their second moment is below τ x.
     #[test]
-    fn roulette_keeps_means() {
+    fn roulette_preserves_means() {
         // Mean 3, mean square 12. The second set of samples has an outlier.
         let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
         let threshold = SHARE_IN_MEDIA * 4.0;
@@ -156,7 +156,7 @@ mod tests {
 
     /// Verifies that all connections are made without a threshold.
     #[test]
-    fn all_is_made_without_threshold() {
+    fn all_connections_are_made_without_a_threshold() {
         let mut stream = Stream::new(5, 1, 2);
         for x in [0.0, 1e-30, 1.0, f32::NAN] {
             assert_eq!(Roulette::default().spin(x, &mut stream), Some(1.0));

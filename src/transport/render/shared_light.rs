@@ -206,15 +206,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_made_once_and_again_where_they_are_spoilt() {
+    fn numbers_are_computed_once_and_again_if_damaged() {
         let folder = tempfile::tempdir().expect("a folder");
         let of = |part| SharedLight::new(&folder.path().join("light"), "key".into(), part, 2);
         assert_eq!(of(1).number("threshold", || 0.25).to_bits(), 0.25_f32.to_bits());
         let kept = of(2).number("threshold", || panic!("it is there"));
         assert_eq!(kept.to_bits(), 0.25_f32.to_bits());
         let file = folder.path().join("light/key.threshold");
-        for spoilt in [&b""[..], b"\0\0\0\0\0\0\0\x01", b"long enough to be more"] {
-            fs::write(&file, spoilt).expect("writes");
+        for damaged in [&b""[..], b"\0\0\0\0\0\0\0\x01", b"long enough to be more"] {
+            fs::write(&file, damaged).expect("writes");
             assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
         }
         // Values of another render are not used.

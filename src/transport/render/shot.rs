@@ -187,7 +187,7 @@ mod tests {
     /// Verifies that the direction out of water through a pane agrees with Snell's law, solved in double
     /// precision.
     #[test]
-    fn panes_are_aimed_through_as_snell_says() {
+    fn directions_through_panes_obey_snell() {
         let materials = materials();
         let from = Vec3A::new(0.02, -0.01, -0.03);
         let mut panes = Panes::default();
@@ -223,7 +223,7 @@ mod tests {
 
     /// Verifies that no direction is returned through curved panes or at total internal reflection.
     #[test]
-    fn others_are_left_to_shots() {
+    fn curved_panes_and_total_reflection_give_no_direction() {
         let materials = materials();
         let (from, to) = (Vec3A::new(0.0, 0.0, -0.1), Vec3A::new(0.1, 0.0, 0.4));
         let aim = |flat: bool, dir: Vec3A| {

@@ -191,7 +191,7 @@ mod tests {
     /// Verifies that parts read from the file equal those traced separately, including refracted
     /// connections.
     #[test]
-    fn parts_come_back() {
+    fn parts_are_read_back() {
         let counts = Counts { samples: 3, walks: 500_000, pixels: 60 };
         let trace = |(): &mut (), n: WalkNumber, found: &mut dyn FnMut(u32, Splat)| {
             for point in 0..n.walk % 3 {

@@ -143,7 +143,7 @@ fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
 
 /// Verifies that the code for AVX2 and the portable code produce the same bits, for paths and for subpaths.
 #[test]
-fn every_processor_renders_the_same() {
+fn renders_are_bit_identical_on_all_processors() {
     for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
         let [fast, plain] = [false, true].map(|plain| {
             let scene = scene(integrator, plain);
@@ -158,7 +158,7 @@ fn every_processor_renders_the_same() {
 /// Verifies that points on mirrors with many copies are on the copies, with probabilities proportional to
 /// area.
 #[test]
-fn mirrors_with_many_copies_are_drawn_in_two_steps() {
+fn mirrors_with_many_copies_are_sampled_in_two_steps() {
     use super::mirrors_copied::Copied;
     use crate::geometry::bvh::Outline;
     use glam::{Affine3A, Vec3, Vec3A};
@@ -197,7 +197,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
 /// Verifies that rendering in parts, with splats in a file, is bit-identical to a single part for any
 /// number of threads.
 #[test]
-fn parts_change_no_bit() {
+fn rendering_in_parts_is_bit_identical() {
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.
     for (integrator, walks) in
         [(Integrator::Bidirectional, 2000), (Integrator::Bidirectional, 100), (Integrator::Caustics, 2000)]

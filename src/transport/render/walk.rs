@@ -349,7 +349,7 @@ mod tests {
     /// variance.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn walks_count_for_one_however_they_part() {
+    fn walks_have_mean_weight_one_with_and_without_splitting() {
         let (_, guide, _) = milk();
         let mut variances = [0.0; 2];
         for (parting, variance) in [Parting::Never, Parting::All].into_iter().zip(&mut variances) {
@@ -368,7 +368,7 @@ mod tests {
     /// test fails.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn long_walks_count_for_one() {
+    fn long_walks_have_mean_weight_one() {
         let (_, guide, _) = milk();
         let ([(mean, error), _], _) = means(4000, 200, Parting::All, &guide);
         println!("{mean} +- {error}");
@@ -379,7 +379,7 @@ mod tests {
 
     /// Verifies that following a lineage gives the same vertices.
     #[test]
-    fn lineages_are_found_again() {
+    fn following_a_lineage_gives_the_same_vertices() {
         let (scene, guide, end) = milk();
         let [mut walk, mut again] = [Walk::default(), Walk::default()];
         let mut branches = 0;

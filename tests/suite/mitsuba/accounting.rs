@@ -74,7 +74,7 @@ const ITEMS: [&str; 14] = [
 ];
 
 #[test]
-fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
+fn unknown_items_are_noted_or_refused_everywhere() {
     let folder = folder();
     let whole = imported(folder.path(), WHOLE).unwrap();
     let tags = [
@@ -121,7 +121,7 @@ fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
 
 /// Tests known items whose value changes the image: each changes the scene, produces a note or is refused.
 #[test]
-fn known_items_are_never_silent() {
+fn known_items_are_never_ignored_silently() {
     let folder = folder();
     let whole = imported(folder.path(), WHOLE).unwrap();
     for (element, item) in [

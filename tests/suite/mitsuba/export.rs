@@ -52,7 +52,7 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
 ];
 
 #[test]
-fn what_mitsuba_lacks_is_refused_by_name() {
+fn features_missing_in_mitsuba_are_refused_by_name() {
     let folder = folder();
     let mut wrong = vec![];
     for (from, to, message) in INEXPRESSIBLE {
@@ -101,7 +101,7 @@ fn colours_of_images_need_one_wavelength() {
 }
 
 #[test]
-fn differences_of_models_are_said() {
+fn model_differences_are_noted() {
     let folder = folder();
     let text = ALL.replace("masking = \"separable\"", "masking = \"correlated\"");
     let notes = exported(folder.path(), &text).unwrap().notes.join("\n");
@@ -119,7 +119,7 @@ fn differences_of_models_are_said() {
 }
 
 #[test]
-fn a_folder_in_use_is_left_alone() {
+fn existing_files_are_replaced_only_on_request() {
     let folder = folder();
     let export = exported(folder.path(), ALL).unwrap();
     let out = folder.path().join("out");

@@ -115,7 +115,7 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("curve.txt"), "0 0 0 1\n1 0 0 -1\n").unwrap();
     std::fs::write(folder.path().join("ball.vol"), &sphere()[..900]).unwrap();
-    for (kind, file, says) in [
+    for (kind, file, expected) in [
         ("linearcurve", "curve.txt", "curve.txt:2"),
         ("linearcurve", "none.txt", "none.txt"),
         ("bsplinecurve", "curve.txt", "at least 0"),
@@ -124,13 +124,13 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     ] {
         let shape = format!("\n<shape type=\"{kind}\"><string name=\"filename\" value=\"{file}\"/></shape>");
         let e = imported_whole(folder.path(), &text(&shape)).unwrap_err().to_string();
-        assert!(e.contains("scene.xml:2") && e.contains(says), "{e}");
+        assert!(e.contains("scene.xml:2") && e.contains(expected), "{e}");
     }
 }
 
 /// Tests the import of a Python dictionary with its files in memory.
 #[test]
-fn files_in_memory_are_enough() {
+fn files_in_memory_are_imported() {
     let files: BTreeMap<String, Vec<u8>> = [("curve.txt".to_owned(), CURVE.into())].into();
     let shape = text("<shape type=\"bsplinecurve\"><string name=\"filename\" value=\"curve.txt\"/></shape>");
     let (xml, toml) = (Path::new("/nowhere/scene.xml"), Path::new("/nowhere/scene.toml"));

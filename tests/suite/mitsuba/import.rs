@@ -31,7 +31,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 "#;
 
 #[test]
-fn a_scene_by_hand_is_read() {
+fn a_handwritten_scene_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let (import, scene) = built(folder.path(), HAND);
     // The vertical field of view is the smaller one: 30° over 16 pixels.
@@ -91,7 +91,7 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
 ];
 
 #[test]
-fn what_is_not_understood_is_told_with_its_place() {
+fn unsupported_items_are_reported_with_their_position() {
     let folder = tempfile::tempdir().unwrap();
     let mut wrong = vec![];
     for (from, to, line, message) in UNREADABLE {
@@ -120,7 +120,7 @@ fn what_is_not_understood_is_told_with_its_place() {
 
 /// Tests that all faults are reported in order, each with its line.
 #[test]
-fn all_problems_are_told_at_once() {
+fn all_errors_are_reported_at_once() {
     let folder = tempfile::tempdir().unwrap();
     // Faults in separate elements, from top to bottom.
     let faults: Vec<_> = [3, 4, 10, 11, 12, 14, 17]
@@ -141,7 +141,7 @@ fn all_problems_are_told_at_once() {
 }
 
 #[test]
-fn one_sided_is_black_behind() {
+fn one_sided_materials_are_black_behind() {
     let folder = tempfile::tempdir().unwrap();
     let import = imported(folder.path(), &HAND.replace("<ref id=\"wall\"/>", "<ref id=\"gold\"/>")).unwrap();
     assert!(import.toml.contains("[materials.gold.two_sided]\nfront = \"gold_front\""), "{}", import.toml);
@@ -153,7 +153,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
     /// Tests that any damage to a file gives a scene or an error.
     #[test]
-    fn broken_files_do_no_harm(
+    fn damaged_files_never_panic(
         whole in any::<bool>(),
         cuts in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..30, "[<>/\"=a-z0-9$ .-]{0,6}"), 1..4),
     ) {
@@ -340,7 +340,7 @@ fn paths_are_searched_as_in_mitsuba() {
 /// Tests that a rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, with a
 /// note.
 #[test]
-fn rotations_about_long_axes_are_those_of_mitsuba() {
+fn rotations_about_long_axes_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
     let turned = |op: &str| HAND.replace("<rotate z=\"1\" angle=\"90\"/>", op);
     let import = imported(folder.path(), &turned("<rotate x=\"2\" angle=\"90\"/>")).unwrap();
@@ -406,7 +406,7 @@ fn transient_films_become_time_bins() {
 /// Tests the approximations of the import: facets have a single roughness, the root of the product
 /// of those along u and v, and never 0; numbers in images are luminances.
 #[test]
-fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
+fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     let folder = tempfile::tempdir().unwrap();
     let squares = |name: &str, a: f64, b: f64| {
         format!(
@@ -454,7 +454,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
 
 /// Tests that defaults are Mitsuba's: unlimited paths, black lamps, grey shapes.
 #[test]
-fn defaults_are_those_of_mitsuba() {
+fn defaults_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
     let text =
         HAND.replace("<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>", "");
@@ -483,7 +483,7 @@ fn thin_glass_under_volumetric_integrators_is_noted() {
 
 /// Tests that references can name any top-level element, and that unreferenced elements are noted.
 #[test]
-fn references_reach_everything_at_the_top() {
+fn references_can_name_any_top_level_element() {
     let folder = tempfile::tempdir().unwrap();
     let text = HAND
         .replace("<film type=\"hdrfilm\"><integer name=\"width\" value=\"32\"/><integer name=\"height\" value=\"16\"/><rfilter type=\"gaussian\"/></film>",

@@ -116,7 +116,7 @@ fn shape_groups_are_read() {
 }
 
 #[test]
-fn what_groups_cannot_be_is_told() {
+fn invalid_groups_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (from, to, line, message) in [
         ("<ref id=\"tree\"/></shape>\n", "</shape>\n", 15, "the instance has no shapegroup"),
@@ -207,7 +207,7 @@ fn npy(shape: &str, by_column: bool, values: &[f64]) -> Vec<u8> {
 }
 
 #[test]
-fn groups_go_to_mitsuba_and_back() {
+fn groups_round_trip_through_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("trees.txt"), TREES).unwrap();
     let export = exported(folder.path(), SCENE).unwrap();
@@ -224,7 +224,7 @@ fn groups_go_to_mitsuba_and_back() {
 }
 
 #[test]
-fn places_are_lists_or_arrays() {
+fn placements_are_lists_or_arrays() {
     let folder = tempfile::tempdir().unwrap();
     let write = |bytes: &[u8]| std::fs::write(folder.path().join("trees.txt"), bytes).unwrap();
     write(TREES.as_bytes());

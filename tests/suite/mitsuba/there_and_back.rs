@@ -8,7 +8,7 @@ use sunstone::scene::mitsuba::import::Import;
 use sunstone::scene::syntax::scene::SceneFile;
 
 #[test]
-fn there_and_back_is_the_same_scene() {
+fn export_and_import_give_the_same_scene() {
     let folder = folder();
     let path = folder.path().join("scene.toml");
     let export = exported(folder.path(), ALL).unwrap();
@@ -24,7 +24,7 @@ fn there_and_back_is_the_same_scene() {
 }
 
 #[test]
-fn several_wavelengths_come_back() {
+fn several_wavelengths_round_trip() {
     let folder = folder();
     let path = folder.path().join("scene.toml");
     let text = ALL
@@ -50,7 +50,7 @@ fn several_wavelengths_come_back() {
 }
 
 #[test]
-fn the_mirror_room_goes_there_and_back() {
+fn the_mirror_room_round_trips() {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/mirror_room/scene.toml");
     let export = Export::load(&path, None).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -72,7 +72,7 @@ fn the_mirror_room_goes_there_and_back() {
 }
 
 #[test]
-fn the_text_of_an_import_says_what_its_value_says() {
+fn text_and_value_of_an_import_agree() {
     let folder = folder();
     let out = folder.path().join("out");
     exported(folder.path(), ALL).unwrap().write(&out, false).unwrap();

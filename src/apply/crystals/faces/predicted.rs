@@ -63,7 +63,7 @@ mod tests {
 
     /// Checks the values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
     #[test]
-    fn circular_light_is_turned_as_pinned() {
+    fn reversal_of_circular_light_matches_the_conventions() {
         let glass = Glass { index: 1.5, alpha: 0.3 };
         assert!((glass.turned(1.0) - 0.04).abs() < 1e-12);
         assert!((glass.turned(0.5_f64.sqrt()) - 0.0279111).abs() < 1e-6);

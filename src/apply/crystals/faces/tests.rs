@@ -92,7 +92,7 @@ fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
 }
 
 #[test]
-fn circular_light_shows_the_faces_alone() {
+fn circular_polarization_isolates_the_faces() {
     let outcome = run(observation(4, [8.0; 2], 1.0));
     for method in ["-(3,3), epipolar", "-(3,3), all light", "true normals"] {
         for metric in [0, 2, 4] {
@@ -109,7 +109,7 @@ fn circular_light_shows_the_faces_alone() {
 
 /// Planted errors: wrong normals are detected, and so is a surface that does not reverse handedness.
 #[test]
-fn wrong_normals_and_dull_faces_are_found() {
+fn wrong_normals_and_missing_reversal_are_detected() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));
     assert!(score(&outcome, "-(3,3), epipolar", 0) < 0.5);
     let outcome = run(observation(4, [8.0; 2], 0.0));
@@ -118,7 +118,7 @@ fn wrong_normals_and_dull_faces_are_found() {
 }
 
 #[test]
-fn what_is_missing_is_said() {
+fn missing_inputs_are_reported() {
     let whole = observation(4, [8.0; 2], 1.0);
     let failed = |change: &dyn Fn(&mut Observation)| failed(super::run, &whole, change);
     assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));

@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_are_differences() {
+    fn derivatives_match_finite_differences() {
         let p = Parameters::from([0.3, -0.2, 0.4, 1.7, 0.9, 30.0, 80.0, 0.4, -0.3]);
         for (x, y) in [(0.5, 0.1), (-0.7, 0.8), (1.3, -0.4)] {
             let (_, by) = model(&p, x, y);
@@ -268,7 +268,7 @@ mod tests {
 
     /// Without noise, the error is the difference between square pixels and the model's Gaussian blur.
     #[test]
-    fn places_are_good_to_three_hundredths() {
+    fn positions_are_accurate_to_three_hundredths_of_a_pixel() {
         let mut worst = 0.0_f64;
         for i in 0..40 {
             let t = f64::from(i);
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_and_blanks_are_no_corners() {
+    fn edges_and_blank_images_have_no_corners() {
         let flat = Image::new(31, 31, vec![7.0; 961]).unwrap();
         assert!(candidates(&flat, 1.5).is_empty());
         assert_eq!(refine(&flat, Vector2::new(15.5, 15.5), 6.0), None);

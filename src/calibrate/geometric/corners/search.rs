@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn boards_are_found_in_their_order() {
+    fn board_corners_are_found_in_order() {
         let board = Board::new(7, 6, 0.03).unwrap();
         let d = device();
         for (i, turn) in [0.0, 1.6, 4.0].into_iter().enumerate() {
@@ -246,7 +246,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
-        fn any_image_is_survived(w in 1_usize..40, h in 1_usize..40, kind in 0..4, seed in any::<u32>()) {
+        fn arbitrary_images_never_panic(w in 1_usize..40, h in 1_usize..40, kind in 0..4, seed in any::<u32>()) {
             let value = |i: usize| match kind {
                 0 => (i as u32).wrapping_mul(seed | 1) as f32,
                 1 => if (i / 3 + i / w / 3).is_multiple_of(2) { 1e30 } else { -1e30 },
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_board() {
+    fn noise_contains_no_board() {
         let mut x = 1_u32;
         let values = (0..120 * 90)
             .map(|_| {

@@ -180,7 +180,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn coordinates_come_back(w in 5_u32..300, h in 5_u32..300, a in 0.0..1.0_f64, b in 0.0..1.0_f64, waves in any::<bool>()) {
+        fn decoded_coordinates_match(w in 5_u32..300, h in 5_u32..300, a in 0.0..1.0_f64, b in 0.0..1.0_f64, waves in any::<bool>()) {
             let sequence = Sequence::with_waves([w, h], if waves { 4 } else { 0 }, 16).unwrap();
             let at: Vec<(f64, f64)> = (0..50)
                 .map(|i| (f64::from(i), f64::from(i)))
@@ -194,7 +194,7 @@ mod tests {
         }
 
         #[test]
-        fn any_values_are_survived(values in prop::collection::vec(prop::num::f32::ANY, 12 * 4)) {
+        fn arbitrary_values_never_panic(values in prop::collection::vec(prop::num::f32::ANY, 12 * 4)) {
             let sequence = Sequence::gray([4, 3]).unwrap();
             let images: Vec<_> = values.chunks(4).take(sequence.patterns().len()).map(|c| Image::new(2, 2, c.to_vec()).unwrap()).collect();
             let _ = decode(&sequence, &images);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_dark_or_mixed_is_left_out() {
+    fn dark_and_mixed_pixels_are_excluded() {
         let sequence = Sequence::gray([64, 64]).unwrap();
         let mut images = seen(&sequence, &[(10.5, 20.5), (10.5, 20.5), (10.5, 20.5)], 0.0);
         // The second pixel sees no projector pixel, the third sees two distant ones.

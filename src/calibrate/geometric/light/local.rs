@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantized_pixels_tell_more_than_a_pixel() {
+    fn quantized_pixels_give_subpixel_positions() {
         let m = nalgebra::Matrix3::new(1.1, 0.08, 100.0, -0.1, 0.93, 80.0, 1e-4, -2e-4, 1.0);
         let (w, h) = (80, 60);
         let (mut u, mut v) = (vec![], vec![]);

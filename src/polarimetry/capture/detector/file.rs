@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_have_places_and_fixes() {
+    fn errors_have_positions_and_fixes() {
         assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown field `exposure`"));
         assert!(
             fault("[cmos]\nbit_depth = 12\n  exposure_s = -1").contains("d.toml:3:3: `exposure_s` is -1")
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn diodes_take_the_bins_of_a_slice() {
+    fn diodes_use_the_bins_of_a_slice() {
         let diode = with_bins(&Spad::default(), 640, 25.0).expect("fits");
         assert_eq!((diode.bins, diode.period_bins()), (640, 4000));
         let diode = with_bins(&Spad::default(), 50, 30.0).expect("fits");
@@ -298,7 +298,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn damage_is_survived(text in "[ -~\n]{0,80}", at in 0_usize..60) {
+        fn damaged_text_never_panics(text in "[ -~\n]{0,80}", at in 0_usize..60) {
             let _ = read(&text);
             let mut whole = "demosaic = \"bilinear\"\n[cmos]\nexposure_s = 0.01\nbit_depth = 12\n".to_owned();
             whole.insert_str(at, &text);

@@ -143,7 +143,7 @@ mod tests {
     /// Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse: 2000
     /// captures of 20 000 pulses.
     #[test]
-    fn coates_undoes_pile_up() {
+    fn coates_corrects_pile_up() {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
         let counts: Vec<_> =
             (0..2000).map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key))).collect();
@@ -158,7 +158,7 @@ mod tests {
     /// a period, and more than one and two periods, with 0.95 photons per pulse: 300 captures of 10
     /// 000 pulses.
     #[test]
-    fn live_time_undoes_dead_time() {
+    fn live_time_corrects_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();
         for (k, dead) in [0.5, 1.0, 1.6, 13.0, 25.3, 40.0, 52.7, 99.9].into_iter().enumerate() {
             let recovery = tcspc::Recovery { dead, after_pulsing: 0.0, after_pulse: 0.0 };
@@ -172,7 +172,7 @@ mod tests {
 
     /// The weights of a count sum to D, its dead time in bins.
     #[test]
-    fn each_count_takes_its_dead_time() {
+    fn weights_of_a_count_sum_to_its_dead_time() {
         for dead in [0.0, 0.4, 1.0, 1.5, 2.0, 3.7, 8.0, 9.5, 16.0, 23.2] {
             let mut counts = [0; 8];
             counts[5] = 3;
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn dead_bins_lie_behind_the_count() {
+    fn dead_bins_follow_the_count() {
         let mut counts = [0; 8];
         counts[6] = 2;
         let lost: Vec<_> = armed(&counts, 10, 3.0).iter().map(|a| 10.0 - a).collect();
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn too_much_light_has_no_rate() {
+    fn saturated_bins_have_no_rate() {
         let rates = coates(&[3, 7, 0], 10);
         assert!((rates[0].value + 0.7_f64.ln()).abs() < 1e-12);
         assert!(rates[1].saturated && rates[2].saturated);
@@ -204,7 +204,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_counts_panic(
+        fn arbitrary_counts_never_panic(
             counts in prop::collection::vec(prop_oneof![0_u64..10, any::<u64>()], 0..6),
             pulses in any::<u64>(),
             dead in prop_oneof![proptest::num::f64::ANY, 0.0..20.0],

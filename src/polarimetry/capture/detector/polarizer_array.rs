@@ -149,14 +149,14 @@ mod tests {
     }
 
     #[test]
-    fn layout_is_that_of_the_sensor() {
+    fn layout_matches_the_sensor() {
         let raw = raw_of(&images([4, 4], |_, _, p| ARRAY_DEG[p]), [4, 4]);
         let (top, below) = ([90.0, 45.0, 90.0, 45.0], [135.0, 0.0, 135.0, 0.0]);
         assert_eq!(raw, [top, below, top, below].concat());
     }
 
     #[test]
-    fn constant_images_come_back_to_the_borders() {
+    fn constant_images_are_recovered_up_to_the_borders() {
         for size in [SIZE, [2, 2], [2, 5], [6, 3]] {
             let raw = raw_of(&images(size, |_, _, p| p as f64 + 1.0), size);
             for method in [Method::Superpixel, Method::Bilinear] {
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn ramps_come_back_inside() {
+    fn ramps_are_recovered_in_the_interior() {
         let [w, h] = SIZE;
         let ramps = images(SIZE, |x, y, p| (p as f64 - 1.5) * x as f64 + 3.0 * y as f64 + p as f64);
         let got = demosaic(&raw_of(&ramps, SIZE), w, h, Method::Bilinear).expect("has the size");
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn superpixels_undo_the_mosaic_of_blocks() {
+    fn superpixels_invert_the_mosaic_of_blocks() {
         let blocks = images([8, 6], |x, y, p| (x / 2 * 31 + y / 2 * 7 + p) as f64);
         let got = demosaic(&raw_of(&blocks, [8, 6]), 8, 6, Method::Superpixel).expect("has the size");
         assert_eq!((got.width, got.height), (4, 3));
@@ -217,7 +217,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_frame_panics(w in 0_usize..6, h in 0_usize..6, n in 0_usize..30, v in proptest::num::f64::ANY) {
+        fn arbitrary_frames_never_panic(w in 0_usize..6, h in 0_usize..6, n in 0_usize..30, v in proptest::num::f64::ANY) {
             let raw = vec![v; n];
             for method in [Method::Superpixel, Method::Bilinear] {
                 prop_assert_eq!(demosaic(&raw, w, h, method).is_ok(), n == w * h);

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poisson_numbers_have_their_moments() {
+    fn poisson_numbers_have_correct_moments() {
         for (key, mean) in [0.3, 9.0, 40.0, 1e6, 3e10].into_iter().enumerate() {
             let mut stream = stream(1, 0, key as u32);
             let seen = Moments::of((0..200_000).map(|_| poisson(mean, &mut stream)));

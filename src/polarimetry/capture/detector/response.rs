@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn both_branches_meet() {
+    fn both_branches_agree_at_their_boundary() {
         // z = -σ/τ at t = 0.
         let (near, far) = (1.0 / 29.999_999, 1.0 / 30.000_001);
         let difference = response(1.0, 1.0, near).before(0.0) - response(1.0, 1.0, far).before(0.0);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn without_jitter_it_is_the_bin_or_the_tail() {
+    fn without_jitter_the_response_is_one_bin_or_the_tail() {
         assert_eq!(response(0.0, 0.0, 0.0).binned(1.0, 4), [1.0, 0.0, 0.0, 0.0]);
         let shares = response(0.0, 1.0, 2.0).binned(1.0, 1000);
         assert!((shares[0] - (1.0 - (-0.25_f64).exp())).abs() < 1e-14);
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn no_numbers_panic() {
+    fn invalid_numbers_never_panic() {
         for v in [f64::NAN, -1.0, 0.0, 1e-300] {
             for bins in [0, 1, 3] {
                 let _ = response(v, v, v).binned(1.0, bins);

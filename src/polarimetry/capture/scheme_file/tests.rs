@@ -40,7 +40,7 @@ index = 1.6
 "#;
 
 #[test]
-fn what_is_written_is_read() {
+fn written_schemes_are_read_back() {
     let full = toml(FULL).expect("a scheme");
     assert_eq!((full.captures(), full.measurements(), full.motors().len()), (3, 12, 3));
     assert_eq!(full.generator()[1].name, "generator_2");
@@ -58,7 +58,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn faults_have_places_and_fixes() {
+fn errors_have_positions_and_fixes() {
     let head = "sensor = { kind = \"intensity\" }\n[[generator]]\n";
     let with = |rest: &str| fault(&format!("{head}{rest}"));
     assert!(with("kind = \"polariser\"\nangle_deg = 0").contains("s.toml:3:8"));
@@ -80,7 +80,7 @@ fn faults_have_places_and_fixes() {
 
 /// A calibration file yields its scheme; without a scheme, the error names what is missing.
 #[test]
-fn calibrations_are_schemes() {
+fn calibration_files_contain_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\
                   [temporal]\n[detector.cmos]\nread_noise_e = 3\n";
     assert_eq!(toml(&format!("{FULL}{others}")).expect("a scheme"), toml(FULL).expect("a scheme"));
@@ -90,7 +90,7 @@ fn calibrations_are_schemes() {
 }
 
 #[test]
-fn tables_of_angles() {
+fn tables_of_angles_are_read() {
     let csv = |text: &str| from_csv(Path::new("a.csv"), text);
     let four =
         csv("polarizer_1, retarder_2, retarder_3, polarizer_4\n0, 5, 25, 0\n# a comment\n10, 20, 30, 40\n");
@@ -117,7 +117,7 @@ fn tables_of_angles() {
 proptest! {
     /// Damaged files are rejected or read, and never cause a panic.
     #[test]
-    fn damage_is_survived(at in 0_usize..FULL.len(), with in "[ -~]{0,6}", csv in "[ -~\n,]{0,80}") {
+    fn damaged_text_never_panics(at in 0_usize..FULL.len(), with in "[ -~]{0,6}", csv in "[ -~\n,]{0,80}") {
         let mut text = FULL.to_owned();
         text.replace_range(at..(at + with.len()).min(text.len()), &with);
         let _ = toml(&text);

@@ -76,7 +76,7 @@ fn normal_noise_has_its_mean_and_variance() {
 
 /// A camera's stated variances agree with the scatter of readings over many seeds, with and without a mosaic.
 #[test]
-fn variances_of_cameras_are_the_scatter() {
+fn camera_variances_match_the_scatter() {
     let m = matrices(SMALL, 1.0);
     for (demosaic, array) in [(None, false), (Some(Method::Bilinear), true), (Some(Method::Superpixel), true)]
     {
@@ -125,7 +125,7 @@ fn threads_do_not_matter() {
 }
 
 #[test]
-fn too_much_light_is_no_number() {
+fn saturated_intensities_are_nan() {
     let m = matrices(SMALL, 1.0);
     let got = simulate(&m, SMALL, &drr(5, false), &rays(), &camera(1e8), 0).expect("fits");
     assert_eq!(got.saturated, got.intensities.len());
@@ -150,7 +150,7 @@ fn binning_is_the_mean_of_the_matrices() {
 /// Superpixels recover images that are constant within each superpixel. Interpolation recovers constant
 /// images.
 #[test]
-fn mosaics_of_even_images_come_back() {
+fn mosaics_of_uniform_images_are_recovered() {
     let half = Layout { height: 2, width: 3, ..SMALL };
     let small = matrices(half, 1.0);
     let inner = SMALL.times * SMALL.lanes * 16;
@@ -173,7 +173,7 @@ fn mosaics_of_even_images_come_back() {
 
 /// Without jitter, a diode's mean counts equal the intensities of all time bins.
 #[test]
-fn diodes_count_what_is_there() {
+fn mean_counts_of_a_diode_equal_the_intensities() {
     let layout = Layout { height: 1, width: 3, times: 40, lanes: 1 };
     let m = matrices(layout, 1.0);
     let diode = |bins| {
@@ -202,7 +202,7 @@ fn diodes_count_what_is_there() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn inconsistent_inputs_are_refused() {
     let m = matrices(SMALL, 1.0);
     let shoot = |m: &[f64], rays: &[Ray], noise: &Noise| simulate(m, SMALL, &drr(8, true), rays, noise, 0);
     assert!(shoot(&m[1..], &rays(), &Noise::None).is_err());

@@ -81,7 +81,7 @@ fn gradients_are_exact() {
 /// With M = 1 the error is that of all elements. With M = Σ w wᵀ it is the sum of the single functionals'
 /// errors.
 #[test]
-fn errors_are_those_of_what_counts() {
+fn errors_follow_the_metric() {
     for (captures, estimator) in
         [(20, Estimator::LeastSquares), (9, Estimator::LeastSquares), (5, Estimator::Prior)]
     {
@@ -135,7 +135,7 @@ fn few_captures_reach_the_bound_of_one_functional() {
 /// The closed form is the mean of the paper's Monte Carlo loss (eq. 8) over noise, data and angle errors.
 #[test]
 #[ignore = "slow: tools/check --all"]
-fn the_closed_form_is_the_sampled_loss() {
+fn the_closed_form_equals_the_sampled_loss() {
     use rand_distr::{Distribution, StandardNormal};
     let n = 40_000_u32;
     for (captures, estimator, angle_error) in [
@@ -204,7 +204,7 @@ fn learned_schemes_reach_the_bound() {
 
 /// The observer is notified of every descent and can stop it; histories contain the found minimum.
 #[test]
-fn somebody_may_look_on_and_end_it() {
+fn an_observer_is_notified_and_can_stop_the_search() {
     use std::sync::atomic::{AtomicUsize, Ordering};
     #[derive(Default)]
     struct Ends {

@@ -111,7 +111,7 @@ mod tests {
 
     /// The residual of X after n components is the tail of the spectrum.
     #[test]
-    fn what_is_left_is_the_tail() {
+    fn the_residual_equals_the_tail_of_the_spectrum() {
         let rows = rows(300, 6);
         let c = Components::of(&Moments::of(&rows)).unwrap();
         for n in 0..=16 {
@@ -146,7 +146,7 @@ mod tests {
 
         /// Arbitrary numbers give finite components or none.
         #[test]
-        fn odd_rows_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
+        fn arbitrary_rows_give_finite_components_or_none(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
             if let Some(c) = Components::of(&Moments::of(&all)) {
                 prop_assert!(c.vectors.as_flattened().iter().chain(&c.share).all(|e| e.is_finite()));
             }

@@ -93,7 +93,7 @@ mod tests {
 
     /// Materials with equal weights have pooled moments that are the mean of their moments.
     #[test]
-    fn materials_can_count_alike() {
+    fn materials_can_have_equal_weights() {
         let data = data(4);
         let pooled = Weight::Materials.pool(&data.materials, |m| &m.plain);
         let mean: f64 = data.materials.iter().map(|m| m.plain.mean()[5]).sum::<f64>() / 4.0;
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn one_side_is_never_empty() {
+    fn training_and_test_sets_are_never_empty() {
         assert!(matches!(
             folds(&data(25), 1, Weight::Bins),
             Err(DataError::Folds { folds: 1, materials: 25 })

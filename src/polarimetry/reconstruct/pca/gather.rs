@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_told_apart() {
+    fn entries_are_classified() {
         let mut g = Gathered::new(0, 8.0, 10);
         let with = |e: usize, v: f32| {
             let mut m = entry(3);
@@ -200,7 +200,7 @@ mod tests {
 
     /// The samples do not depend on the grouping of slabs, and all entries are equally likely (5 sigma).
     #[test]
-    fn choice_is_uniform_and_the_same_in_any_parts() {
+    fn samples_are_uniform_and_independent_of_grouping() {
         let (slabs, n, most) = (40, 500, 1000);
         let alone = |s: u32| slab(Gathered::new(s, 8.0, most), n);
         let mut all = Gathered::new(0, 8.0, most);
@@ -229,7 +229,7 @@ mod tests {
 
         /// Arbitrary input gives only finite moments.
         #[test]
-        fn odd_matrices_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
+        fn arbitrary_matrices_give_finite_moments(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
             let mut g = Gathered::new(7, c, 5);
             all.iter().for_each(|m| g.take(Some(m)));
             let t = g.tally;

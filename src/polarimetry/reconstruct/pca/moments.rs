@@ -149,7 +149,7 @@ mod tests {
 
     /// Both moments equal their definitions, and merging in any parts changes nothing.
     #[test]
-    fn moments_are_their_definitions() {
+    fn moments_match_their_definitions() {
         let rows = rows(9001, 3);
         let n = rows.len() as f64;
         let all = Moments::of(&rows);
@@ -182,7 +182,7 @@ mod tests {
 
     /// Weights are equivalent to repeated rows; weight zero gives the empty set.
     #[test]
-    fn weights_are_repetitions() {
+    fn weights_equal_repeated_rows() {
         let (a, b) = (Moments::of(&rows(50, 1)), Moments::of(&rows(70, 2)));
         close(
             &Moments::sum(&[a.weighted(3.0), b.clone()]),
@@ -201,7 +201,7 @@ mod tests {
 
         /// Rows with non-finite elements are ignored, whatever their other elements.
         #[test]
-        fn odd_rows_are_left_out(
+        fn rows_that_are_not_finite_are_ignored(
             odd in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..8),
             bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
             at in 0..16_usize,

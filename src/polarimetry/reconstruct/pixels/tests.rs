@@ -61,7 +61,7 @@ fn every_wavelength_has_its_own_optics() {
 /// Saturated and missing measurements affect only their own pixel. A pixel with too few
 /// measurements is not determined, but its neighbours are.
 #[test]
-fn saturation_is_left_out_pixel_by_pixel() {
+fn saturated_values_are_excluded_per_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
     let mut seen = captured(&scheme, &rays, 100, 0.0);
     let limit = 0.33;
@@ -95,7 +95,7 @@ fn saturation_is_left_out_pixel_by_pixel() {
 
 /// Stated errors equal the actual ones, whether from σ, from a map of variances or from residuals.
 #[test]
-fn errors_are_honest() {
+fn errors_of_matrices_match_actual_errors() {
     let (scheme, rays, pixels, sigma) = (chromatic(24), rays(), 6000, 1e-3);
     let seen = captured(&scheme, &rays, pixels, sigma);
     let variances = vec![sigma * sigma; seen.len()];
@@ -104,15 +104,15 @@ fn errors_are_honest() {
         let (mut out, mut errors) = (vec![0.0; pixels * 16], vec![0.0; pixels * 16]);
         let r = Reconstruction::new(&scheme, &rays, options).expect("rank 16");
         r.apply(&seen, variances, &mut out, Some(&mut errors));
-        let (mut off, mut said) = ([0.0; 16], [0.0; 16]);
+        let (mut off, mut stated) = ([0.0; 16], [0.0; 16]);
         for i in 0..pixels * 16 {
             off[i % 16] += (out[i] - t(i / 16)[i % 16]).powi(2);
-            said[i % 16] += errors[i].powi(2);
+            stated[i % 16] += errors[i].powi(2);
         }
         for e in 0..16 {
             // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); that of σ̂² over
             // 8 redundant measurements adds √(2/8/6000).
-            let ratio: f64 = off[e] / said[e];
+            let ratio: f64 = off[e] / stated[e];
             assert!((ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(), "{noise:?} {e}: {ratio}");
         }
     }
@@ -137,7 +137,7 @@ fn projections_are_realizable() {
 /// With few captures, reconstruction fails without a prior and succeeds with a prior at any
 /// brightness.
 #[test]
-fn priors_serve_few_captures() {
+fn priors_allow_few_captures() {
     let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);
     let plain = Reconstruction::<f64>::new(&scheme, &rays, Options::default());
     assert!(plain.err().expect("rank 8").to_string().contains("--prior"));
@@ -178,7 +178,7 @@ proptest! {
     /// Realizable matrices of any kind, captured without noise, are recovered from any built-in scheme of
     /// full rank, and the projection does not change them.
     #[test]
-    fn realizable_matrices_come_back(
+    fn realizable_matrices_are_recovered(
         raw in prop::array::uniform16(-1.0_f64..1.0),
         bright in -6_i32..6,
         kind in 0_usize..4,

@@ -27,7 +27,7 @@ fn emulated() -> (AptStage, Trouble) {
 
 /// Messages are encoded to the bytes listed in Thorlabs' document.
 #[test]
-fn bytes_are_the_documents() {
+fn bytes_match_the_documentation() {
     let to = |m: Message| m.bytes(CONTROLLER, HOST);
     assert_eq!(to(Message::RequestInfo), [0x05, 0, 0, 0, 0x50, 1]);
     assert_eq!(to(Message::Home), [0x43, 4, 1, 0, 0x50, 1]);
@@ -43,7 +43,7 @@ fn the_driver_conforms() {
 }
 
 #[test]
-fn troubles_are_told_apart() {
+fn faults_are_distinguished() {
     let (mut stage, trouble) = emulated();
     let long = Duration::from_secs(5);
     assert_eq!(stage.begin_move(1.0).expect_err("not homed").fault, Fault::Refused);
@@ -65,7 +65,7 @@ fn troubles_are_told_apart() {
 }
 
 #[test]
-fn a_cable_that_is_out_is_known() {
+fn an_unplugged_cable_is_reported_as_disconnected() {
     let (ours, theirs) = MemoryLine::pair();
     let mut stage = AptStage::new("p", Box::new(ours), quick()).expect("a stage");
     drop(theirs);
@@ -77,7 +77,7 @@ fn a_cable_that_is_out_is_known() {
 /// Uses a serial device of the system: a pseudo-terminal with the emulator at its other end.
 #[cfg(target_os = "linux")]
 #[test]
-fn the_driver_speaks_through_a_serial_device() {
+fn the_driver_works_through_a_serial_device() {
     use super::super::line::{Line, LineError};
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -155,7 +155,7 @@ fn all() -> Vec<Message> {
 }
 
 #[test]
-fn messages_go_and_come_in_any_pieces() {
+fn messages_round_trip_in_any_pieces() {
     for piece in [1, 2, 5, 1000] {
         let mut parser = Parser::new(HOST);
         let mut found = vec![];
@@ -174,7 +174,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
     /// Invalid streams cause no panic and no hang, and a complete message after them is found.
     #[test]
-    fn no_stream_panics(noise in prop::collection::vec(any::<u8>(), 0..200), damaged in any::<(prop::sample::Index, u8)>()) {
+    fn arbitrary_streams_never_panic(noise in prop::collection::vec(any::<u8>(), 0..200), damaged in any::<(prop::sample::Index, u8)>()) {
         let mut parser = Parser::new(HOST);
         let mut bytes = noise.clone();
         for message in all() {

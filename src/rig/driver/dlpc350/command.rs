@@ -209,6 +209,6 @@ pub fn complaints(bits: u8) -> Vec<&'static str> {
         "an externally triggered pattern needs a black period before it",
         "period and exposure differ by less than 230 µs",
     ];
-    let said = |(i, text): (usize, &'static str)| (bits >> i & 1 == 1).then_some(text);
-    all.into_iter().enumerate().filter_map(said).collect()
+    let set = |(i, text): (usize, &'static str)| (bits >> i & 1 == 1).then_some(text);
+    all.into_iter().enumerate().filter_map(set).collect()
 }

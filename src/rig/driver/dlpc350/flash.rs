@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn patterns_come_back_once_each() {
+    fn patterns_are_stored_once_and_read_back() {
         let mut all: Vec<Pattern> = (1..=30).map(|k| pattern(|x, y| (x / k + y) % 2 == 0)).collect();
         let made = all.clone();
         all.push(pattern(|_, _| true));
@@ -130,7 +130,7 @@ mod tests {
     /// Planes are numbered as in the controller: plane 0 is the lowest bit of green, 8 the lowest
     /// of red, 23 the highest of blue.
     #[test]
-    fn planes_are_counted_as_the_controller_counts() {
+    fn planes_are_numbered_as_in_the_controller() {
         let rgb = &images(&(1..=24).map(|k| pattern(|x, _| x == k)).collect::<Vec<_>>())[0];
         assert_eq!(rgb[3..6], [0, 1, 0]);
         assert_eq!(rgb[27..30], [1, 0, 0]);
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn other_images_are_told() {
+    fn invalid_images_are_reported() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.png");
         assert!(load(&[&path]).expect_err("none").contains("a.png"));

@@ -36,7 +36,7 @@ fn emulated() -> (Dlpc350, Emulator) {
 
 /// Compares bytes with the guide: flags, number, length, CMD3, CMD2, data.
 #[test]
-fn packets_are_the_guides() {
+fn packets_match_the_guide() {
     let (code, data) = Command::Run(Run::Start).encode();
     let reports = Message::host(false, 7, code, &data).reports();
     assert_eq!(reports.len(), 1);
@@ -87,7 +87,7 @@ fn patterns_are_found_in_flash() {
 }
 
 #[test]
-fn troubles_are_told_apart() {
+fn faults_are_distinguished() {
     let (mut projector, emulator) = emulated();
     projector.load(&[stripes(1)], LONG).expect("loads");
     let short = Duration::from_millis(60);
@@ -115,7 +115,7 @@ fn troubles_are_told_apart() {
 }
 
 #[test]
-fn what_no_controller_can_is_refused() {
+fn unsupported_settings_are_refused() {
     let new = |flash: Flash, leds: u8, period: Duration| {
         Dlpc350::new("dmd", Box::new(Emulator::new(1)), flash, leds, period).err().map(|f| f.fault)
     };
@@ -134,7 +134,7 @@ fn what_no_controller_can_is_refused() {
 /// driver asks for validation. Triggers are set before the sequence is validated, in steps of 107.2
 /// ns: 0xBB is the start of the pattern (TI's own program).
 #[test]
-fn triggers_are_the_guides() {
+fn triggers_match_the_guide() {
     let triggers = Triggers {
         output_1: Some(Output { active_low: true, rise_us: 0.0, fall_us: 2.787 }),
         output_2: Some(Output { rise_us: -20.05, ..Output::default() }),
@@ -175,29 +175,29 @@ fn triggers_are_the_guides() {
 }
 
 #[test]
-fn wrong_sequences_do_not_start() {
+fn invalid_sequences_do_not_start() {
     let mut line = Emulator::new(1);
     let mut number = 0;
-    let mut tell = |read: bool, code: u16, data: &[u8]| {
+    let mut send = |read: bool, code: u16, data: &[u8]| {
         number += 1;
         for report in Message::host(read, number, code, data).reports() {
             line.write(&report).expect("writes");
         }
         Assembler::default().feed(&line.read(PERIOD).expect("answers")).expect("a message")
     };
-    assert!(tell(false, 0x1A24, &[2]).refused, "nothing was validated");
-    assert!(!tell(false, 0x1A29, &[100, 0, 0, 0, 100, 0, 0, 0]).refused);
-    assert!(!tell(false, 0x1A1A, &[0]).refused);
-    assert_eq!(tell(true, 0x1A1A, &[]).payload, [0x80]);
-    assert_eq!(tell(true, 0x1A1A, &[]).payload, [0x80]);
-    assert_eq!(tell(true, 0x1A1A, &[]).payload, [3], "too short, and no table");
-    assert!(tell(false, 0x1A24, &[2]).refused);
-    assert!(tell(false, 0x1234, &[0]).refused && tell(true, 0x1234, &[]).refused);
+    assert!(send(false, 0x1A24, &[2]).refused, "nothing was validated");
+    assert!(!send(false, 0x1A29, &[100, 0, 0, 0, 100, 0, 0, 0]).refused);
+    assert!(!send(false, 0x1A1A, &[0]).refused);
+    assert_eq!(send(true, 0x1A1A, &[]).payload, [0x80]);
+    assert_eq!(send(true, 0x1A1A, &[]).payload, [0x80]);
+    assert_eq!(send(true, 0x1A1A, &[]).payload, [3], "too short, and no table");
+    assert!(send(false, 0x1A24, &[2]).refused);
+    assert!(send(false, 0x1234, &[0]).refused && send(true, 0x1234, &[]).refused);
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-fn device_files_are_found_by_their_numbers() {
+fn device_files_are_found_by_their_ids() {
     use super::hidraw;
     let class = tempfile::tempdir().expect("a folder");
     for (name, id) in [("hidraw3", "0003:00000451:00006401"), ("hidraw0", "0003:0000046D:0000C077")] {
@@ -244,7 +244,7 @@ proptest! {
     /// Ten thousand random streams cause no panic and no hang, in the driver or in the emulator.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn garbage_is_no_message(reports in prop::collection::vec(report(), 0..24), which in 0..4_u8) {
+    fn random_reports_never_panic_or_hang(reports in prop::collection::vec(report(), 0..24), which in 0..4_u8) {
         let begun = Instant::now();
         let mut emulator = Emulator::new(1);
         for r in &reports {
@@ -261,7 +261,7 @@ proptest! {
     }
 
     #[test]
-    fn messages_go_and_come(data in prop::collection::vec(any::<u8>(), 0..400), number: u8, read: bool) {
+    fn messages_round_trip(data in prop::collection::vec(any::<u8>(), 0..400), number: u8, read: bool) {
         let message = Message::host(read, number, 0x1A34, &data);
         let mut parser = Assembler::default();
         let found: Vec<Message> = message.reports().iter().filter_map(|r| parser.feed(r)).collect();
@@ -269,7 +269,7 @@ proptest! {
     }
 
     #[test]
-    fn entries_go_and_come(a: u8, b in 0..0x80_u8, c in 0..0x10_u8) {
+    fn entries_round_trip(a: u8, b in 0..0x80_u8, c in 0..0x10_u8) {
         prop_assert_eq!(Entry::read([a, b, c]).bytes(), [a, b, c]);
     }
 }

@@ -58,7 +58,7 @@ fn scanner(world: &Shared, wiring: Wiring) -> AnalogGalvo {
 /// The steps are those of 16 bits over ±10 V: zero is a step, and the largest output is one step
 /// below 10 V.
 #[test]
-fn steps_are_those_of_the_bits() {
+fn steps_match_the_number_of_bits() {
     assert_eq!(CARD.step(), 20.0 / 65_536.0);
     assert_eq!(CARD.nearest(0.0), 0.0);
     assert_eq!(CARD.nearest(-10.0), -10.0);
@@ -73,7 +73,7 @@ proptest! {
     /// Volts convert back to degrees. A path ends at its goal, is straight, symmetric and within the speed
     /// limit.
     #[test]
-    fn ways_keep_their_promises(from in [-20.0..20.0, -15.0..15.0], to in [-20.0..20.0, -15.0..15.0]) {
+    fn moves_end_at_the_goal_within_the_speed_limit(from in [-20.0..20.0, -15.0..15.0], to in [-20.0..20.0, -15.0..15.0]) {
         let (a, b) = (WIRING.volts(from), WIRING.volts(to));
         let back = WIRING.angles(b);
         prop_assert!((back[0] - to[0]).abs() < 1e-12 && (back[1] - to[1]).abs() < 1e-12);
@@ -115,7 +115,7 @@ fn card_and_scanner_conform() {
 
 /// Each sample is output at its time and channel, in the card's steps; then the mirrors settle at the goal.
 #[test]
-fn every_sample_stands_at_its_time() {
+fn every_sample_is_output_at_its_time() {
     let world = world(&[]);
     let mut card = card(&world);
     let recording = card.record();
@@ -147,7 +147,7 @@ fn every_sample_stands_at_its_time() {
 
 /// Each failure of the card is reported with its cause. The next move reaches its goal and waits long enough.
 #[test]
-fn a_card_that_fails_is_told_and_forgiven() {
+fn card_failures_are_reported_and_the_next_move_succeeds() {
     for (mishap, fault) in [
         (Mishap::Stall, Fault::Stalled),
         (Mishap::Timeout, Fault::Timeout),
@@ -180,7 +180,7 @@ fn a_card_that_fails_is_told_and_forgiven() {
 
 /// Wiring that the card cannot drive is refused before anything moves.
 #[test]
-fn wiring_that_cannot_be_is_told() {
+fn invalid_wiring_is_refused() {
     for (wiring, words) in [
         (Wiring { volts_per_degree: [1.2, 0.5], ..WIRING }, "reduce the range"),
         (Wiring { volts_per_degree: [0.0, 0.5], ..WIRING }, "invalid volts_per_degree"),

@@ -35,7 +35,7 @@ fn a_camera_conforms() {
 
 /// Features reach their registers in the registers' units: stream layout, then the lock, then the start.
 #[test]
-fn features_are_registers() {
+fn features_reach_their_registers() {
     let fake = Fake::new();
     let mut camera = camera(&fake);
     let limits = camera.limits();
@@ -95,7 +95,7 @@ fn features_are_registers() {
 }
 
 #[test]
-fn what_goes_wrong_is_told() {
+fn camera_faults_are_reported() {
     for (trouble, fault) in [
         (Trouble::Gone, Fault::Disconnected),
         (Trouble::Silent, Fault::Timeout),
@@ -176,7 +176,7 @@ impl PayloadStream for Broken {
 /// The driver handles the outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a
 /// closed sender.
 #[test]
-fn streams_of_cameleon_are_waited_for() {
+fn outcomes_of_cameleon_streams_are_handled() {
     let mut frames = Streamed::new(Broken(None));
     frames.open().expect("opens");
     frames.start(&mut Fake::new()).expect("starts");
@@ -199,7 +199,7 @@ impl Streamed<Broken> {
 /// `cameleon`'s own reader of the bootstrap registers finds the simulated camera's values.
 #[cfg(feature = "usb3_vision")]
 #[test]
-fn the_fake_is_as_the_standard_says() {
+fn the_simulated_camera_follows_the_standard() {
     use cameleon::u3v::register_map::{Abrm, GenICamFileType};
     let mut fake = Fake::new();
     DeviceControl::open(&mut fake).expect("opens");

@@ -40,7 +40,7 @@ fn the_driver_conforms() {
 }
 
 #[test]
-fn troubles_are_told_apart() {
+fn faults_are_distinguished() {
     let (mut laser, emulator) = emulated();
     laser.emit(true, 2e6, LONG).expect("shines");
     let state = laser.state(LONG).expect("answers");
@@ -71,7 +71,7 @@ fn troubles_are_told_apart() {
 
 /// A reply that arrives after its deadline is not read as the reply to the next query.
 #[test]
-fn late_answers_are_not_others() {
+fn late_replies_are_not_read_as_later_ones() {
     let (mut laser, emulator) = emulated();
     laser.emit(true, 3e6, LONG).expect("shines");
     emulator.trouble(Trouble::Late(Duration::from_millis(150)));
@@ -86,7 +86,7 @@ fn late_answers_are_not_others() {
 }
 
 #[test]
-fn errors_of_the_instrument_are_kinds() {
+fn instrument_errors_map_to_faults() {
     let (table, _) = served();
     // The table claims a wider range than the laser has: the laser itself refuses.
     let text = table.replace("8e7", "9e9");
@@ -125,7 +125,7 @@ fn tables_are_checked() {
 
 /// Tests another vendor's commands: the delay generator from the documentation.
 #[test]
-fn another_vendors_words_do() {
+fn commands_of_another_vendor_work() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\
                  set_rate = \"TRAT {hz}\"\nask_on = \"TSRC?\"\non_answers = [\"0\"]\nask_rate = \"TRAT?\"\nerrors = \"LERR?\"\n";
     let (ours, mut theirs) = MemoryLine::pair();
@@ -181,7 +181,7 @@ proptest! {
     /// reporting it.
     #[test]
     #[ignore = "slow: tools/check --all"]
-    fn garbage_is_no_answer(
+    fn random_replies_never_panic_or_hang(
         bytes in prop::collection::vec(prop_oneof![any::<u8>(), prop::sample::select(b"#0123456789,\n+-.E\"".to_vec())], 0..120),
         which in 0..4_u8,
     ) {

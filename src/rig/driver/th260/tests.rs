@@ -38,7 +38,7 @@ fn both_boards_conform() {
 
 /// Calls follow the manual's order: initialize, inputs, settings; clear before start, stop before reading.
 #[test]
-fn a_board_is_told_what_the_manual_says() {
+fn calls_follow_the_order_of_the_manual() {
     let fake = Fake::new("P");
     let mut board = counter(&fake);
     assert_eq!(
@@ -87,7 +87,7 @@ fn a_board_is_told_what_the_manual_says() {
 
 /// Compares measurement settings with hand-computed values, and checks that unsupported settings are refused.
 #[test]
-fn measurements_are_on_the_boards_scale() {
+fn measurement_settings_are_converted_for_the_board() {
     let on = |change: &dyn Fn(&mut CounterSettings)| {
         let mut asked = settings();
         change(&mut asked);
@@ -124,7 +124,7 @@ fn measurements_are_on_the_boards_scale() {
 /// Codes of each group in `errorcodes.h` map to the right fault from any call; messages contain the library's
 /// text and advice.
 #[test]
-fn codes_become_faults() {
+fn error_codes_map_to_faults() {
     for (number, fault) in [
         (-1, Fault::Disconnected),
         (-2, Fault::Refused),
@@ -187,7 +187,7 @@ fn codes_become_faults() {
 }
 
 #[test]
-fn what_a_board_reports_is_told() {
+fn errors_of_the_board_are_reported() {
     let fake = Fake::new("P");
     let mut board = counter(&fake);
     board.configure(&settings(), WITHIN).expect("sets");
@@ -209,7 +209,7 @@ fn what_a_board_reports_is_told() {
 
 /// The driver opens the board that the rig file names, or lists the available boards in the error.
 #[test]
-fn boards_are_told_apart() {
+fn boards_are_selected_by_serial_number() {
     let named = |serial: &str| Th260Settings { serial: Some(serial.into()), ..Th260Settings::default() };
     let fake = Fake::new("P");
     fake.state().serials = vec!["1000001", "1000002"];
@@ -243,7 +243,7 @@ fn boards_are_told_apart() {
 
 /// Errors of loading list the files tried, the library's purpose and where to get it.
 #[test]
-fn a_library_that_is_not_there_is_told() {
+fn a_missing_library_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = folder.path().join("text.so");
     std::fs::write(&text, "no library").expect("writes");

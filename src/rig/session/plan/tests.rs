@@ -23,7 +23,7 @@ fn a_plan_is_read() {
 }
 
 #[test]
-fn faults_name_their_place_and_fix() {
+fn errors_name_position_and_fix() {
     let cases = [
         ("\"full\"", "\"ful\"", "unknown mask `ful`"),
         ("stripes = 8", "stripes = 0", "`stripes` is 0"),
@@ -45,7 +45,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
     /// Damaged plans are rejected or parsed, without a panic.
     #[test]
-    fn no_text_panics(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {
+    fn damaged_plans_never_panic(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {
         let at = at.index(GOOD.len());
         if GOOD.is_char_boundary(at) {
             let end = (at + cut).min(GOOD.len());

@@ -208,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn missing_parts_are_named() {
         let share = |number| Part::Share { number, of: 8 };
         let text = |parts: &[Part], missing: &[u32]| describe(parts, missing).to_string();
         let two = text(&[1, 2, 4, 6, 7, 8].map(share), &[2, 4, 10]);

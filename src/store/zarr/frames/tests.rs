@@ -7,7 +7,7 @@ fn axis(name: &str, n: usize) -> FrameAxis {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn written_frames_are_read_back() {
     for (gathered, number) in [(false, FrameNumber::U16), (true, FrameNumber::U32)] {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.zarr");

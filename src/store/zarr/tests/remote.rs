@@ -28,7 +28,7 @@ fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
 }
 
 #[test]
-fn an_address_reads_as_a_folder() {
+fn an_address_reads_like_a_folder() {
     let (_dir, folder, address) = both("reads");
     let store = TensorStore::open(&address).expect("opens");
     assert!(store.is_finished());
@@ -55,7 +55,7 @@ fn an_address_reads_as_a_folder() {
 /// Verifies that opening takes two requests, plus one for each stored coordinate array of a slice and for
 /// each stored chunk.
 #[test]
-fn requests_are_few() {
+fn opening_and_reading_need_few_requests() {
     let (_dir, _, address) = both("few");
     let store = TensorStore::open(&address).expect("opens");
     assert_eq!(requests("few"), 2);
@@ -90,7 +90,7 @@ fn requests_are_few() {
 }
 
 #[test]
-fn damage_is_found() {
+fn damage_is_detected() {
     let (_dir, folder, address) = both("damage");
     let objects = memory("damage");
     let steady = folder.slice("steady").expect("a slice");
@@ -111,10 +111,10 @@ fn damage_is_found() {
     };
     let faults = || verify(&address).expect("a store").faults;
     assert_eq!(message(), "nothing");
-    let mut spoilt = sound.clone();
-    let middle = spoilt.len() / 2;
-    spoilt[middle] ^= 1;
-    put(&objects, &key, spoilt);
+    let mut damaged = sound.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    put(&objects, &key, damaged);
     assert!(message().contains("chunk [1, 1, 0"), "{}", message());
     assert_eq!(faults(), [format!("{chunk}: was changed after it was written")]);
     remove(&objects, &key);
@@ -135,7 +135,7 @@ fn damage_is_found() {
 }
 
 #[test]
-fn what_is_not_finished_is_not_read() {
+fn unfinished_stores_are_not_read() {
     let (_dir, _, address) = both("unfinished");
     remove(&memory("unfinished"), "a/out.zarr/manifest.txt");
     let store = TensorStore::open(&address).expect("opens");

@@ -8,7 +8,7 @@ use crate::objects::fake::{memory, put, remove, requests, upload};
 use crate::shard::{ShardError, shard_to};
 
 #[test]
-fn a_profile_is_few_ranges() {
+fn a_profile_needs_few_range_requests() {
     let (_dir, [plain, sharded]) = both();
     upload(&sharded, "ranges", "s.zarr");
     let address = address("memory", "ranges");
@@ -60,7 +60,7 @@ fn a_profile_is_few_ranges() {
 }
 
 #[test]
-fn shards_go_over_a_bad_line() {
+fn sharding_works_over_an_unreliable_connection() {
     let (_dir, [plain, sharded]) = both();
     let there = address("flaky", "badshards");
     shard_to(&plain, &there, false, SMALL).expect("shards");
@@ -70,7 +70,7 @@ fn shards_go_over_a_bad_line() {
 }
 
 #[test]
-fn sharding_may_be_killed_anywhere() {
+fn sharding_can_be_killed_at_any_change() {
     let (_dir, [plain, sharded]) = both();
     let expected = files(&sharded);
     let _ = kill_everywhere(
@@ -91,7 +91,7 @@ fn sharding_may_be_killed_anywhere() {
 }
 
 #[test]
-fn damage_is_found_by_ranges() {
+fn damage_is_detected_by_range_requests() {
     let (_dir, [plain, sharded]) = both();
     upload(&sharded, "shardfaults", "s.zarr");
     let address = address("memory", "shardfaults");

@@ -120,7 +120,7 @@ pub(super) fn kill_everywhere(
 }
 
 #[test]
-fn a_render_may_be_killed_anywhere() {
+fn a_render_can_be_killed_at_any_change() {
     let expected = in_folder(|path| render(path, false, None).expect("renders"));
     let _ = kill_everywhere(
         "killed",
@@ -131,7 +131,7 @@ fn a_render_may_be_killed_anywhere() {
 }
 
 #[test]
-fn a_part_may_be_killed_anywhere() {
+fn a_part_can_be_killed_at_any_change() {
     let part = Some(Part::Share { number: 1, of: 2 });
     let expected = in_folder(|path| render(path, false, part).expect("renders"));
     assert!(expected.contains_key(Path::new(manifest::OF_PART)));
@@ -150,7 +150,7 @@ fn a_part_may_be_killed_anywhere() {
 
 /// Verifies that creating a store with its values again resumes the creation.
 #[test]
-fn a_merge_may_be_killed_anywhere() {
+fn a_merge_can_be_killed_at_any_change() {
     let make = |path: &Path, origin: &str| {
         let fill = |store: &TensorStore| -> Result<(), CreateError> {
             for (layout, _) in layouts() {
@@ -208,7 +208,7 @@ fn a_merge_may_be_killed_anywhere() {
 }
 
 #[test]
-fn a_render_goes_over_a_bad_line() {
+fn a_render_works_over_an_unreliable_connection() {
     let expected = in_folder(|path| render(path, false, None).expect("renders"));
     render(&address("flaky", "bad"), false, None).expect("renders");
     assert_eq!(objects_of("bad"), expected);
@@ -219,7 +219,7 @@ fn a_render_goes_over_a_bad_line() {
 
 /// Verifies that chunks can be written repeatedly, pixel by pixel.
 #[test]
-fn pixels_are_written_into_chunks_that_are_there() {
+fn pixels_are_written_into_existing_chunks() {
     let write = |path: &Path| {
         let store = create(path);
         for (layout, _) in layouts() {
@@ -244,7 +244,7 @@ fn pixels_are_written_into_chunks_that_are_there() {
 }
 
 #[test]
-fn stores_alone_are_replaced() {
+fn only_stores_are_replaced() {
     let objects = memory("replaced");
     let address = address("memory", "replaced");
     let make = |replace| TensorStore::create(&address, &layouts(), &Map::new(), None, replace);
@@ -264,7 +264,7 @@ fn stores_alone_are_replaced() {
 }
 
 #[test]
-fn who_lost_the_lock_writes_no_more() {
+fn writes_stop_after_the_lock_is_lost() {
     let address = address("memory", "lost");
     drop(create(&address));
     let objects = remote_store::objects_of(&address).expect("an address").expect("objects");
@@ -289,7 +289,7 @@ fn who_lost_the_lock_writes_no_more() {
 }
 
 #[test]
-fn what_is_open_to_be_read_is_not_written() {
+fn stores_opened_for_reading_are_not_written() {
     render(&address("memory", "kept"), false, None).expect("renders");
     let before = objects_of("kept");
     let store = TensorStore::open(&address("memory", "kept")).expect("opens");

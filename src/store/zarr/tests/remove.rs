@@ -11,7 +11,7 @@ fn store(path: &Path) {
 }
 
 #[test]
-fn what_is_no_store_stays() {
+fn folders_that_are_not_stores_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a");
     assert!(!remove(&path).expect("nothing there"));
@@ -22,7 +22,7 @@ fn what_is_no_store_stays() {
 }
 
 #[test]
-fn stores_go_whole_and_may_be_made_again() {
+fn removed_stores_leave_nothing_and_can_be_recreated() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.zarr");
     for _ in 0..2 {
@@ -34,7 +34,7 @@ fn stores_go_whole_and_may_be_made_again() {
 }
 
 #[test]
-fn below_an_address_it_is_the_same() {
+fn removal_at_an_address_works_as_in_a_folder() {
     let path = Path::new("memory://remove/a.zarr");
     let objects = || {
         let found = remote_store::objects_of(path).expect("a place");

@@ -80,7 +80,7 @@ pub(super) fn shards(path: &Path) -> Vec<(PathBuf, usize)> {
 }
 
 #[test]
-fn values_are_the_same_to_the_bit() {
+fn sharded_values_are_bit_identical() {
     let (_dir, [plain, sharded]) = both();
     same(&plain, &sharded);
     let found = verify(&sharded).expect("a store");
@@ -115,7 +115,7 @@ fn shards_are_reproducible() {
 }
 
 #[test]
-fn merges_of_shards_are_those_of_chunks() {
+fn merges_of_sharded_stores_equal_merges_of_plain_ones() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name);
     let mut inputs: [Vec<PathBuf>; 2] = [vec![], vec![]];
@@ -138,7 +138,7 @@ fn merges_of_shards_are_those_of_chunks() {
 }
 
 #[test]
-fn what_cannot_be_sharded_is_refused() {
+fn invalid_requests_are_refused() {
     let (dir, [plain, sharded]) = both();
     let out = dir.path().join("out");
     let message = |input: &Path, out: &Path| shard(input, out, false).expect_err("refused").to_string();
@@ -154,7 +154,7 @@ fn what_cannot_be_sharded_is_refused() {
 /// Verifies that any changed byte is detected by `verify`, which names the file, and by reads that depend
 /// on the byte.
 #[test]
-fn damage_is_found_and_named() {
+fn damage_is_detected_and_named() {
     let (_dir, [plain, sharded]) = both();
     let read = |path: &Path| -> Result<Vec<u32>, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
@@ -208,7 +208,7 @@ fn damage_is_found_and_named() {
 /// Verifies that the manifest detects a frame that was replaced by another valid frame of the same size,
 /// with an unchanged index.
 #[test]
-fn exchanged_frames_are_found() {
+fn exchanged_frames_are_detected() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("s.zarr");
     let sealed = |byte: u8| {

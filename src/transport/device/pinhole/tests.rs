@@ -70,7 +70,7 @@ fn projection_inverts_direction() {
 }
 
 #[test]
-fn many_are_as_each_alone() {
+fn batched_rays_equal_single_ones() {
     let mut stream = Stream::new(2, 0, 0);
     let bent = device();
     let (r, f, c) = (bent.resolution, bent.focal, bent.principal);
@@ -159,7 +159,7 @@ fn the_plane_in_focus_is_sharp() {
 }
 
 #[test]
-fn what_folds_back_is_not_seen() {
+fn points_folded_into_the_image_are_not_visible() {
     // Barrel distortion maps a far off-axis point back into the image; it must not count as visible.
     let p = device();
     assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());

@@ -112,7 +112,7 @@ fn trees_cover_everything() {
 }
 
 #[test]
-fn equal_boxes_make_no_deep_tree() {
+fn equal_boxes_do_not_give_a_deep_tree() {
     // Clustering takes a time of the square of this number, and the tree gets deeper than the stack allows.
     let equal = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 1000];
     let clustered = Binary::clustered(equal.len(), &|i| equal[i]);
@@ -205,7 +205,7 @@ fn split_trees_are_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn an_end_of_zero_stops() {
+fn traversal_stops_at_an_end_of_zero() {
     let boxes = boxes(100, 3);
     let tree = Tree::build(100, |i| boxes[i], |_| false, |run| run[0]);
     let (origin, dir) = (Vec3A::splat(-5.0), Vec3A::splat(1.0).normalize());

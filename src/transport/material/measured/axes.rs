@@ -167,7 +167,7 @@ mod tests {
     /// Verifies that the fast path agrees with a search, and that interpolation of the axis itself returns
     /// the value.
     #[test]
-    fn places_reproduce_values() {
+    fn positions_reproduce_values() {
         let even = Axis::new(even_axis(1, 91));
         let uneven = Axis::new((0..40).map(|i| FRAC_PI_2 * (i as f32 / 39.0).powi(2)).collect());
         assert!(even.rate.is_some() && uneven.rate.is_none());
@@ -187,7 +187,7 @@ mod tests {
     /// Verifies that a periodic axis without a closing entry is interpolated between the last and the first
     /// entry.
     #[test]
-    fn the_circle_closes() {
+    fn periodic_axes_wrap_around() {
         let axis = Axis::new((0..8).map(|i| -PI + PI / 8.0 + TAU / 8.0 * i as f32).collect());
         let (i, j, t) = axis.place_around(PI);
         assert!((i, j) == (7, 0) && (t - 0.5).abs() < 1e-5);

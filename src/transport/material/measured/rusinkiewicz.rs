@@ -97,7 +97,7 @@ mod tests {
         /// Verifies that coordinates → directions → coordinates is the identity, under any rotation about
         /// the normal.
         #[test]
-        fn round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
+        fn coordinates_round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
             let at = Coordinates { phi_d, theta_d, theta_h };
             let (wi, wo, own) = directions(at);
             let f = frame(turn);
@@ -113,7 +113,7 @@ mod tests {
         /// Verifies that directions → coordinates → directions preserves all cosines (the rotation about
         /// the normal is lost).
         #[test]
-        fn directions_come_back(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
+        fn directions_round_trip_up_to_rotation(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
             let of = |z: f32, phi: f32| {
                 let r = (1.0 - z * z).sqrt();
                 Vec3A::new(r * phi.cos(), r * phi.sin(), z)
@@ -129,7 +129,7 @@ mod tests {
 
         /// Verifies that angles and frames agree with Mitsuba's formulas.
         #[test]
-        fn signs_are_mitsubas(z in prop::array::uniform2(0.05..0.98_f32), phi in 0.3..5.9_f32) {
+        fn angles_and_frames_match_mitsuba(z in prop::array::uniform2(0.05..0.98_f32), phi in 0.3..5.9_f32) {
             let of = |z: f32, phi: f32| {
                 let r = (1.0 - z * z).sqrt();
                 Vec3A::new(r * phi.cos(), r * phi.sin(), z)

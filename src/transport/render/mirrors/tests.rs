@@ -68,7 +68,7 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
 /// Verifies that parts of one plane form one mirror, whichever side they face, and that diffuse and rough
 /// surfaces are not mirrors.
 #[test]
-fn a_plane_is_one_mirror() {
+fn coplanar_parts_form_one_mirror() {
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
     let all = [
         rectangle(GOLD, [0.0; 3], x, y),
@@ -86,7 +86,7 @@ fn a_plane_is_one_mirror() {
 /// Verifies that the path over a flat mirror has equal angles. There is no path to the other side of the
 /// mirror, nor via points outside it.
 #[test]
-fn flat_ways_are_images() {
+fn paths_over_a_flat_mirror_have_equal_angles() {
     let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
     let mirrors = mirrors(&all);
     let ways = |a: [f32; 3], b: [f32; 3]| {
@@ -105,7 +105,7 @@ fn flat_ways_are_images() {
 
 /// Verifies two mirrors at a right angle: light may be reflected by both, in one order from most points.
 #[test]
-fn pairs_are_images_of_images() {
+fn paths_over_two_mirrors_have_equal_angles() {
     let all = [
         rectangle(GOLD, [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
         rectangle(GOLD, [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),

@@ -53,7 +53,7 @@ fn photon_transfer_has_the_gain_as_slope() {
 
 /// Without shot noise the signal is exact and only the read noise remains.
 #[test]
-fn without_shot_noise_the_read_out_is_left() {
+fn without_shot_noise_only_read_noise_remains() {
     let camera = Cmos { shot_noise: false, read_noise_e: 6.0, ..camera() };
     let seen = readings(&camera, 8.0, 200);
     let (mean, variance) = camera.expected(8.0, NM, 1.0);
@@ -148,7 +148,7 @@ fn weights_by_measured_variances_would_be_biased() {
 }
 
 #[test]
-fn combining_takes_what_is_known() {
+fn combining_ignores_saturated_estimates() {
     let camera = Cmos { bracket: vec![1.0, 4.0], ..camera() };
     let known = camera.estimate(400, NM, 1.0);
     let both = camera.combine(&[known, Estimate::SATURATED], NM);
@@ -255,7 +255,7 @@ fn number() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn no_settings_panic(
+    fn arbitrary_settings_never_panic(
         v in prop::array::uniform9(number()),
         bracket in prop::collection::vec(number(), 0..4),
         curve in prop::collection::vec(prop::array::uniform2(number()), 0..4),

@@ -157,7 +157,7 @@ fn number() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn no_settings_panic(
+    fn arbitrary_settings_never_panic(
         v in prop::array::uniform12(number()),
         (free, whole, keep) in any::<(bool, bool, bool)>(),
         periods in 1_u32..50,
