@@ -556,7 +556,10 @@ fn a_scanned_plane_calibrates_the_counter() {
     let mut again = bench.command("plan.toml", "again.zarr", &[]);
     assert!(again.current_dir(bench.0.path()).output().expect("runs").status.success());
     for (arguments, words) in [
-        (vec!["calibrate", "counter", "--distance=1,2"], "got 2 values for 1 runs; pass one distance per run"),
+        (
+            vec!["calibrate", "counter", "--distance=1,2"],
+            "got 2 values for 1 runs; pass one distance per run",
+        ),
         (vec!["calibrate", "sensor"], "this is a scan"),
     ] {
         let mut command = program();

@@ -36,19 +36,19 @@ pub struct Fit {
     /// Number of measurements minus determined parameters.
     pub freedom: usize,
     /// Undetermined directions, as unit vectors in the parameters scaled by their sensitivity.
-    pub untold: Vec<DVector<f64>>,
+    pub undetermined: Vec<DVector<f64>>,
 }
 
 impl Fit {
     /// Returns the standard deviation of a parameter, or `None` if the parameter is part of an
     /// undetermined direction.
     pub fn sigma(&self, i: usize) -> Option<f64> {
-        let message = self.untold.iter().all(|d| d[i].abs() < NAMED);
+        let message = self.undetermined.iter().all(|d| d[i].abs() < NAMED);
         message.then(|| self.covariance[(i, i)].max(0.0).sqrt())
     }
 
     /// Describes the undetermined directions by the parameters' names.
-    pub fn untold_in_words(&self, names: &[String]) -> Vec<String> {
+    pub fn describe_undetermined(&self, names: &[String]) -> Vec<String> {
         let words = |d: &DVector<f64>| {
             let parts: Vec<&str> = (0..d.len())
                 .filter(|i| d[*i].abs() >= NAMED)
@@ -62,7 +62,7 @@ impl Fit {
                 ),
             }
         };
-        self.untold.iter().map(words).collect()
+        self.undetermined.iter().map(words).collect()
     }
 }
 
@@ -135,7 +135,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
         covariance: message.covariance(),
         chi_squared: cost(&r),
         freedom: r.len() - message.rank,
-        untold: message.untold(),
+        undetermined: message.undetermined(),
         values: x,
     })
 }
@@ -198,7 +198,7 @@ impl Reported {
         out
     }
 
-    fn untold(&self) -> Vec<DVector<f64>> {
+    fn undetermined(&self) -> Vec<DVector<f64>> {
         (self.rank..self.scale.len()).map(|k| self.v.column(k).into_owned()).collect()
     }
 }
@@ -219,7 +219,7 @@ mod tests {
         for (a, b) in found.values.iter().zip(truth) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");
         }
-        assert!(found.untold.is_empty() && found.freedom == 17);
+        assert!(found.undetermined.is_empty() && found.freedom == 17);
     }
 
     #[test]
@@ -231,10 +231,14 @@ mod tests {
         let found = fit(&[1.0, 1.0, 0.0, 7.0], &[0.01; 4], &residuals).expect("a fit");
         assert!((found.values[0] - 1.5).abs() < 1e-6 && (found.values[1] - 1.5).abs() < 1e-6);
         assert_eq!(found.values[3], 7.0);
-        assert_eq!(found.untold.len(), 2);
+        assert_eq!(found.undetermined.len(), 2);
         let names = ["a", "b", "c", "d"].map(String::from);
-        let words = found.untold_in_words(&names).join("; ");
-        assert!(words.contains("a, b: the samples determine these parameters only together") && words.contains("d: no sample"), "{words}");
+        let words = found.describe_undetermined(&names).join("; ");
+        assert!(
+            words.contains("a, b: the samples determine these parameters only together")
+                && words.contains("d: no sample"),
+            "{words}"
+        );
         assert_eq!(found.sigma(0), None);
         assert!(found.sigma(2).is_some());
         assert!(matches!(fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]), Err(FitError::TooFew { .. })));

@@ -150,7 +150,7 @@ fn describe(found: &Temporal) -> String {
         ));
     }
     text.push_str(&format!("chi-squared {:.1}, {} degrees of freedom\n", found.chi_squared, found.freedom));
-    for words in &found.untold {
+    for words in &found.undetermined {
         text.push_str(&format!("not determined: {words}\n"));
     }
     text
@@ -211,7 +211,7 @@ fn more(found: &Radiometry) -> String {
         d.noisy.len(),
         d.stuck.len()
     ));
-    for words in &found.untold {
+    for words in &found.undetermined {
         text.push_str(&format!("\nnot determined: {words}"));
     }
     text

@@ -70,7 +70,7 @@ pub struct Calibrated {
     /// All free parameters.
     pub found: Vec<Found>,
     /// Descriptions of the undetermined parameters.
-    pub untold: Vec<String>,
+    pub undetermined: Vec<String>,
     /// The fit: parameters in the order of `found`, then a brightness per sample.
     pub fit: Fit,
 }
@@ -242,5 +242,5 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         // The brightness of each sample is a number of the fit, so keep that of the optics.
         now.keep_brightness(before, &wavelengths(samples));
     }
-    Ok(Calibrated { scheme, found, untold: fit.untold_in_words(&names), fit })
+    Ok(Calibrated { scheme, found, undetermined: fit.describe_undetermined(&names), fit })
 }

@@ -24,7 +24,7 @@ pub struct Statistics {
     /// Covariance row by row; zero along undetermined directions.
     pub covariance: Vec<Vec<f64>>,
     /// Descriptions of the undetermined parameters.
-    pub untold: Vec<String>,
+    pub undetermined: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -56,7 +56,7 @@ impl Calibrated {
             values: self.found.iter().map(|f| f.value).collect(),
             sigma: self.found.iter().map(|f| f.sigma.unwrap_or(f64::NAN)).collect(),
             covariance: (0..n).map(|i| (0..n).map(|k| of(i, k)).collect()).collect(),
-            untold: self.untold.clone(),
+            undetermined: self.undetermined.clone(),
         }
     }
 }

@@ -92,7 +92,7 @@ fn stated_errors_match_actual_errors() {
                 .map(|(key, (name, mueller))| sample(name, mueller, &nominal, &real, 2e-4, key))
                 .collect();
             let found = calibrate(&samples, &free).expect("a calibration");
-            assert!(found.untold.is_empty(), "{:?}", found.untold);
+            assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
             (found, values)
         };
         let all: Vec<(Calibrated, Vec<f64>)> = (0..count).into_par_iter().map(one).collect();
@@ -121,7 +121,7 @@ fn air_alone_does_not_determine_a_common_rotation() {
     let (real, _) = truth(&nominal, 3);
     let air = sample("air", AIR, &nominal, &real, 1e-4, 1);
     let found = calibrate(&[air], &Parameter::all(&nominal)).expect("a calibration");
-    let words = found.untold.join("; ");
+    let words = found.undetermined.join("; ");
     assert!(words.contains("polarizer_1 axis offset") && words.contains("together"), "{words}");
     let message = |name: &str| found.found.iter().find(|f| f.name == name).expect("a parameter").sigma;
     assert_eq!(message("retarder_2 axis offset"), None);
@@ -217,7 +217,7 @@ fn dispersion_is_recovered_with_correct_errors() {
     let all: Vec<_> = (0..repeats(4)).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
     for (_, values, found) in &all {
-        assert!(found.untold.is_empty(), "{:?}", found.untold);
+        assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
         let n = values.len();
         assert_eq!(found.found.len(), n);
         let off = DVector::from_fn(n, |i, _| found.fit.values[i] - values[i]);
@@ -264,7 +264,7 @@ fn one_direction_does_not_separate_mirrors_from_the_beamsplitter() {
     let (real, _) = dispersive_truth(&nominal, 1);
     let samples = dispersive_samples(&nominal, &real, 1, 1e-5, 1);
     let found = calibrate(&samples, &Parameter::all(&nominal)).expect("a calibration");
-    let words = found.untold.join("; ");
+    let words = found.undetermined.join("; ");
     assert!(words.contains("galvo absorption at 450 nm") && words.contains("together"), "{words}");
 }
 
@@ -285,7 +285,7 @@ fn a_beamsplitter_is_recovered() {
             assert!((f.value - want).abs() < 6.0 * sigma + 1e-9, "{}: {} {want} {sigma}", f.name, f.value);
         }
     }
-    println!("{:?}", found.untold);
+    println!("{:?}", found.undetermined);
 }
 
 #[test]

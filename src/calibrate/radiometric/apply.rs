@@ -39,7 +39,7 @@ pub struct Radiometry {
     /// saturation.
     pub saturation_dn: Option<f64>,
     /// Descriptions of quantities that the frames do not determine.
-    pub untold: Vec<String>,
+    pub undetermined: Vec<String>,
     pub dark: Dark,
     pub linearity: Option<Linearity>,
     pub transfer: Option<Transfer>,
@@ -84,29 +84,31 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     }
     let (top_dn, frames) = (dark[0].top_dn(), dark);
     let dark = Dark::of(frames, options.limit)?;
-    let mut untold = vec![];
+    let mut undetermined = vec![];
     if dark.rate.is_none() {
-        untold.push("dark current: all dark frames have the same exposure time, so the offset includes the dark current".to_owned());
+        undetermined.push("dark current: all dark frames have the same exposure time, so the offset includes the dark current".to_owned());
     }
     let levels = self::levels(&dark, light);
     let saturation = saturation(&levels);
     if saturation.is_none() {
-        untold.push("saturation: no light level saturates the pixels".to_owned());
+        undetermined.push("saturation: no light level saturates the pixels".to_owned());
     }
     let linearity = Linearity::of(&levels, saturation, options.degree, options.light_sigma)
-        .map_err(|e| untold.push(e))
+        .map_err(|e| undetermined.push(e))
         .ok();
     let straight = Linearity::none(saturation.unwrap_or(1.0));
     let line = linearity.as_ref().unwrap_or(&straight);
     let transfer = Transfer::of(&self::levels(&dark, frames), &levels, saturation, line)
-        .map_err(|e| untold.push(e))
+        .map_err(|e| undetermined.push(e))
         .ok();
     let flat = match &transfer {
-        Some(t) => Flat::of(&dark, light, &levels, saturation, line, t).map_err(|e| untold.push(e)).ok(),
+        Some(t) => {
+            Flat::of(&dark, light, &levels, saturation, line, t).map_err(|e| undetermined.push(e)).ok()
+        }
         None => None,
     };
     if flat.is_some() {
-        untold.push(
+        undetermined.push(
             "flat field: includes the non-uniformity of the light, because the frames cannot separate light and pixels"
                 .to_owned(),
         );
@@ -118,7 +120,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     Ok(Radiometry {
         saturated_from_dn: (from.min(f64::from(top_dn))).max(1.0) as u32,
         saturation_dn: saturation,
-        untold,
+        undetermined,
         dark,
         linearity,
         transfer,

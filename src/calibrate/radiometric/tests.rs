@@ -261,7 +261,7 @@ fn undetermined_quantities_are_reported() {
     let dark = [camera.stack(0.0, 0.01, 8, &mut random)];
     let options = Options::default();
     let alone = calibrate(&dark, &[], &options).expect("a dark frame");
-    let reported = alone.untold.join("\n");
+    let reported = alone.undetermined.join("\n");
     for word in ["dark current", "saturation", "linearity", "gain"] {
         assert!(reported.contains(word), "{word}: {reported}");
     }
@@ -280,7 +280,7 @@ fn undetermined_quantities_are_reported() {
     // All pixels saturated.
     let over = [camera.stack(1e4, 0.01, 8, &mut random)];
     let found = calibrate(&dark, &over, &options).expect("a dark frame");
-    assert!(found.linearity.is_none() && found.flat.is_none(), "{:?}", found.untold);
+    assert!(found.linearity.is_none() && found.flat.is_none(), "{:?}", found.undetermined);
 
     assert_eq!(calibrate(&[], &one, &options), Err(RadiometricError::NoDark));
     let few = [camera.stack(0.0, 0.01, 1, &mut random)];

@@ -268,7 +268,7 @@ fn exact_counts_give_the_exact_time() {
     // Cramér–Rao bound: σ/√n for a Gaussian alone.
     let least = truth.sigma_ps / n.sqrt();
     assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
-    assert!(found.untold.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
+    assert!(found.undetermined.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
     // Alignment preserves the total light and moves its mean by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
@@ -289,7 +289,11 @@ fn an_undetectable_tail_is_reported() {
     spad.pulses = 50_000;
     let bench = Bench::new(spad, 0.1, 4, &[5000.0], 0.0, 700);
     let found = bench.calibrate(&Options::default()).expect("a calibration");
-    assert!(found.untold.iter().any(|w| w.contains("no tail is detectable")), "{:?}", found.untold);
+    assert!(
+        found.undetermined.iter().any(|w| w.contains("no tail is detectable")),
+        "{:?}",
+        found.undetermined
+    );
     assert_eq!(found.response.tail_share, 0.0);
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }

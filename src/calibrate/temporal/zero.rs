@@ -61,7 +61,7 @@ pub struct Temporal {
     /// bins are fitted but groups are summed.
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
-    pub untold: Vec<String>,
+    pub undetermined: Vec<String>,
     /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of each
     /// parameter; 0 for fixed parameters.
     pub response_sigma: [f64; 4],
@@ -154,10 +154,10 @@ pub fn calibrate(
         });
     }
     let mut free = options.free.clone();
-    let mut untold = vec![];
+    let mut undetermined = vec![];
     if counter.mode == Mode::Synchronous || counter.after_pulse_ps.is_none() {
         free.retain(|s| *s != Shape::AfterPulsing);
-        untold.push(match counter.mode {
+        undetermined.push(match counter.mode {
             Mode::Synchronous => {
                 "after-pulse probability: a synchronous diode has no after-pulses".to_owned()
             }
@@ -207,7 +207,7 @@ pub fn calibrate(
         let without: Vec<Shape> =
             free.iter().copied().filter(|s| !matches!(s, Shape::TailShare | Shape::TailTime)).collect();
         fitted = fit(Impulse { tail_share: 0.0, ..start }, &without);
-        untold.push(format!(
+        undetermined.push(format!(
             "{} and {}: no tail is detectable beyond the Gaussian part; the fraction is set to 0",
             Shape::TailShare.name(),
             Shape::TailTime.name()
@@ -216,9 +216,9 @@ pub fn calibrate(
     let fitted = fitted?;
     let c = &fitted.covariance;
     let found = finish(counter, captures, pixels, &Known::Impulse(fitted.impulse), c, options.correct_clock)?;
-    untold.extend(found.untold);
+    undetermined.extend(found.undetermined);
     Ok(Temporal {
-        untold,
+        undetermined,
         response_sigma: std::array::from_fn(|k| c[(k, k)].max(0.0).sqrt()),
         response_covariance: std::array::from_fn(|i| std::array::from_fn(|k| c[(i, k)])),
         response: fitted.impulse,
@@ -292,9 +292,9 @@ fn finish(
         }
     }
     let clock = clock(&by_pixel, covariance);
-    let mut untold = vec![];
+    let mut undetermined = vec![];
     if clock.is_none() {
-        untold.push(
+        undetermined.push(
             "clock error: with only one distance, the clock error cannot be separated from time zero"
                 .to_owned(),
         );
@@ -330,7 +330,7 @@ fn finish(
         unsettled,
         chi_squared,
         freedom,
-        untold,
+        undetermined,
         response_sigma: [0.0; 4],
         response_covariance: [[0.0; 4]; 4],
         zero_ps: map(0),

@@ -82,7 +82,7 @@ fn table(found: &Calibrated) -> String {
         "chi-squared {:.1}, {} degrees of freedom\n",
         found.fit.chi_squared, found.fit.freedom
     ));
-    for words in &found.untold {
+    for words in &found.undetermined {
         text.push_str(&format!("not determined: {words}\n"));
     }
     text
