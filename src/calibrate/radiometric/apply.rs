@@ -39,6 +39,7 @@ pub struct Radiometry {
     /// saturation.
     pub saturation_dn: Option<f64>,
     /// Descriptions of quantities that the frames do not determine.
+    #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
     pub dark: Dark,
     pub linearity: Option<Linearity>,

@@ -61,6 +61,7 @@ pub struct Temporal {
     /// bins are fitted but groups are summed.
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
+    #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
     /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of each
     /// parameter; 0 for fixed parameters.
