@@ -188,8 +188,9 @@ class Sunstone:
 
 
 def bench_program():
-    """Build benches/rays.rs and return its path."""
-    command = ["cargo", "bench", "-p", "sunstone-benches", "--bench", "rays", "--no-run", "--message-format=json"]
+    """Build benches/rays.rs and return its path. Of all packages, so that no crate is compiled again with other features."""
+    packages = ["--workspace", "--exclude", "sunstone-python"]
+    command = ["cargo", "bench", *packages, "--bench", "rays", "--no-run", "--message-format=json"]
     out = subprocess.run(command, cwd=environment.ROOT, check=True, capture_output=True, text=True).stdout
     built = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
     return next(b["executable"] for b in built if b.get("target", {}).get("name") == "rays" and b.get("executable"))
