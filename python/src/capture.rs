@@ -51,7 +51,7 @@ impl Scheme {
             "qrpr" => sunstone::Scheme::qrpr(captures, polarizer_array),
             "quad" => sunstone::Scheme::quad(captures, polarizer_array),
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
-            _ => bail!("unknown preset `{name}`; choose from drr, qrpr, lc"),
+            _ => bail!("unknown preset `{name}`; choose from drr, qrpr, lc, quad"),
         };
         scheme.map(Self).map_err(input)
     }

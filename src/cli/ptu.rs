@@ -8,7 +8,6 @@ use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use sunstone::rig::ptu::error::PtuError;
 use sunstone::rig::ptu::histogram::{Histograms, Plan, histogram};
 use sunstone::rig::ptu::meaning;
 use sunstone::rig::ptu::reader::Reader;
@@ -88,14 +87,9 @@ struct Histogram {
     frame_marker: Option<u8>,
 }
 
-/// Converts an error of a photon file to a system failure or to invalid input.
-fn failed(e: PtuError) -> Failure {
-    Failure::of_system(e.of_system, e)
-}
-
 /// Opens a photon file, and prints a warning if the file is truncated.
 fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
-    let reader = Reader::open(path).map_err(failed)?;
+    let reader = Reader::open(path).map_err(Failure::input)?;
     if let Some(mismatch) = reader.mismatch() {
         eprintln!("warning: {}: {mismatch}", path.display());
     }
@@ -103,13 +97,13 @@ fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
 }
 
 fn surveyed(path: &Path) -> Result<Survey, Failure> {
-    let mut reader = Reader::open(path).map_err(failed)?;
-    survey(&mut reader).map_err(failed)
+    let mut reader = Reader::open(path).map_err(Failure::input)?;
+    survey(&mut reader).map_err(Failure::input)
 }
 
 fn info(a: &Info) -> Result<(), Failure> {
     let mut reader = open(&a.file)?;
-    let found = survey(&mut reader).map_err(failed)?;
+    let found = survey(&mut reader).map_err(Failure::input)?;
     let (header, record) = (reader.header(), reader.record_type());
     let mut out = format!("records      {} of {}", reader.records(), record.name());
     let mut line = |name: &str, value: String| {
@@ -184,7 +178,7 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
     let plan = Plan { bin, bins, channels, scan };
     let start = std::time::Instant::now();
-    let found = histogram(&mut reader, &plan).map_err(failed)?;
+    let found = histogram(&mut reader, &plan).map_err(Failure::input)?;
     let (records, seconds) = (reader.records(), start.elapsed().as_secs_f64());
     info!("{records} records in {seconds:.4} s, {:.1} million per second", 1e-6 * records as f64 / seconds);
     report(a, &reader, &plan, &found);

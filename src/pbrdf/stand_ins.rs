@@ -61,15 +61,14 @@ impl BandedMaterials {
     }
 
     /// Returns whether the material has a non-specular lobe; `None` if the name is unknown.
-    pub fn is_smooth(&self, name: &str) -> Option<bool> {
+    pub fn has_extended_lobe(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
     /// Returns the names of the materials that a table can represent: those with a non-specular lobe.
     pub fn tabulable(&self) -> Vec<String> {
-        let smooth = |name: &&String| self.is_smooth(name) == Some(true);
-        self.names().filter(smooth).cloned().collect()
+        self.names().filter(|name| self.has_extended_lobe(name) == Some(true)).cloned().collect()
     }
 
     /// Returns the names of the built-in substitutes.
@@ -108,9 +107,9 @@ mod tests {
         let banded = BandedMaterials::load(None, &[450, 500, 550, 600, 650]).expect("are sound");
         let names = banded.stand_ins();
         assert_eq!(names.len(), 25);
-        assert!(names.is_sorted() && names.iter().all(|n| banded.is_smooth(n) == Some(true)));
+        assert!(names.is_sorted() && names.iter().all(|n| banded.has_extended_lobe(n) == Some(true)));
         assert_eq!(banded.sources("like_gold").len(), 2);
-        assert!(banded.sources("no_such").is_empty() && banded.is_smooth("no_such").is_none());
+        assert!(banded.sources("no_such").is_empty() && banded.has_extended_lobe("no_such").is_none());
         assert_eq!(banded.analytic().len(), 25);
     }
 

@@ -33,7 +33,7 @@ pub enum SynthError {
 /// [`SynthError`] for the first material that cannot be tabulated.
 pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthError> {
     for name in names {
-        match materials.is_smooth(name) {
+        match materials.has_extended_lobe(name) {
             Some(true) => {}
             Some(false) => return Err(SynthError::Specular(name.clone())),
             None => {

@@ -12,8 +12,6 @@ pub struct PtuError {
     pub offset: Option<u64>,
     pub what: String,
     pub fix: String,
-    /// Whether the operating system caused the error, rather than the file.
-    pub of_system: bool,
 }
 
 impl PtuError {
@@ -24,7 +22,6 @@ impl PtuError {
             offset: Some(offset),
             what: what.into(),
             fix: fix.into(),
-            of_system: false,
         }
     }
 
@@ -35,12 +32,6 @@ impl PtuError {
 
     /// Creates an error of a failed read.
     pub(super) fn io(file: &Path, offset: u64, cause: &std::io::Error) -> Self {
-        Self {
-            of_system: !matches!(
-                cause.kind(),
-                std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput
-            ),
-            ..Self::new(file, offset, cause.to_string(), "pass a readable .ptu file")
-        }
+        Self::new(file, offset, cause.to_string(), "pass a readable .ptu file")
     }
 }

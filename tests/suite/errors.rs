@@ -231,6 +231,8 @@ fn bad_arguments_are_refused_before_anything_is_written() {
             ("info missing.zarr", "missing.zarr"),
             ("info bytes.toml", "bytes.toml"),
             ("figure missing.zarr", "missing.zarr"),
+            ("ptu info .", "."),
+            ("ptu records missing.ptu", "missing.ptu"),
         ],
     );
     assert_eq!(std::fs::read_dir(at).expect("a folder").count(), 3);

@@ -1,6 +1,6 @@
 //! Prints the records of a file as text, and writes a photon file from such a text.
 
-use super::{failed, open};
+use super::{open};
 use crate::{Failure, bail, places, print_path};
 use clap::Args;
 use std::io::{BufWriter, ErrorKind, Write};
@@ -89,7 +89,7 @@ pub fn print(a: &Records) -> Result<(), Failure> {
     };
     crate::print(COLUMNS)?;
     while left > 0 {
-        let block = reader.block().map_err(failed)?;
+        let block = reader.block().map_err(Failure::input)?;
         if block.is_empty() {
             break;
         }

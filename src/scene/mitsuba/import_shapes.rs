@@ -134,12 +134,14 @@ fn objects<'a>(
         match importer.resolve(child)? {
             inner if inner.tag == "bsdf" && bsdf.is_none() => bsdf = Some(inner),
             inner if inner.tag == "emitter" && light.is_none() => light = Some(inner),
-            inner if inner.tag == "medium" && child.name() == Some("interior") => interior = Some(inner),
+            inner if inner.tag == "medium" && child.name() == Some("interior") && interior.is_none() => {
+                interior = Some(inner);
+            }
             inner if inner.tag == "medium" && child.name() == Some("exterior") => {
                 importer.note("exterior media of shapes are not used: in Sunstone a medium fills an object");
             }
             inner => {
-                let repeated = ["bsdf", "emitter"].contains(&inner.tag.as_str());
+                let repeated = ["bsdf", "emitter"].contains(&inner.tag.as_str()) || child.name() == Some("interior");
                 return importer.error(
                     child.span(),
                     format!("{} {} in a shape", if repeated { "a second" } else { "unsupported" }, inner.tag),

@@ -81,6 +81,12 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         12,
         "unsupported emitter `directionalarea`",
     ),
+    (
+        "<ref id=\"gold\"/>",
+        "<medium type=\"homogeneous\" name=\"interior\"/><medium type=\"homogeneous\" name=\"interior\"/>",
+        12,
+        "a second medium",
+    ),
     ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "zero extent"),
     ("<scale x=\"2\"/>", "<shear x=\"2\"/>", 14, "cannot contain <shear>"),
     ("400:1", "480:1", 17, "does not cover 450 nm"),
