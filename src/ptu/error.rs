@@ -17,12 +17,7 @@ pub struct PtuError {
 impl PtuError {
     /// Creates an error at a byte of a file.
     pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self {
-            file: file.to_owned(),
-            offset: Some(offset),
-            what: what.into(),
-            fix: fix.into(),
-        }
+        Self { file: file.to_owned(), offset: Some(offset), what: what.into(), fix: fix.into() }
     }
 
     /// Creates an error of a request that concerns the whole file.

@@ -1,6 +1,6 @@
 //! Prints the records of a file as text, and writes a photon file from such a text.
 
-use super::{open};
+use super::open;
 use crate::{Failure, bail, places, print_path};
 use clap::Args;
 use std::io::{BufWriter, ErrorKind, Write};

@@ -141,7 +141,8 @@ fn objects<'a>(
                 importer.note("exterior media of shapes are not used: in Sunstone a medium fills an object");
             }
             inner => {
-                let repeated = ["bsdf", "emitter"].contains(&inner.tag.as_str()) || child.name() == Some("interior");
+                let repeated =
+                    ["bsdf", "emitter"].contains(&inner.tag.as_str()) || child.name() == Some("interior");
                 return importer.error(
                     child.span(),
                     format!("{} {} in a shape", if repeated { "a second" } else { "unsupported" }, inner.tag),
