@@ -28,7 +28,7 @@ WORDS = {
     "who wants": "to ..., use ...",
     "for want of": "because ... is missing",
 }
-PATTERN = re.compile("|".join(f"(\\b(?:{word})\\b)" for word in WORDS), re.IGNORECASE)
+PATTERN = re.compile(rf"\b(?:{'|'.join(f'({word})' for word in WORDS)})\b")
 FIXES = list(WORDS.values())
 
 
@@ -39,11 +39,12 @@ def main():
         path = ROOT / name
         if path.suffix not in SUFFIXES or path == Path(__file__).resolve() or not path.exists():
             continue
-        for number, line in enumerate(path.read_text().splitlines(), 1):
-            for match in PATTERN.finditer(line):
-                fix = next(f for f, group in zip(FIXES, match.groups()) if group)
-                print(f"{name}:{number}: {match.group()!r}: write {fix}")
-                found += 1
+        text = path.read_text().lower()
+        for match in PATTERN.finditer(text):
+            fix = next(f for f, group in zip(FIXES, match.groups()) if group)
+            line = text.count("\n", 0, match.start()) + 1
+            print(f"{name}:{line}: {match.group()!r}: write {fix}")
+            found += 1
     if found:
         sys.exit(f"{found} words to replace")
 
