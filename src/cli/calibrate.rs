@@ -218,7 +218,7 @@ impl Target {
             whole_file::write(&self.output, calibration.to_opencv_json().as_bytes())
                 .map_err(Failure::at(&self.output))?;
         } else {
-            let text = calibration.to_toml().map_err(Failure::failed)?;
+            let text = toml::to_string(&calibration).map_err(Failure::failed)?;
             output::calibration(&self.output, Part::Devices, &text)?;
         }
         for note in &fit.notes {

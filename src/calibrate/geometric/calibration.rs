@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame.
+/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. Serialized to
+/// TOML, this is [`base::calibration_file::Part::Devices`] of a calibration file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The `[camera]` table of a scene file.
@@ -200,16 +201,6 @@ impl Calibration {
         }
     }
 
-    /// Serializes the calibration to TOML, as [`base::calibration_file::Part::Devices`] of a
-    /// calibration file.
-    ///
-    /// # Errors
-    ///
-    /// An error if a number cannot be written.
-    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(self)
-    }
-
     /// Returns JSON for `cv::FileStorage`.
     ///
     /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The
@@ -294,7 +285,7 @@ mod tests {
             let c = calibration(if five { k[..5].to_vec() } else { k }, turn);
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("c.toml");
-            std::fs::write(&path, c.to_toml().unwrap()).unwrap();
+            std::fs::write(&path, toml::to_string(&c).unwrap()).unwrap();
             let back = Calibration::load(&path).unwrap();
             prop_assert_eq!(&back, &c);
             let device = back.camera.device().unwrap();
@@ -305,7 +296,7 @@ mod tests {
         #[test]
         fn damaged_files_never_panic(at in 0_usize..2000, byte in any::<u8>(), cut in 0_usize..3000) {
             let c = calibration(vec![0.1; 5], [0.1; 3]);
-            let mut bytes = c.to_toml().unwrap().into_bytes();
+            let mut bytes = toml::to_string(&c).unwrap().into_bytes();
             let n = bytes.len();
             bytes[at % n] = byte;
             bytes.truncate(n - cut.min(n) / 2);

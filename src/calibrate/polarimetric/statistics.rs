@@ -27,21 +27,6 @@ pub struct Statistics {
     pub undetermined: Vec<String>,
 }
 
-#[derive(Serialize)]
-struct Named<'a> {
-    polarimetric: &'a Statistics,
-}
-
-impl Statistics {
-    /// Serializes the table to TOML with its header.
-    ///
-    /// # Errors
-    /// An error if a number cannot be written.
-    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(&Named { polarimetric: self })
-    }
-}
-
 impl Calibrated {
     /// Returns the statistics that the calibration file contains in addition to the scheme.
     pub fn statistics(&self) -> Statistics {

@@ -1,6 +1,7 @@
 //! The `sunstone rig calibrate` command: calibrates the optics of a scheme.
 
 use crate::{Failure, bail, output, places, print, print_path};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use sunstone::base::calibration_file::Part;
 use sunstone::polarimetry::capture::scheme_file;
@@ -65,7 +66,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .collect();
     let found = calibrate(&samples, &free).map_err(Failure::input)?;
     let scheme = scheme_file::to_toml(&found.scheme).map_err(Failure::failed)?;
-    let beside = found.statistics().to_toml().map_err(Failure::failed)?;
+    let statistics = BTreeMap::from([("polarimetric", found.statistics())]);
+    let beside = toml::to_string(&statistics).map_err(Failure::failed)?;
     output::calibration(&a.output, Part::Elements, &(scheme + "\n" + &beside))?;
     print(table(&found).trim_end())?;
     print_path(&a.output)
