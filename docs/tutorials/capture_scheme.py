@@ -13,8 +13,8 @@
 # %% [markdown]
 # # Validate a capture scheme
 #
-# How well does a polarimeter measure Mueller matrices? This tutorial simulates captures of a rendered scene, reconstructs the matrices and
-# compares them with the truth, before you buy any hardware.
+# How accurately does a polarimeter measure Mueller matrices? This tutorial simulates captures of a rendered scene, reconstructs the Mueller
+# matrices and compares them with the true matrices. You can thus test a capture scheme before you buy any hardware.
 
 # %%
 from pathlib import Path
@@ -31,7 +31,7 @@ data = slices[name].to_xarray()["mean"].transpose("y", "x", "wavelength", "stoke
 data.sizes
 
 # %% [markdown]
-# Select the lit pixels at one wavelength, as matrices with M00 = 1:
+# Select the matrices of the lit pixels at one wavelength, and divide each matrix by its M00:
 
 # %%
 matrices = data.sel(wavelength=550).values.reshape(-1, 4, 4)
@@ -42,8 +42,9 @@ len(truth)
 # %% [markdown]
 # ## Design matrices
 #
-# A scheme maps 16 elements to intensities, `A @ M.reshape(16)`. Rank 16 determines a matrix. The error variance over its bound measures how
-# good the settings are. (Sixteen captures of dual rotating retarders by 5 and 25 degrees barely reach rank 16 and are useless.)
+# A capture scheme maps the 16 elements of a Mueller matrix to intensities, `A @ M.reshape(16)`. The captures determine a matrix if A has
+# rank 16. The ratio of the error variance to its lower bound measures the quality of the scheme: a ratio of 1 is optimal. (With sixteen
+# captures of dual rotating retarders, in steps of 5 and 25 degrees, A is nearly singular, so this scheme is useless.)
 
 # %%
 for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Scheme.drr(9, polarizer_array=True)):
@@ -53,7 +54,7 @@ for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Sche
 # %% [markdown]
 # ## Capture and reconstruction
 #
-# For each number of captures, compare the error of the reconstruction with the error that the design matrix predicts.
+# For each number of captures, compare the error of the reconstructed matrices with the error that the design matrix predicts.
 
 # %%
 noise = 0.01
@@ -69,7 +70,7 @@ for captures in counts:
     errors, stated = measured_error(scheme, seed=captures)
     found.append(np.sqrt(np.mean(errors**2)))
     expected.append(noise * np.sqrt(scheme.quality()["error_variance"] / 16))
-    # Errors agree with the stated errors.
+    # The deviations from the truth agree with the stated errors.
     z = errors / stated
     assert abs(np.mean(z**2) - 1) < 5 * np.sqrt(2 / z.size) * 4, np.mean(z**2)
 
@@ -78,5 +79,5 @@ plt.loglog(counts, expected, "-", label="from the design matrix")
 plt.xlabel("captures"), plt.ylabel("error of an element (M00 = 1)"), plt.legend();
 
 # %% [markdown]
-# The points lie on the line: the closed form predicts the error of a capture scheme. `sunstone learn` uses this closed form to find the best
-# angles for a given number of captures.
+# The points lie on the line, so the closed form predicts the error of a capture scheme. `sunstone learn` uses this closed form to optimize
+# the angles for a given number of captures.

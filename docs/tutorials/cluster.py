@@ -11,10 +11,11 @@
 # ---
 
 # %% [markdown]
-# # A cluster
+# # Render on a cluster
 #
-# This tutorial distributes one render over several processes with Dask. The result is bit-identical, even if workers die. Here, the
-# cluster is two processes of this machine. On a real cluster, only the lines that make the cluster differ:
+# This tutorial distributes one render over several processes with Dask. The result is bit-identical to that of a single process, even if
+# workers are killed. In this tutorial, the cluster consists of two processes on one machine. For a real cluster, replace only the lines
+# that create the cluster, for example by:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -45,8 +46,9 @@ client = cluster.get_client()
 cluster
 
 # %% [markdown]
-# A render is split into parts by tiles of its image. Each part is a pure function of scene, seed and samples, so the result does not
-# depend on which worker renders it, when, or how often. To show this, the next cell kills a worker during the render.
+# A render is split into parts, which are sets of image tiles. Each part is a pure function of the scene, the seed and the number of
+# samples, so the result does not depend on which worker renders a part, when, or how often. To test this, the next cell kills a worker
+# during the render.
 
 # %%
 processes = client.run(os.getpid)
@@ -58,7 +60,7 @@ client.wait_for_workers(2)
 sorted(processes.values()), sorted(client.run(os.getpid).values())
 
 # %% [markdown]
-# In this process alone, without a cluster, the result is bit-identical:
+# A render in a single process, without a cluster, gives a bit-identical result:
 
 # %%
 alone = ps.Scene.load(SCENE).render(spp=8, slices=["polarimetric", "xt"])
@@ -70,7 +72,7 @@ sorted(together.children)
 # %% [markdown]
 # ## Many scenes, variants or seeds
 #
-# A data set consists of many renders, each completely on one worker, and a manifest that describes them.
+# A data set consists of many renders and a manifest that describes them. Each render runs completely on one worker.
 
 # %%
 jobs = [distributed.Job(SCENE, seed=seed, spp=1, slices=["polarimetric"]) for seed in (1, 2, 3)]
@@ -78,7 +80,7 @@ manifest = distributed.render_many(jobs, folder / "set", client=client)
 [{key: entry[key] for key in ("store", "seed", "samples_per_pixel")} for entry in json.loads(manifest.read_text())]
 
 # %% [markdown]
-# Seeds are independent, so the standard deviation over seeds is the true error of one render:
+# Renders with different seeds are independent, so the standard deviation over seeds estimates the true error of one render:
 
 # %%
 images = np.stack([ps.open_store(folder / "set" / entry["store"])["polarimetric"]["mean"].values for entry in json.loads(manifest.read_text())])
@@ -90,5 +92,5 @@ client.close()
 cluster.close()
 
 # %% [markdown]
-# Without Python, `sunstone render --part 3/64` and `sunstone merge` do the same. See [many machines](../clusters.md) for a SLURM array
-# job.
+# Without Python, `sunstone render --part 3/64` and `sunstone merge` render and combine the same parts. The page [many
+# machines](../clusters.md) shows a SLURM array job.

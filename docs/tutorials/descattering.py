@@ -13,9 +13,10 @@
 # %% [markdown]
 # # Seeing through milk
 #
-# A ruler stands in a tank of milky water. Light that the milk scatters hides it. Epipolar position, arrival time and polarization separate
-# this light from the light of the ruler. This tutorial uses few samples and pixels. For results at a larger size, and for claims that do
-# not hold, see [the application](../applications/scattering.md).
+# A ruler stands in a tank of milky water. Light that the milk scatters hides the ruler. Epipolar imaging, time gating and polarization can
+# separate the scattered light from light that the ruler reflects. This tutorial uses epipolar imaging, with few samples and pixels. The
+# page [seeing through scattering](../applications/scattering.md) lists results for all methods at a larger size, and published claims that
+# do not hold.
 
 # %%
 from pathlib import Path
@@ -35,14 +36,14 @@ slices = scene.render(spp=6, slices=shown)
 
 # %%
 def picture(name):
-    """The intensity of a slice in colours."""
+    """Return the intensity of a slice at all wavelengths, as an image."""
     data = slices[name].to_xarray()["mean"]
     data = data.isel({d: 0 for d in ("stokes_out", "stokes_in") if d in data.dims})
     return data.transpose("y", "x", "wavelength")
 
 # %% [markdown]
-# Compare light from the epipolar line with all other light. Light that the milk scattered comes from everywhere; light that the ruler
-# reflected comes from the line.
+# Compare light from the epipolar line with all other light. Light that the milk scatters comes from projector pixels on and off the
+# epipolar line. Light that the ruler reflects directly comes from the epipolar line.
 
 # %%
 figure, axes = plt.subplots(1, len(shown), figsize=(4 * len(shown), 4))
@@ -51,7 +52,7 @@ for axis, name in zip(axes, shown):
     axis.imshow(np.clip(image[..., ::-1] / np.percentile(image, 99), 0, 1)), axis.set_title(name), axis.axis("off")
 
 # %% [markdown]
-# Compute the contrast of each image: its standard deviation over its mean, in the middle of the picture.
+# Compute the contrast of each image in its central region: the standard deviation divided by the mean.
 
 # %%
 for name in shown:

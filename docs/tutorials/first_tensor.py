@@ -13,7 +13,7 @@
 # %% [markdown]
 # # A first tensor
 #
-# This tutorial goes from a scene file to a Mueller image, a time profile and standard errors. It uses few samples and runs quickly.
+# This tutorial renders a scene file and shows a Mueller image, a time profile and standard errors. It uses few samples, so it runs quickly.
 
 # %%
 import tempfile
@@ -28,7 +28,8 @@ scene = ps.Scene.load(ROOT / "scenes/mirror_room/scene.toml")
 scene
 
 # %% [markdown]
-# A scene lists *slices* of T(s, s', p, p', t), which say what to keep along each axis. One render fills all slices, with standard errors.
+# A scene lists *slices* of the tensor T(s, s', p, p', t). Each slice defines which entries or sums to keep along each axis. One render
+# computes all slices and their standard errors.
 
 # %%
 store = Path(tempfile.mkdtemp()) / "room.zarr"
@@ -42,7 +43,8 @@ room = ps.open_store(store)
 # %% [markdown]
 # ## A Mueller image
 #
-# M00 is the intensity. The other elements are divided by it. Grey means unpolarized. The gold knot is strongly polarizing.
+# M00 is the intensity. The other elements are divided by M00. Elements of unpolarized light are grey. Light from the gold knot is strongly
+# polarized.
 
 # %%
 room["polarimetric"].sunstone.plot_mueller(wavelength=550)
@@ -50,7 +52,8 @@ room["polarimetric"].sunstone.plot_mueller(wavelength=550)
 # %% [markdown]
 # ## A profile over time
 #
-# Row `y = 150` resolves travel time in bins of 25 ps. Plot one pixel of it, lit by all projector pixels, with its error band:
+# The slice `xt` resolves the travel time for image row `y = 150` in bins of 25 ps. Plot the time profile of one pixel of this row, with its
+# error band:
 
 # %%
 xt = room["xt"]
@@ -59,7 +62,7 @@ xt.sel(x=180, wavelength=550).isel(stokes_out=0, stokes_in=0).to_dataset().sunst
 # %% [markdown]
 # ## Probing
 #
-# A probe contracts the tensor. Here, the projector is polarized horizontally and emits pulses of 60 ps:
+# A probe contracts the tensor with an illumination. In this example, the projector emits horizontally polarized pulses of 60 ps:
 
 # %%
 seen = xt.sunstone.probe(state="horizontal", pulse=60)
@@ -70,7 +73,7 @@ plt.show()
 # %% [markdown]
 # ## Standard errors
 #
-# Every element has a standard error. For pixels with light, at 8 samples per pixel:
+# Every element has a standard error. Print the median relative error of the lit pixels at 8 samples per pixel:
 
 # %%
 photo = room["polarimetric"].to_dataset().isel(stokes_out=0, stokes_in=0).compute()
@@ -79,7 +82,7 @@ print(f"median relative error of the intensity: {float(relative.median()):.1%}")
 assert 0 < float(relative.median()) < 1
 
 # %% [markdown]
-# A render to memory, without a file, is bit-identical:
+# A render to memory, without a store, gives bit-identical values:
 
 # %%
 arrays = scene.render(spp=8, slices=["polarimetric"])

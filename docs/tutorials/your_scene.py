@@ -11,9 +11,10 @@
 # ---
 
 # %% [markdown]
-# # Bring your scene
+# # Build your own scene
 #
-# This tutorial builds a scene from NumPy meshes, step by step. The keys are those of [scene files](../scene-files.md).
+# This tutorial builds a scene from NumPy meshes, step by step. The methods of the builder accept the keys of [scene
+# files](../scene-files.md).
 
 # %%
 import matplotlib.pyplot as plt
@@ -21,7 +22,8 @@ import numpy as np
 import pysunstone as ps
 
 # %% [markdown]
-# Make a wavy sheet: vertices in metres, faces counter-clockwise seen from outside, and normals for smooth shading.
+# Create the mesh of a wavy sheet: vertices in metres, faces with counter-clockwise vertices as seen from outside, and normals for smooth
+# shading.
 
 # %%
 n = 40
@@ -59,7 +61,8 @@ photo = slices["photo"]["mean"]
 plt.imshow(np.clip(photo[..., ::-1] / np.percentile(photo, 99.5), 0, 1)), plt.axis("off");
 
 # %% [markdown]
-# Arrays have named axes and convert to an xarray dataset without a copy.
+# The arrays of a slice have named axes. `to_xarray` converts a slice to an xarray dataset without a copy. Decompose the Mueller matrices
+# and show two properties:
 
 # %%
 mueller = slices["mueller"].to_xarray()
@@ -72,7 +75,7 @@ for axis, (name, values) in zip(axes, parts.items()):
 # %% [markdown]
 # ## Errors
 #
-# An error states the position and the fix.
+# An error message states the position of the error and how to fix it:
 
 # %%
 try:
