@@ -17,7 +17,7 @@ pub mod names;
 
 mod tables;
 
-mod lit;
+mod integrator_choice;
 
 pub mod scene;
 

@@ -1,8 +1,8 @@
 //! The scene in the form that the tracer uses.
 
 use crate::device::emitter::PointEmitter;
+use crate::integrator_choice::choose;
 use crate::light::tree::LightTree;
-use crate::lit::choose;
 use crate::material::{Lanes, Materials};
 pub use crate::tables::{Integrator, SceneTables, Settings, Variant};
 use glam::{DVec2, Vec3A};

@@ -6,20 +6,20 @@ use apply::pinhole::{Pinhole, Rig};
 use glam::DVec2;
 use tensor::layers::{LayerSet, LayerValues};
 use transport::device::pinhole::Pinhole as Device;
-use transport::render::sight::{Sight, Viewer};
+use transport::render::layers::visible_surface::{Viewer, VisibleSurface};
 use transport::scene::Scene;
 
 /// Number of rays along each side of a pixel, to compute the share of the pixel that a material covers.
 const GRID: u32 = 3;
 
 /// Fills a map from the hit of the ray through each pixel's centre.
-fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64])) -> Map {
+fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(VisibleSurface, &mut [f64])) -> Map {
     let viewer = Viewer::new(scene);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
     Map::from_fn(w, h, channels, |x, y, out| {
         out.fill(f64::NAN);
-        if let Some(sight) = viewer.look(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), true) {
-            fill(sight, out);
+        if let Some(surface) = viewer.look(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), true) {
+            fill(surface, out);
         }
     })
 }
@@ -43,14 +43,14 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
 /// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN
 /// without an object.
 pub fn object(scene: &Scene) -> Map {
-    centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
+    centres(scene, 1, |surface, out| out[0] = f64::from(surface.object))
 }
 
 /// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must
 /// keep texture coordinates ([`Scene::keep_texture_coordinates`]).
 pub fn texture(scene: &Scene) -> Map {
-    centres(scene, 2, |sight, out| {
-        out.iter_mut().zip(sight.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
+    centres(scene, 2, |surface, out| {
+        out.iter_mut().zip(surface.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
     })
 }
 

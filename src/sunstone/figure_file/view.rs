@@ -12,7 +12,7 @@ use tensor::axes::AxisKind;
 use tensor::layers::{LayerValues, Parts};
 use tensor::slice::{Polarization, Slice, TimeSelect};
 use transport::render::layers;
-use transport::render::sight::Viewer;
+use transport::render::layers::visible_surface::Viewer;
 use transport::scene::Scene;
 
 use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};

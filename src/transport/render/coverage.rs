@@ -5,7 +5,7 @@
 //! of a single rough surface, except for the light that manifold connections find through interfaces and
 //! crystals and over mirrors.
 
-use crate::lit::meets;
+use crate::integrator_choice::meets;
 use crate::scene::Scene;
 
 /// Returns one sentence for each kind of light that the scene's integrator is known to miss.

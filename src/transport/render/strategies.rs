@@ -1,6 +1,6 @@
 //! Selects the strategies that render a scene.
 
-use super::glints::reflectance;
+use super::manifold::reflectance;
 use crate::material::Materials;
 use crate::scene::{Integrator, Scene};
 use crate::strategy::{Strategies, Strategy};

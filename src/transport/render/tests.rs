@@ -1,7 +1,6 @@
 //! Tests with renders of a scene that is built in code.
 
-use super::schedule::{Share, Unwatched, render_in_parts};
-use super::tracer::WALKS_AT_ONCE;
+use super::schedule::{Share, Unwatched, WALKS_AT_ONCE, render_in_parts};
 use crate::device::distortion::Distortion;
 use crate::device::emitter::{Environment, PointEmitter};
 use crate::device::pinhole::Pinhole;
@@ -152,45 +151,6 @@ fn renders_are_bit_identical_on_all_processors() {
         });
         assert!(fast.1 > 10_000, "{} of {} are lit", fast.1, fast.0.len());
         assert!(fast == plain, "{integrator:?}");
-    }
-}
-
-/// Verifies that points on mirrors with many copies are on the copies, with probabilities proportional to
-/// area.
-#[test]
-fn mirrors_with_many_copies_are_sampled_in_two_steps() {
-    use super::mirrors_copied::Copied;
-    use crate::geometry::bvh::Outline;
-    use glam::{Affine3A, Vec3, Vec3A};
-    use optics::sampling::stream::Stream;
-    const N: u32 = 40_000;
-    let ball = |x: f32, radius: f32| Outline::Ball { centre: Vec3A::new(x, 0.0, 0.0), radius };
-    let groups = vec![vec![], vec![ball(0.0, 1.0), ball(3.0, 2.0)]];
-    let places = [(0, 0.0, 1.0), (1, 100.0, 1.0), (1, 200.0, -2.0)];
-    let copies = places.map(|(group, x, scale)| {
-        let place = Affine3A::from_scale_rotation_translation(
-            Vec3::splat(scale),
-            glam::Quat::IDENTITY,
-            Vec3::new(x, 0.0, 0.0),
-        );
-        (group, place)
-    });
-    let copied = Copied::new(groups, copies.into_iter());
-    let unit = 4.0 * std::f32::consts::PI;
-    assert!((copied.area() / unit - 25.0).abs() < 1e-3);
-    let (mut stream, mut counts) = (Stream::new(4, 0, 0), [0; 4]);
-    // Centre and radius of each ball in world space.
-    let balls = [(100.0, 1.0), (103.0, 2.0), (200.0, 2.0), (194.0, 4.0)];
-    for _ in 0..N {
-        let at = stream.uniform() * copied.area();
-        let p = copied.point(at, stream.uniform(), stream.uniform2());
-        let on = |(x, r): &(f32, f32)| ((p - Vec3A::new(*x, 0.0, 0.0)).length() - r).abs() < 1e-3;
-        counts[balls.iter().position(on).expect("on a ball")] += 1;
-    }
-    for ((_, r), n) in balls.iter().zip(counts) {
-        let share = f64::from(r * r / 25.0);
-        let sigma = (f64::from(N) * share * (1.0 - share)).sqrt();
-        assert!((f64::from(n) - f64::from(N) * share).abs() < 5.0 * sigma, "{counts:?}");
     }
 }
 

@@ -4,7 +4,7 @@ use super::{BATCH, Batch, Path, Paths};
 use crate::geometry::many;
 use crate::geometry::ray::Ray;
 use crate::material::Filling;
-use crate::render::environment::Chosen;
+use crate::render::emitter_hits::DirectionSampling;
 use arrayvec::ArrayVec;
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
@@ -39,7 +39,7 @@ impl Paths {
             state.lanes = lanes;
             state.label = 0;
             path.stream = stream;
-            path.chosen = Chosen::alone(camera.origin);
+            path.chosen = DirectionSampling::alone(camera.origin);
             path.density = 0.0;
         }
         match &views.camera {

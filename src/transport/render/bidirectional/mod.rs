@@ -1,0 +1,463 @@
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994), polarized, with media.
+//!
+//! Every vertex of a camera subpath is connected to every vertex of a light subpath:
+//!
+//! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
+//!
+//! where M_z and M_y are the interactions at the two vertices (with their cosines toward each other) and S
+//! the sheets between them. The emitters and the camera's pinhole are vertices of their subpaths. A light
+//! subpath that consists only of the emitter is next-event estimation. A camera subpath that consists only
+//! of the camera is a splat into the pixel that sees the vertex. Paths that several strategies can sample
+//! are weighted by [`mis`].
+//!
+//! `integrator = "path"` in scenes with media uses the same code, with light subpaths that consist only of
+//! the emitter. `integrator = "caustics"` uses this code with few samples, only for paths whose light first
+//! hits a mirror, a smooth interface or a crystal. [`super::path`] cannot sample these paths. The two sets
+//! of paths are disjoint, and the results are added.
+
+mod connections;
+mod light_connections;
+mod light_subpaths;
+mod light_tracing;
+mod mis;
+mod rough_interface;
+mod shared_light;
+mod splat_file;
+mod splats;
+
+use super::emitter_hits;
+use super::manifold::Mirrors;
+use super::roulette::Roulette;
+use super::state::From;
+use super::strategies::strategies;
+use super::subpath::guide_targets;
+use super::subpath::{Emission, Ends, First, Limits, Sender, Splitting, Vertex, Walk};
+use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::scene::{Integrator, Scene};
+use crate::strategy::Strategy;
+pub(super) use connections::{Connector, Line, Record, Scratch, Setup, behind, meet, most};
+use glam::DVec2;
+use optics::sampling::stream::Stream;
+use optics::spectrum::{Spectral, max_lane};
+use rayon::prelude::*;
+pub(super) use shared_light::SharedLight;
+pub(super) use splat_file::{NO_PART, Parts, SplatFile};
+use splats::{Counts, Splat, Splats, WalkNumber};
+use std::ops::Range;
+
+/// Key that separates the random streams of samples for redirected light from those of plain paths.
+const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
+
+/// Fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
+/// and are seen and lit through interfaces. In this case, subpaths turn to the apparent position of the
+/// other end and are connected to this end from every particle, which finds nearly all light. Connections
+/// between particles do not account for the forward peaks: such connections find a tenth of the light in a
+/// fifth of the time.
+const RARELY: f32 = 0.04;
+
+/// Number of camera samples that determine which connections are efficient.
+const PILOT: u32 = 2048;
+
+/// Number of plain paths per sample of redirected light.
+const PATHS_PER_SAMPLE: u32 = 16;
+/// Minimum number of samples of redirected light.
+const LEAST_SAMPLES: u32 = 8;
+
+/// Returns the number of subpath samples of a camera pixel with `spp` samples.
+pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
+    match scene.settings.integrator {
+        Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
+        _ => spp,
+    }
+}
+
+/// Precomputed data of a bidirectional render.
+pub struct Plan {
+    pub(super) setup: Setup,
+    /// Seed of the random streams.
+    pub(super) seed: u64,
+    /// Splats of the current part of the image.
+    splats: Splats,
+    /// Splats of all parts, if there are several.
+    splat_file: Option<SplatFile>,
+    /// Light subpaths of a render on many machines.
+    light: Option<SharedLight>,
+}
+
+/// The subpaths of one camera sample, and their contributions to the sample's pixel.
+#[derive(Default)]
+pub struct Walks {
+    camera: Walk,
+    pub(super) light: Walk,
+    pub(super) scratch: Scratch,
+    /// The contributions of each sample, in order, and the Mueller elements of all contributions.
+    pub lists: Vec<Vec<Contribution>>,
+    pub elements: Vec<Spectral>,
+}
+
+/// Buffers that a thread reuses between subpaths that are traced in advance.
+type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
+
+/// Returns true if connections of `s` light vertices to `t` camera vertices are enabled.
+#[inline]
+pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
+    match scene.settings.strategy {
+        Some([a, b]) => [a as usize, b as usize] == [s, t],
+        None => true,
+    }
+}
+
+impl Plan {
+    /// Prepares a render in parts. `labelled` is true if labels are needed. Returns `None` once `stop`
+    /// returns true.
+    pub(super) fn new(
+        scene: &Scene,
+        parts: &Parts<impl Fn(u32) -> u32 + Sync>,
+        labelled: bool,
+        light: Option<&SharedLight>,
+        stop: &(impl Fn() -> bool + Sync),
+    ) -> Option<Self> {
+        let [w, h] = scene.camera.resolution;
+        let strategies = strategies(scene);
+        let redirected = scene.settings.integrator == Integrator::Caustics;
+        let (emission, seed) = (Emission::new(scene), scene.settings.seed);
+        let guide = guide_targets::find(scene, &emission);
+        let mut plan = Self {
+            seed: if redirected { seed ^ REDIRECTED_SEED } else { seed },
+            setup: Setup {
+                emission: if redirected { emission.importance_sampled(scene) } else { emission },
+                redirected: false,
+                walks: if redirected { (w * h).div_ceil(2) } else { w * h },
+                connections: if strategies.has(Strategy::SmoothInterfaces) && guide.turns_both() {
+                    RARELY
+                } else {
+                    1.0
+                },
+                strategies,
+                mirrors: if [Strategy::FlatMirrors, Strategy::CurvedMirrors]
+                    .iter()
+                    .any(|s| strategies.has(*s))
+                {
+                    Mirrors::new(&scene.geometry, &scene.materials).only(strategies)
+                } else {
+                    Mirrors::default()
+                },
+                guide,
+                roulette: Roulette::default(),
+                labelled,
+            },
+            splats: Splats::default(),
+            splat_file: None,
+            light: None,
+        };
+        // Estimated for all light, not only redirected light.
+        if scene.settings.strategy.is_none() {
+            let pilot = || plan.pilot(scene).0;
+            let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
+            plan.setup.roulette = Roulette(threshold);
+        }
+        plan.setup.redirected = redirected;
+        if let Some(light) = light.filter(|_| plan.has_splats(scene)) {
+            let made =
+                light.make(scene, plan.counts(scene), stop, Buffers::default, |buffers, number, found| {
+                    plan.look(scene, buffers, number, found);
+                });
+            match made {
+                Ok(made) => {
+                    made?;
+                    plan.light = Some(light.clone());
+                }
+                Err(e) => light.warn("stored in", &e),
+            }
+        }
+        if parts.count > 1 && plan.light.is_none() && plan.has_splats(scene) {
+            let made = SplatFile::new(
+                plan.counts(scene),
+                parts.count,
+                &parts.of,
+                stop,
+                Buffers::default,
+                |buffers, number, found| plan.look(scene, buffers, number, found),
+            );
+            match made {
+                Ok(splat_file) => plan.splat_file = Some(splat_file?),
+                Err(e) => tracing::warn!(
+                    "cannot store the vertices of light paths in {}: {e}; the light paths are traced again for each of {} parts \
+                     of the image. To avoid this, set TMPDIR to a folder with more free space",
+                    std::env::temp_dir().display(),
+                    parts.count
+                ),
+            }
+        }
+        Some(plan)
+    }
+
+    pub(super) fn turn_to(&mut self, scene: &Scene, parts: &Parts<impl Fn(u32) -> u32 + Sync>, part: usize) {
+        if !self.has_splats(scene) {
+            return;
+        }
+        // Only one part's vertices are in memory at a time.
+        self.splats = Splats::default();
+        let wanted = |pixel| (parts.of)(pixel) as usize == part;
+        let pixels = self.counts(scene).pixels;
+        let kept = match &self.light {
+            Some(light) => light.splats(pixels, wanted).inspect_err(|e| light.warn("read from", e)).ok(),
+            None => None,
+        };
+        if let Some(splats) = kept {
+            self.splats = splats;
+            return;
+        }
+        self.splats = match self.splat_file.as_mut().map(|s| s.part(part)) {
+            Some(Ok(splats)) => splats,
+            message => {
+                if let Some(Err(e)) = message {
+                    tracing::warn!(
+                        "cannot read the stored vertices of light paths: {e}; the paths are traced again"
+                    );
+                }
+                Splats::new(self.counts(scene), wanted, Buffers::default, |buffers, number, found| {
+                    self.look(scene, buffers, number, found);
+                })
+            }
+        };
+    }
+
+    /// Traces a light subpath and calls `found` with each vertex that the camera sees.
+    fn look(
+        &self,
+        scene: &Scene,
+        (walks, list, elements): &mut Buffers,
+        number: WalkNumber,
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let mut out = Contributions::new(list, elements, self.setup.labelled);
+        walks.look(scene, self, number, &mut out, found);
+    }
+
+    /// Returns the minimum number of vertices, including the end, from which a light subpath is connected
+    /// to others.
+    pub(super) fn first(&self) -> usize {
+        if self.setup.redirected { 3 } else { 2 }
+    }
+
+    /// Returns true if light subpaths are connected to the camera.
+    fn has_splats(&self, scene: &Scene) -> bool {
+        scene.settings.strategy.is_none_or(|[_, t]| t == 1)
+            && self.setup.strategies.has(Strategy::LightTracing)
+            && self.setup.emission.count() > 0
+    }
+
+    fn counts(&self, scene: &Scene) -> Counts {
+        let [w, h] = scene.camera.resolution;
+        Counts { samples: samples(scene, scene.settings.spp), walks: self.setup.walks, pixels: w * h }
+    }
+
+    /// Estimates the roulette threshold from a few samples spread over the image.
+    fn pilot(&self, scene: &Scene) -> Roulette {
+        let [w, h] = scene.camera.resolution;
+        let pixels = u64::from(w) * u64::from(h);
+        let samples: Vec<f32> = (0..PILOT)
+            .into_par_iter()
+            .map_init(Buffers::default, |(walks, list, elements), n| {
+                let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
+                let mut out = Contributions::new(list, elements, self.setup.labelled);
+                out.list.clear();
+                out.elements.clear();
+                // Sample numbers that the render does not use.
+                walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
+                brings(&out)
+            })
+            .collect();
+        Roulette::new(&samples, scene.filled)
+    }
+}
+
+/// Returns the intensity of all contributions in the brightest wavelength lane.
+#[inline]
+pub(super) fn brings(out: &Contributions) -> f32 {
+    let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
+    max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
+}
+
+impl Walks {
+    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the
+    /// pixel. Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
+    pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        self.lists.resize_with(samples.len(), Vec::new);
+        let mut elements = std::mem::take(&mut self.elements);
+        elements.clear();
+        let mut rays = 0;
+        for (n, sample) in samples.enumerate() {
+            let mut list = std::mem::take(&mut self.lists[n]);
+            list.clear();
+            let mut out = Contributions::new(&mut list, &mut elements, plan.setup.labelled);
+            rays += self.sample(scene, plan, [x, y], sample, &mut out);
+            self.lists[n] = list;
+        }
+        self.elements = elements;
+        rays
+    }
+
+    fn sample(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        [x, y]: [u32; 2],
+        sample: u32,
+        out: &mut Contributions,
+    ) -> u32 {
+        let pixel = y * scene.camera.resolution[0] + x;
+        let strategies = plan.setup.strategies;
+        let mut stream = Stream::new(plan.seed, pixel, sample);
+        let mut ends = Ends::draw(scene, &mut stream);
+        let [jx, jy] = stream.uniform2().map(f64::from);
+        let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
+        let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
+        // Plain paths find the remaining light. Light from a Lambert surface to the camera is found by light
+        // subpaths and by connections through interfaces.
+        let all = !plan.setup.redirected;
+        let limits = Limits {
+            interactions: most(scene),
+            point: usize::MAX,
+            escapes: all && (scene.environment.is_some() || !scene.lights.is_dark()),
+            first: if all { First::Anything } else { First::NotLambert },
+            labelled: plan.setup.labelled,
+            splitting: Splitting::All,
+        };
+        self.camera.run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
+        self.scratch.seen[0] = None;
+        let ends = &ends;
+        let mut rays = 0;
+        let mut partner = None;
+        loop {
+            self.meet_emitters(scene, all, out);
+            rays += self.connect_emitters(scene, plan, (ends, pixel), &mut stream, out);
+            let connects = strategies.walk_from_light() && strategies.has(Strategy::VertexConnection);
+            // All branches use the same light subpath.
+            if connects && self.camera.fresh == 0 {
+                let share = plan.setup.connections;
+                let goes_on = |first: &Vertex| all || !first.is_lambert(scene);
+                if (share == 1.0 || stream.uniform() < share)
+                    && self.camera.points.get(1).is_some_and(goes_on)
+                {
+                    // Over all samples, each light subpath can start anywhere.
+                    let number = WalkNumber { sample, walk: pixel };
+                    partner = self.light_subpath(scene, plan, number, (usize::MAX, Splitting::Never));
+                    rays += partner.as_ref().map_or(0, |_| self.light.rays);
+                }
+            }
+            if let Some(light) = &partner {
+                rays += self.connect_walks(scene, plan, [ends, &light.ends], light.sender, &mut stream, out);
+            }
+            if !self.camera.next_branch(scene, &plan.setup.guide, limits) {
+                break;
+            }
+        }
+        rays += self.camera.rays;
+        if strategies.walk_from_light() {
+            for splat in plan.splats.of(pixel, sample) {
+                rays += self.splat(scene, plan, splat, out);
+            }
+        }
+        rays
+    }
+
+    /// Adds the light of emitters that the current branch of the camera subpath hit.
+    fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
+        if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
+            let did = (left.interactions, left.label);
+            emitter_hits::add_environment(scene, &left.chain, left.beam, did, left.chosen, out);
+        }
+        if scene.settings.strategy.is_none() && all {
+            self.camera.glows.iter().for_each(|glow| emitter_hits::add_emissive_surface(scene, glow, out));
+        }
+    }
+
+    /// Connects the vertices that belong only to this branch to emitters. Returns the number of rays.
+    fn connect_emitters(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        (ends, pixel): (&Ends, u32),
+        stream: &mut Stream,
+        out: &mut Contributions,
+    ) -> u32 {
+        let strategies = plan.setup.strategies;
+        let all = !plan.setup.redirected;
+        let mut connector = Connector::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream, out);
+        for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
+            let camera = &self.camera.points[..t];
+            let point = &camera[t - 1];
+            if !point.connects(scene) || !wanted(scene, 1, t) {
+                continue;
+            }
+            let sources = 0..plan.setup.emission.count();
+            let inside = strategies.has(Strategy::RoughInterface);
+            // Straight lines from particles are blocked by rough interfaces.
+            let shut = inside && connector.connect_through_rough(camera);
+            let next_event = all && !shut && strategies.has(Strategy::NextEvent);
+            for source in sources.clone().filter(|_| next_event) {
+                let lit = plan.setup.emission.pixel(scene, ends, source, point.surface.p);
+                let coaxial = t == 2 && ends.coaxial;
+                let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
+                    continue;
+                };
+                if coaxial && lit != NO_PIXEL {
+                    lit = pixel;
+                }
+                if let Some(mut emitter) = plan.setup.emission.emitter(scene, ends, source, point.surface.p) {
+                    if inside {
+                        let share = connector.share_of_walk(&camera[t - 2], point, emitter.surface.p);
+                        emitter.chain.scale(Spectral::splat(share));
+                    }
+                    let sender = Sender { source, pixel: lit };
+                    connector.connect(camera, &[emitter], sender, None);
+                }
+            }
+            if scene.settings.strategy.is_none() && !scene.lights.is_empty() && all {
+                connector.connect_lights(camera);
+            }
+            let alone = !plan.setup.mirrors.is_empty() && !connector.reached(camera);
+            let over_flats = alone || plan.setup.mirrors.flats_weigh();
+            for source in sources {
+                if strategies.has(Strategy::SmoothInterfaces) {
+                    connector.connect_by_manifold(camera, source);
+                }
+                if over_flats {
+                    connector.connect_over_flats(camera, source, alone);
+                }
+                if alone {
+                    connector.connect_alone(camera, source);
+                }
+            }
+        }
+        connector.rays
+    }
+
+    /// Connects the vertices that belong only to this branch to all vertices of the light subpath. Returns
+    /// the number of rays.
+    fn connect_walks(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        ends: [&Ends; 2],
+        sender: Sender,
+        stream: &mut Stream,
+        out: &mut Contributions,
+    ) -> u32 {
+        let mut connector = Connector::new(scene, &plan.setup, ends, &mut self.scratch, stream, out);
+        for s in plan.first()..=self.light.points.len() {
+            if !self.light.points[s - 1].connects(scene) {
+                continue;
+            }
+            for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
+                if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
+                    let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
+                    connector.connect(camera, light, sender, None);
+                }
+            }
+        }
+        connector.rays
+    }
+}

@@ -1,0 +1,105 @@
+//! Light of emitters that paths hit: emissive surfaces, and the environment behind all surfaces.
+
+use super::state::Beam;
+use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::geometry::ray::Surface;
+use crate::light::receiver::Receiver;
+use crate::light::{Found, share};
+use crate::scene::Scene;
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::turn;
+use optics::spectrum::Spectral;
+
+/// Sampling of the direction of a path's ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DirectionSampling {
+    /// Density of the ray's direction per steradian; 0 if no connection can sample the same path.
+    pub density: f32,
+    /// Origin of the ray's direction, before any sheets in between.
+    pub from: Receiver,
+}
+
+impl DirectionSampling {
+    /// Describes a ray that no connection can sample: from a mirror, from smooth glass or from the camera.
+    #[inline]
+    pub fn alone(from: Vec3A) -> Self {
+        Self { density: 0.0, from: Receiver::anywhere(from) }
+    }
+
+    /// Returns the MIS weight relative to a connection that samples the direction with density `other`.
+    #[inline]
+    fn share(self, other: f32) -> f32 {
+        if self.density > 0.0 { share(self.density, other) } else { 1.0 }
+    }
+}
+
+/// An emissive surface that a path hit.
+pub(super) struct EmitterHit {
+    pub chain: Chain,
+    /// The light to which the path's product applies.
+    pub beam: Beam,
+    pub surface: Surface,
+    /// Index of the hit triangle in the mesh, if known.
+    pub facet: Option<u32>,
+    /// Optical length of the path, metres.
+    pub optical_m: f64,
+    /// Number of previous interactions, and their path label.
+    pub interactions: u32,
+    pub label: u8,
+    pub chosen: DirectionSampling,
+}
+
+/// Appends the light of an emissive surface to a path.
+pub(super) fn add_emissive_surface(scene: &Scene, glow: &EmitterHit, out: &mut Contributions) {
+    let EmitterHit { mut chain, beam, ref surface, .. } = *glow;
+    let (number, light) = scene.lights.of(surface.material).expect("the surface emits light");
+    let radiance = light.toward(&scene.materials.textures, surface.ng, surface.uv, beam.travel);
+    if radiance == Spectral::ZERO {
+        return;
+    }
+    // If no connection can sample the path, its density is not computed.
+    let share = if glow.chosen.density > 0.0 {
+        let found = Found { number, surface, facet: glow.facet };
+        glow.chosen.share(scene.lights.density(&glow.chosen.from, -beam.travel, &found))
+    } else {
+        1.0
+    };
+    chain.scale(radiance * Spectral::splat(share));
+    light.polarized.end(&mut chain, beam.travel, beam.frame);
+    let extent = chain.finish(out.elements);
+    let time_ps = picoseconds(glow.optical_m);
+    out.push(extent, time_ps, NO_PIXEL, glow.interactions, glow.label);
+}
+
+/// Appends the light of the environment to a path that left the scene after `bounces` interactions with label
+/// `label`; `beam` is the light to which the path's product applies.
+#[inline]
+pub(super) fn add_environment(
+    scene: &Scene,
+    chain: &Chain,
+    beam: Beam,
+    (bounces, label): (u32, u8),
+    chosen: DirectionSampling,
+    out: &mut Contributions,
+) {
+    if let Some(sky) = &scene.lights.sky {
+        let dir = -beam.travel;
+        let share = chosen.share(scene.lights.sky_density(dir));
+        let mut chain = *chain;
+        chain.scale(sky.radiance(dir) * Spectral::splat(share));
+        sky.polarized.end(&mut chain, beam.travel, beam.frame);
+        let extent = chain.finish(out.elements);
+        out.push(extent, f64::INFINITY, NO_PIXEL, bounces, label);
+    }
+    let Some(environment) = &scene.environment else {
+        return;
+    };
+    let (c2, s2) = turn(beam.travel, environment.frame(beam.travel), beam.frame);
+    let mut chain = *chain;
+    chain.rotate_in(c2, s2);
+    chain.scale(environment.radiance);
+    let extent = chain.finish(out.elements);
+    out.push(extent, f64::INFINITY, NO_PIXEL, bounces, label);
+}

@@ -1,0 +1,62 @@
+//! Connections through sheets that transmit light without deflection: polarizers, retarders and thin plates
+//! between a surface and an emitter. The straight line from a surface to the pinhole is then a path that no
+//! other strategy samples ([`crate::render::transmission`]).
+
+use super::ShadingPoint;
+use crate::accumulate::Contributions;
+use crate::geometry::ray::Ray;
+use crate::light::filter::Polarized;
+use crate::material::Filling;
+use crate::medium::nesting::Nest;
+use crate::render::transmission::{Allowed, End, Start, trace_line};
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::frame::perpendicular;
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// A connection to a point emitter or the projector.
+pub(super) struct Connection {
+    /// Unit direction to the emitter, position of the emitter, and distance to it (metres).
+    pub wi: Vec3A,
+    pub position: Vec3A,
+    pub distance: f32,
+    /// Irradiance at normal incidence, W/(m² nm).
+    pub irradiance: Spectral,
+    /// Frame and filter of the emitted light.
+    pub polarized: Polarized,
+    pub pixel: u32,
+    /// Optical length of the path before `position`, metres.
+    pub start_m: f64,
+}
+
+/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through
+/// one sheet after the other, and appends the contribution of the interaction with its label. Appends
+/// nothing if another surface blocks the ray, or if the path has more interactions than `max_depth` allows.
+/// Returns the number of rays traced.
+#[inline(never)]
+pub(super) fn connect(
+    at: &ShadingPoint,
+    to: &Connection,
+    (ray, filling): (Ray, Filling),
+    (scatter, label): (&Scatter, u8),
+    out: &mut Contributions,
+) -> u32 {
+    let &ShadingPoint { scene, state, wo, bounces, .. } = at;
+    let mut chain = state.chain;
+    // After a depolarizing interaction any frame is valid.
+    let mut frame = chain.push(scatter, wo, state.frame).unwrap_or_else(|| perpendicular(to.wi));
+    chain.scale(to.irradiance);
+    let start = Start { ray, from: at.surface.p, at: state.from, filling, nest: Nest::default() };
+    let end = End { aim: to.position, at: to.position.as_dvec3() };
+    let mut rays = 0;
+    let allowed =
+        Allowed { sheets: scene.settings.max_depth.saturating_sub(1 + bounces), lane: state.lanes.nth(0) };
+    if let Some(line) = trace_line(scene, &mut chain, &mut frame, &start, end, allowed, &mut rays) {
+        to.polarized.end(&mut chain, -to.wi, frame);
+        let extent = chain.finish(out.elements);
+        let time_ps = picoseconds(state.optical_m + line.optical_m + to.start_m);
+        out.push(extent, time_ps, to.pixel, bounces + line.sheets, label);
+    }
+    rays
+}

@@ -1,0 +1,312 @@
+//! Guiding in media: subpaths turn toward targets at the other end more often than light does.
+//!
+//! If particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
+//! large turn, and small turns again. A subpath makes small turns by sampling the phase function. If the
+//! phase function or a connection also sampled the large turn, the few paths that contain such a turn would
+//! dominate.
+//!
+//! Therefore at a particle, with probability [`SHARE`], a subpath does not continue like light along its
+//! own ray, but like light along a ray *from the other end*. A camera subpath thus turns toward the
+//! emitters, up to an angle that the phase function has for a small turn. The probability of the small turn
+//! that then leads to the emitter is that of the phase function. The peaks of both probabilities cancel.
+//! The large turn is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
+//! directions toward a light that is blurred by scattering; this is the simplest case.)
+//!
+//! Subpaths also *lean*. Light that makes many small turns changes direction gradually, and reaches the
+//! other end only if the direction happens to lead there. Two directions that are opposite each other
+//! across the incoming direction are equally likely by the phase function. The direction that is closer to
+//! the target is sampled more often ([`Guide::lean`]).
+//!
+//! Any target gives unbiased results, since densities account for the target; [`super::guide_targets`] finds
+//! efficient targets.
+
+use crate::medium::Media;
+use crate::render::state::From;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+use std::f32::consts::PI;
+
+/// Fraction of subpaths that turn toward a target at a vertex. A path has dozens of vertices at which light
+/// may make its large turn, so subpaths that turn more often rarely reach later vertices. (Measured in
+/// milk: 0.05 to 0.1 is best, 0.25 is as inefficient as no guiding.)
+const SHARE: f32 = 0.06;
+
+/// Maximum bias of leaning toward a target; less than 1, so that all directions remain possible.
+const LEAN: f32 = 0.9;
+
+/// Number of events in which a subpath turns and leans. Afterwards the subpath follows the phase function.
+/// The weight of a subpath is a product of as many factors. The tail of the weight distribution grows with
+/// this number beyond what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82,
+/// whose light is scattered by hundreds of particles. With guiding in all events, the result was 5 to 14 %
+/// too low in up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
+/// events.)
+pub(super) const MOST_EVENTS: u32 = 48;
+
+/// Maximum number of targets in a medium for the subpaths of one end.
+const MOST: usize = 4;
+
+type Targets = ArrayVec<Vec3A, MOST>;
+
+/// The targets of every medium, by medium number, for camera subpaths and for light subpaths.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Guide {
+    targets: Vec<[Targets; 2]>,
+}
+
+impl Guide {
+    pub fn none(media: &Media) -> Self {
+        Self { targets: vec![[Targets::new(), Targets::new()]; media.list.len()] }
+    }
+
+    /// Adds a target position in a medium, up to the maximum number.
+    pub fn add(&mut self, medium: u32, from: From, place: Vec3A) {
+        if let Some(targets) = self.targets.get_mut(medium as usize) {
+            // Further emitters are found without guiding.
+            let _ = targets[from as usize].try_push(place);
+        }
+    }
+
+    /// Returns true if subpaths of both ends have targets in the same medium.
+    pub fn turns_both(&self) -> bool {
+        self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
+    }
+
+    /// Returns the targets of a subpath in a medium.
+    #[inline]
+    fn targets(&self, id: u32, from: From) -> &[Vec3A] {
+        self.targets.get(id as usize).map_or(&[], |t| &t[from as usize])
+    }
+
+    /// Returns true if subpaths have targets in a medium.
+    #[inline]
+    pub fn turns(&self, medium: u32, from: From) -> bool {
+        !self.targets(medium, from).is_empty()
+    }
+
+    /// Decides at random whether a subpath turns toward a target. If so, returns the direction from which
+    /// the subpath would have come on a straight line from the other end.
+    #[inline]
+    pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
+        let targets = self.targets(at.medium, at.from);
+        if targets.is_empty() {
+            return None;
+        }
+        let u = stream.uniform() * (1.0 / SHARE);
+        if u >= 1.0 {
+            return None;
+        }
+        let n = ((u * targets.len() as f32) as usize).min(targets.len() - 1);
+        (at.p - targets[n]).try_normalize()
+    }
+
+    /// Returns the lean of a subpath toward its targets; the subpath came from direction `back` to a
+    /// particle.
+    #[inline]
+    pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
+        let targets = self.targets(at.medium, at.from);
+        if targets.is_empty() {
+            return Lean { partner: to, factor: 1.0 };
+        }
+        // Normalized again: otherwise rounding errors would triple with every particle.
+        let partner = (back * (2.0 * back.dot(to)) - to).normalize();
+        let mut pull = Vec3A::ZERO;
+        for target in targets {
+            pull += (*target - at.p).normalize_or_zero();
+        }
+        // The mean direction: opposing targets cancel.
+        let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
+        Lean { partner, factor: 1.0 + more }
+    }
+
+    /// Returns the contribution of guided turns to the density of the direction `to`.
+    #[inline]
+    pub fn toward(&self, media: &Media, at: At, to: Vec3A) -> Toward {
+        let targets = self.targets(at.medium, at.from);
+        if targets.is_empty() {
+            return Toward { straight: 1.0, turned: Spectral::ZERO, hopes: Spectral::ONE };
+        }
+        let mut toward = Spectral::ZERO;
+        let mut missed = 0.0;
+        for target in targets {
+            match (at.p - *target).try_normalize() {
+                Some(wo) => toward += media.densities_toward(at.medium, wo, to),
+                None => missed += 1.0,
+            }
+        }
+        let all = targets.len() as f32;
+        toward *= Spectral::splat(1.0 / all);
+        Toward {
+            straight: 1.0 - SHARE * (1.0 - missed / all),
+            turned: toward * Spectral::splat(SHARE),
+            hopes: Spectral::ONE + toward * Spectral::splat(4.0 * PI),
+        }
+    }
+}
+
+/// A direction's partner, which is opposite across the incoming direction, and a density factor. The factor
+/// is the direction's density relative to the phase function if the subpath does not turn. The factor is in
+/// 0..2; the factor of the partner is 2 minus this factor.
+#[derive(Clone, Copy)]
+pub(crate) struct Lean {
+    pub partner: Vec3A,
+    pub factor: f32,
+}
+
+/// The effect of guided turns on the density of a direction.
+#[derive(Clone, Copy)]
+pub(crate) struct Toward {
+    /// Probability of no guided turn.
+    straight: f32,
+    /// Density per steradian, by lane, with which guided turns sample the direction.
+    turned: Spectral,
+    /// Expected light from the direction, relative to other directions, by lane.
+    pub hopes: Spectral,
+}
+
+impl Toward {
+    /// Returns the densities per steradian, by lane, given the density `own` without guided turns.
+    #[inline]
+    pub fn densities(&self, own: Spectral) -> Spectral {
+        own * Spectral::splat(self.straight) + self.turned
+    }
+}
+
+/// The position of a subpath in a medium, with its state.
+#[derive(Clone, Copy)]
+pub(crate) struct At {
+    pub medium: u32,
+    pub p: Vec3A,
+    /// The end at which the subpath started: camera or light.
+    pub from: From,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medium::bulk::{Bulk, Optics, PhaseOptics};
+    use crate::medium::henyey_greenstein::HenyeyGreenstein;
+    use std::f32::consts::TAU;
+
+    const P: Vec3A = Vec3A::new(0.1, -0.2, 0.3);
+
+    /// Returns a forward-scattering medium with two targets for camera subpaths.
+    fn guided() -> (Media, Guide) {
+        let mut media = Media::default();
+        let bulk = Bulk { scattering: 1.0, index: 1.0, asymmetry: 0.7, ..Bulk::default() };
+        media.push(&Optics {
+            bulk: vec![bulk],
+            phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(0.7), 0.0, 0.0)),
+        });
+        let mut guide = Guide::none(&media);
+        guide.add(0, From::Camera, Vec3A::new(2.0, 1.0, 0.0));
+        guide.add(0, From::Camera, Vec3A::new(-1.0, 0.0, 3.0));
+        (media, guide)
+    }
+
+    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of the
+    /// densities.
+    fn chi2(
+        draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
+        density: impl Fn(&Guide, &Media, At, Vec3A) -> f32,
+    ) -> (f64, f64) {
+        const N: usize = 400_000;
+        const ROWS: usize = 16;
+        const COLUMNS: usize = 32;
+        const SUB: usize = 8;
+        let (media, guide) = guided();
+        let at = At { medium: 0, p: P, from: From::Camera };
+        let mut stream = Stream::new(11, 0, 0);
+        let mut counts = vec![0.0_f64; ROWS * COLUMNS];
+        for _ in 0..N {
+            let w = draw(&guide, &media, at, &mut stream);
+            assert!((w.length() - 1.0).abs() < 1e-4);
+            let row = ((w.z + 1.0) / 2.0 * ROWS as f32) as usize;
+            let column = (w.y.atan2(w.x) / TAU).rem_euclid(1.0) * COLUMNS as f32;
+            counts[row.min(ROWS - 1) * COLUMNS + (column as usize).min(COLUMNS - 1)] += 1.0;
+        }
+        let (mut chi, mut all) = (0.0, 0.0);
+        let cell = f64::from(2.0 * TAU) / (ROWS * COLUMNS * SUB * SUB) as f64;
+        for (k, count) in counts.iter().enumerate() {
+            let mut expected = 0.0;
+            for j in 0..SUB * SUB {
+                let of = |whole: usize, part: usize| (whole * SUB + part) as f32 + 0.5;
+                let z = -1.0 + 2.0 * of(k / COLUMNS, j / SUB) / (ROWS * SUB) as f32;
+                let phi = TAU * of(k % COLUMNS, j % SUB) / (COLUMNS * SUB) as f32;
+                let r = (1.0 - z * z).sqrt();
+                let w = Vec3A::new(r * phi.cos(), r * phi.sin(), z);
+                expected += f64::from(density(&guide, &media, at, w)) * cell;
+            }
+            all += expected;
+            expected *= N as f64;
+            chi += (count - expected).powi(2) / expected;
+        }
+        (chi / (ROWS * COLUMNS) as f64, all)
+    }
+
+    /// Verifies that sampled directions have the stated density: 5 sigma of chi squared over 512 cells of
+    /// 400,000 samples. Densities without guided turns fail the test.
+    #[test]
+    fn guided_directions_follow_their_density() {
+        let back = Vec3A::new(0.6, 0.0, 0.8);
+        let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
+            let back = guide.turn(at, stream).unwrap_or(back);
+            media.sample_direction(0, back, 0, stream)
+        };
+        let own = |media: &Media, w| media.densities_toward(0, back, w);
+        let most = 1.0 + 5.0 * (2.0_f64 / 512.0).sqrt();
+        let (chi, all) = chi2(draw, |guide, media, at, w| {
+            guide.toward(media, at, w).densities(own(media, w)).to_array()[0]
+        });
+        assert!(chi < most, "{chi}");
+        assert!((all - 1.0).abs() < 2e-3, "{all}");
+        let (chi, _) = chi2(draw, |_, media, _, w| own(media, w).to_array()[0]);
+        assert!(chi > 2.0 * most, "{chi}");
+    }
+
+    /// Verifies that directions sampled with leaning have the stated density, by the same test. Densities
+    /// without leaning, or with a quarter less leaning, fail the test.
+    #[test]
+    fn leaned_directions_follow_their_density() {
+        let back = Vec3A::new(0.6, 0.0, 0.8);
+        let draw = |guide: &Guide, media: &Media, at, stream: &mut Stream| {
+            let to = media.sample_direction(0, back, 0, stream);
+            let lean = guide.lean(at, back, to);
+            if 2.0 * stream.uniform() < lean.factor { to } else { lean.partner }
+        };
+        let own = |media: &Media, w| media.densities_toward(0, back, w).to_array()[0];
+        let chi = |share: f32| {
+            chi2(draw, |guide, media, at, w| {
+                own(media, w) * (1.0 + share * (guide.lean(at, back, w).factor - 1.0))
+            })
+        };
+        let most = 1.0 + 5.0 * (2.0_f64 / 512.0).sqrt();
+        let (chi_own, all) = chi(1.0);
+        assert!(chi_own < most, "{chi_own}");
+        assert!((all - 1.0).abs() < 2e-3, "{all}");
+        for share in [0.0, 0.75] {
+            assert!(chi(share).0 > most, "{share}: {}", chi(share).0);
+        }
+    }
+
+    /// Verifies that subpaths from the other end, in other media and at a target have the density of the
+    /// medium alone.
+    #[test]
+    fn other_subpaths_keep_the_density_of_the_medium() {
+        let (media, guide) = guided();
+        let of = |medium, p, from| At { medium, p, from };
+        let (to, own) = (Vec3A::Z, Spectral::splat(0.3));
+        for at in [of(0, P, From::Light), of(7, P, From::Camera)] {
+            assert!(!guide.turns(at.medium, at.from));
+            assert_eq!(guide.lean(at, Vec3A::X, to).factor, 1.0);
+            let toward = guide.toward(&media, at, to);
+            let (density, hope) = (toward.densities(own), toward.hopes);
+            assert_eq!([density.to_array(), hope.to_array()], [own.to_array(), [1.0; 4]]);
+        }
+        let mut alone = Guide::none(&media);
+        alone.add(0, From::Camera, P);
+        let density = alone.toward(&media, of(0, P, From::Camera), to).densities(own);
+        assert_eq!(density.to_array(), own.to_array());
+    }
+}
