@@ -26,7 +26,7 @@ pub fn read(path: &Path) -> Result<String, InputError> {
     context::read(path, "scene file")
 }
 
-/// Reads and builds a scene file.
+/// Reads a scene file and builds its scene.
 ///
 /// # Errors
 /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
@@ -34,7 +34,7 @@ pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
 
-/// Builds a scene from text. `path` names it in messages and is the base of relative paths.
+/// Builds a scene from text. `path` names the text in messages and is the base of relative paths.
 ///
 /// # Errors
 /// The same errors as [`load`].
@@ -91,12 +91,13 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
 }
 
-/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts per round.
+/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts that are
+/// separated per round.
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 
-/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch are
-/// moved by the distance that single precision needs, unless both refract.
+/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch
+/// are moved by the smallest distance that single precision resolves, unless both refract.
 ///
 /// # Errors
 /// The same errors as [`load`], except for gaps.
@@ -237,7 +238,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
              of at least {:.1e} m there; light would be lost",
             gap.width, gap.least
         ),
-        "increase the distance of the surfaces (or let objects with an interior overlap), or move the scene closer to the \
+        "increase the distance between the surfaces (or let objects with an interior overlap), or move the scene closer to the \
          origin; `gaps = \"warn\"` in [render] accepts the loss",
     )
 }
@@ -267,9 +268,10 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Returns the content of the scene as canonical text, for the scene hash. The text is independent
-/// of comments, table order, number formats, explicit defaults, figures and names without effect.
-/// It excludes the settings of the render: samples, replicates, seed and tiles.
+/// Returns the content of the scene as canonical text, for the scene hash. The text does not depend on
+/// comments, table order, number formats, explicit defaults, the tables `figures` and `vary`, or names
+/// without effect. The text excludes these render settings: samples per pixel, replicates, seed and tile
+/// size.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {

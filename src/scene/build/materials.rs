@@ -38,7 +38,8 @@ pub struct MaterialSet {
 }
 
 impl MaterialSet {
-    /// Reads and builds a material file: `wavelengths_nm` and `[materials]` as in a scene file.
+    /// Reads a material file and builds its materials. The file has `wavelengths_nm` and `[materials]` as
+    /// in a scene file.
     ///
     /// # Errors
     /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
@@ -46,7 +47,8 @@ impl MaterialSet {
         Self::from_text(path, &read(path, "material file")?)
     }
 
-    /// Builds a material file from text. `path` names it in messages and is the base of relative paths.
+    /// Builds the materials of a material file's text. `path` names the text in messages and is the base of
+    /// relative paths.
     ///
     /// # Errors
     /// The same errors as [`Self::load`].
@@ -77,7 +79,7 @@ impl MaterialSet {
     }
 }
 
-/// Reads the pieces of a table's file that identify the table for the scene's hash.
+/// Reads the byte ranges of a table's file that identify the table in the scene's hash.
 fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
     let mut file = base::input::open(path)?;
     let mut out = Vec::new();
@@ -282,8 +284,8 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Memory-maps the table of a measured material. Only the pieces listed by [`Table::pieces`]
-    /// enter the scene's hash, because reading whole tables takes seconds.
+    /// Memory-maps the table of a measured material. Only the byte ranges listed by [`Table::pieces`] enter
+    /// the scene's hash, because reading a whole table takes seconds.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
         let options = Options { even_axes: m.even_axes, wavelengths: Some(self.ctx.wavelengths.clone()) };
@@ -306,7 +308,7 @@ impl<'a> Builder<'_, 'a> {
         textures::spectrum(self.ctx, albedo)
     }
 
-    /// Returns a factor of reflected light per wavelength; unused lanes are 1.
+    /// Returns the factor by which reflected light is multiplied, per wavelength; unused lanes are 1.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
         Ok(Spectrum { value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()), ..spectrum })

@@ -32,11 +32,12 @@ pub struct MediumSet {
 }
 
 impl MediumSet {
-    /// Reads and builds a media file: `wavelengths_nm` and `[media]` as in a scene file.
+    /// Reads a media file and builds its media. The file has `wavelengths_nm` and `[media]` as in a scene
+    /// file.
     ///
-    /// With `only`, builds just the medium of that name, because the tables of large particles take seconds.
-    /// With `wavelengths`, builds the media for those wavelengths. Lists are then interpolated between the
-    /// file's own wavelengths.
+    /// With `only`, builds just the medium of that name, because computing the tables of large particles
+    /// takes seconds. With `wavelengths`, builds the media for those wavelengths. Lists are then
+    /// interpolated between the file's own wavelengths.
     ///
     /// # Errors
     /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
@@ -345,7 +346,7 @@ fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result
     let sizes = if spread < 1e-3 {
         SizeDistribution::Single { radius: mean }
     } else {
-        // Log-normal distribution with this mean and standard deviation.
+        // Compute the parameters of the log-normal distribution with this mean and standard deviation.
         let variance = (spread * spread).ln_1p();
         SizeDistribution::LogNormal { median: mean * (-0.5 * variance).exp(), sigma: variance.sqrt() }
     };

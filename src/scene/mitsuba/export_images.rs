@@ -45,7 +45,7 @@ impl Images<'_> {
             return Err(self.ctx.error(
                 self.span.clone(),
                 "the height image has values outside 0..1, which cannot be exported",
-                "divide the values by their maximum, and multiply height by it",
+                "divide the values by their maximum, and multiply `height` by the same maximum",
             ));
         }
         self.grey("heights", texture, true, |t| t[0])

@@ -22,9 +22,9 @@ pub enum WriteError {
     Io(PathBuf, io::Error),
 }
 
-/// Writes files into a new folder, which appears only when it is complete. With `force`, writes
-/// into an existing folder. Each file then atomically replaces a file of the same name, in the
-/// order of `files`. The last file refers to the others.
+/// Writes files into a new folder, which is created atomically after all files are written. With `force`,
+/// writes into an existing folder. Each file then atomically replaces a file of the same name, in the order
+/// of `files`. The last file must be the one that refers to the other files.
 ///
 /// # Errors
 /// [`WriteError`] if a file cannot be written. A new folder is then not created.
