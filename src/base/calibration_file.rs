@@ -136,7 +136,7 @@ struct Detectors {
 /// no reader knows are refused.
 ///
 /// # Errors
-/// [`InputError`] with the location of the fault.
+/// Returns [`InputError`] with the location of the fault.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<T, InputError> {
     document::parse::<Document>(path, text, |_| fix.to_owned())?;
     document::parse(path, text, |_| fix.to_owned())
@@ -146,7 +146,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
 /// of this part only. The other parts are those of `old`, the present text of the file at `path`.
 ///
 /// # Errors
-/// [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
+/// Returns [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
     let fix = "the existing file is not a calibration and was not changed; choose another file name, or move the file";
     let known: Table = parse(path, old, fix)?;
@@ -173,7 +173,7 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
 /// old or the new file.
 ///
 /// # Errors
-/// [`PutError`]; the file is unchanged.
+/// Returns [`PutError`]. The file is unchanged.
 pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
     // Without the lock, two writers could read the same file and one would overwrite the other's result.
     let _lock = Lock::take(path).map_err(|e| match e {

@@ -12,7 +12,7 @@ use toml::de::DeTable;
 /// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the advice `fix`.
 ///
 /// # Errors
-/// [`InputError`] without a location, if the file cannot be read.
+/// Returns [`InputError`] without a location, if the file cannot be read.
 pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
     input::read_text(path)
         .map_err(|e| InputError::new(path, "", None, format!("cannot read the {what}: {e}"), fix))
@@ -21,7 +21,7 @@ pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
 /// Parses a document; `fix` returns the advice for an error message.
 ///
 /// # Errors
-/// [`InputError`] at the location where the text is not valid TOML or does not match the type.
+/// Returns [`InputError`] at the location where the text is not valid TOML or does not match the type.
 pub fn parse<T: DeserializeOwned>(
     path: &Path,
     text: &str,
@@ -34,7 +34,7 @@ pub fn parse<T: DeserializeOwned>(
 /// table was assembled from several places. Errors contain the location in `text`.
 ///
 /// # Errors
-/// [`InputError`] at the location that does not match the type.
+/// Returns [`InputError`] at the location that does not match the type.
 pub fn parse_table<T: DeserializeOwned>(
     path: &Path,
     text: &str,

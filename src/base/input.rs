@@ -19,7 +19,7 @@ pub fn is_special(path: &Path) -> bool {
 /// Opens a regular file for reading.
 ///
 /// # Errors
-/// If the path is not a regular file, or on a file system error.
+/// Returns an error if the path is not a regular file, or on a file system error.
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     if !kind.is_file() {
@@ -31,7 +31,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads an entire regular file.
 ///
 /// # Errors
-/// As [`open`], and if there is not enough memory.
+/// Returns the same errors as [`open`], and an error if there is not enough memory.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
@@ -50,7 +50,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads a regular file that contains at most [`MOST_TEXT`] bytes of text.
 ///
 /// # Errors
-/// As [`open`], and if the file is larger or not UTF-8.
+/// Returns the same errors as [`open`], and an error if the file is larger or not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let file = open(path)?;
     let mut text = String::new();

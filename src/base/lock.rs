@@ -42,8 +42,8 @@ impl Lock {
     /// followed.
     ///
     /// # Errors
-    /// [`LockError`] if another process or another thread of this process holds the lock, or the file
-    /// system fails.
+    /// Returns [`LockError`] if another process or another thread of this process holds the lock, or the
+    /// file system fails.
     pub fn take(output: &Path) -> Result<Self, LockError> {
         let real = output.canonicalize().unwrap_or_else(|_| output.to_owned());
         let path = file_of(&real);

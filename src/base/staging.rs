@@ -22,7 +22,7 @@ pub fn part_of(path: &Path) -> PathBuf {
 /// Removes a folder if it exists.
 ///
 /// # Errors
-/// On a file system error.
+/// Returns the error of the file system.
 pub fn remove(folder: &Path) -> io::Result<()> {
     match fs::remove_dir_all(folder) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
@@ -34,7 +34,7 @@ pub fn remove(folder: &Path) -> io::Result<()> {
 /// back, or deletes it if the new folder is in place. Only the holder of the lock may call this.
 ///
 /// # Errors
-/// On a file system error.
+/// Returns the error of the file system.
 pub fn recover(path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     if fs::symlink_metadata(&old).is_err() {
@@ -50,7 +50,7 @@ pub fn recover(path: &Path) -> io::Result<()> {
 /// system supports it.
 ///
 /// # Errors
-/// On a file system error; the old folder stays in place.
+/// Returns the error of the file system. The old folder stays in place.
 pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(path).is_err() {
         return fs::rename(part, path);

@@ -68,7 +68,7 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
 /// missing directories.
 ///
 /// # Errors
-/// On a file system error; the old file, if any, is unchanged.
+/// Returns the error of the file system. The old file, if any, is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // Another process that opens a store for writing may remove the temporary file; retry.
     let mut attempts = 3;
@@ -85,7 +85,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// killed processes left.
 ///
 /// # Errors
-/// As [`write()`], and errors of `fill`.
+/// Returns the same errors as [`write()`], and the errors of `fill`.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     sweep(path);
     put(path, fill)

@@ -44,8 +44,9 @@ const FIX: &str = "write one point per line as x y z radius, with an empty line 
 /// `place` transforms points but not radii.
 ///
 /// # Errors
-/// [`ImportError`] with the line number, if a number is missing or not finite, a radius is negative, a curve
-/// has too few points or no extent, all radii are 0, or more than 4 million triangles are needed.
+/// Returns [`ImportError`] with the line number, if a number is missing or not finite, a radius is
+/// negative, a curve has too few points or no extent, all radii are 0, or more than 4 million triangles are
+/// needed.
 pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
     let curves = points(bytes, kind, place)?;
     let least = if kind == Kind::BSpline { 3 } else { 1 };

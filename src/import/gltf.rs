@@ -34,8 +34,8 @@ const MAX_TRIANGLES: usize = 1 << 26;
 /// are not used.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported geometry
-/// extension, or it has no triangles.
+/// Returns [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported
+/// geometry extension, or it has no triangles.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("cannot parse the glTF JSON ({e})"));

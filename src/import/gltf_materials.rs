@@ -16,7 +16,7 @@ use transport::material::texture::{Filter, Wrap};
 /// Returns the materials of a glTF document or GLB container, with the names that the parts of the mesh use.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid.
+/// Returns [`ImportError`] if the file is invalid.
 pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)

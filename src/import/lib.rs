@@ -73,7 +73,7 @@ pub use self::serialized::parse_serialized;
 /// `.serialized` (first mesh only), in any case.
 ///
 /// # Errors
-/// [`ImportError`] with the file's name, if the file cannot be read, has another format, is invalid
+/// Returns [`ImportError`] with the file's name, if the file cannot be read, has another format, is invalid
 /// or has no usable triangles.
 pub fn load(path: &Path) -> Result<Model, ImportError> {
     let mut model = load_unnamed(path).map_err(|mut error| {

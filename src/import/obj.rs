@@ -23,8 +23,8 @@ const FIX_FACE: &str =
 /// lines, points, vertex colours, free-form surfaces and all other statements.
 ///
 /// # Errors
-/// [`ImportError`] with the line number if a number or an index is invalid; without a line number if there
-/// are no triangles.
+/// Returns [`ImportError`] with the line number if a number or an index is invalid; without a line number
+/// if there are no triangles.
 pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());

@@ -47,7 +47,8 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
 /// identifies. `layer` selects a layer of an OpenEXR file.
 ///
 /// # Errors
-/// [`PictureError`] if the format is not supported, the file is damaged, or the image channels are ambiguous.
+/// Returns [`PictureError`] if the format is not supported, the file is damaged, or the image channels are
+/// ambiguous.
 pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         return openexr::decode(bytes, layer);
@@ -183,7 +184,7 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
 /// Encodes an image as a file in the given format.
 ///
 /// # Errors
-/// [`ImageError`] if the format does not support the image.
+/// Returns [`ImageError`] if the format does not support the image.
 pub fn encoded(image: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Cursor::new(vec![]);
     image.write_to(&mut bytes, format)?;

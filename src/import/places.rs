@@ -7,7 +7,8 @@ use npyz::{DType, NpyFile, Order, TypeChar};
 /// × 3 × 4 or n × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
 ///
 /// # Errors
-/// A message with the error's location in the file. The caller adds the file's name before the message.
+/// Returns a message with the error's location in the file. The caller adds the file's name before the
+/// message.
 pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     if is_array(bytes) { array(bytes) } else { text(bytes) }
 }

@@ -42,7 +42,7 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
 /// faces are not read.
 ///
 /// # Errors
-/// The same errors as [`parse_ply`], or an error if the file does not have the attribute.
+/// Returns the same errors as [`parse_ply`], or an error if the file does not have the attribute.
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("invalid attribute name {name:?}");

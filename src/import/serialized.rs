@@ -30,7 +30,7 @@ const RECORD_5: usize = 8;
 /// and other attributes.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
+/// Returns [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
 pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());

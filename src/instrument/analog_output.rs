@@ -40,7 +40,7 @@ impl AnalogLimits {
     /// Checks that the card supports the settings.
     ///
     /// # Errors
-    /// A message with the setting that is not supported.
+    /// Returns a message with the setting that is not supported.
     pub fn check(&self, settings: &AnalogSettings) -> Result<(), String> {
         let known = settings.channels.iter().all(|c| *c < self.channels);
         let once =
@@ -65,7 +65,7 @@ impl AnalogLimits {
     /// Checks that the card can output a buffer: one list of volts per channel, all of equal length.
     ///
     /// # Errors
-    /// A message with the cause.
+    /// Returns a message with the cause.
     pub fn check_buffer(&self, buffer: &[Vec<f64>], channels: usize) -> Result<(), String> {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
@@ -124,6 +124,6 @@ pub trait AnalogOutput: Instrument {
     /// Stops immediately at the present voltage; has no effect if nothing was started.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -19,7 +19,7 @@ impl GalvoLimits {
     /// Checks that the scanner can point to optical angles, in degrees.
     ///
     /// # Errors
-    /// A message with angles and range.
+    /// Returns a message with angles and range.
     pub fn check(&self, angles_deg: [f64; 2]) -> Result<(), String> {
         if angles_deg.iter().zip(self.range_deg).all(|(a, most)| a.abs() <= most) {
             return Ok(());

@@ -21,13 +21,13 @@ pub trait Instrument: Send {
     /// Queries the identity. A reply also proves that the line works.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure>;
 
     /// Reconnects after a disconnection; discards pending operations and settings.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Creates a failure of this instrument.
@@ -41,7 +41,7 @@ pub trait Instrument: Send {
     /// Returns an error with a failure of this instrument.
     ///
     /// # Errors
-    /// Always, with this [`Failure`].
+    /// Always returns this [`Failure`].
     fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure>
     where
         Self: Sized,

@@ -17,7 +17,7 @@ impl LaserLimits {
     /// Checks a pulse rate, in hertz.
     ///
     /// # Errors
-    /// A message with rate and range.
+    /// Returns a message with rate and range.
     pub fn check(&self, hz: f64) -> Result<(), String> {
         let [least, most] = self.rate_hz;
         if hz >= least && hz <= most {
@@ -51,6 +51,6 @@ pub trait PulsedLaser: Instrument {
     /// Queries the state.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn state(&mut self, within: Duration) -> Result<LaserState, Failure>;
 }

@@ -32,7 +32,7 @@ impl ProjectorLimits {
     /// Checks a number of patterns.
     ///
     /// # Errors
-    /// A message with number and limit.
+    /// Returns a message with number and limit.
     pub fn check(&self, patterns: usize) -> Result<(), String> {
         if patterns <= self.patterns {
             return Ok(());
@@ -44,8 +44,7 @@ impl ProjectorLimits {
 /// Returns the entry `pattern` of a projector's list of loaded patterns.
 ///
 /// # Errors
-///
-/// A message if the list has no such entry.
+/// Returns a message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
     found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))
@@ -70,6 +69,6 @@ pub trait PatternProjector: Instrument {
     /// Turns off the light.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn dark(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -22,7 +22,7 @@ impl StageLimits {
     /// Checks an angle, in degrees.
     ///
     /// # Errors
-    /// A message with angle and range.
+    /// Returns a message with angle and range.
     pub fn check(&self, angle_deg: f64) -> Result<(), String> {
         let [least, most] = self.range_deg;
         if angle_deg.is_finite() && angle_deg >= least && angle_deg <= most {
@@ -77,12 +77,12 @@ pub trait RotationStage: Instrument {
     /// Reads position and state.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn read(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
     /// Stops immediately.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

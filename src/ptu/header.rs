@@ -51,7 +51,7 @@ impl<R: Read> Bytes<'_, R> {
 /// Nothing is allocated for sizes that the file cannot contain.
 ///
 /// # Errors
-/// [`PtuError`] with the offset of the invalid tag.
+/// Returns [`PtuError`] with the offset of the invalid tag.
 pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Header, u64), PtuError> {
     let mut bytes = Bytes { source, file, at: 0, length };
     let (mut magic, mut version) = ([0; 8], [0; 8]);
@@ -167,7 +167,7 @@ impl Header {
     /// Returns the record type.
     ///
     /// # Errors
-    /// [`PtuError`] if the header states no type, an unknown type, a type that contradicts
+    /// Returns [`PtuError`] if the header states no type, an unknown type, a type that contradicts
     /// `Measurement_Mode`, or records that are not 32 bits long.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
@@ -206,7 +206,8 @@ impl Header {
     /// Encodes the header, including `Header_End`.
     ///
     /// # Errors
-    /// A message if a name is too long, a text does not fit its type, or `Header_End` is among the tags.
+    /// Returns a message if a name is too long, a text does not fit its type, or `Header_End` is among the
+    /// tags.
     pub fn write(&self) -> Result<Vec<u8>, String> {
         let mut out = MAGIC.to_vec();
         let mut version = [0; 8];

@@ -240,7 +240,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
 /// than one line (or pixel) is missing.
 ///
 /// # Errors
-/// [`PtuError`] in these cases:
+/// Returns [`PtuError`] in these cases:
 /// - the plan does not fit the file or exceeds [`MOST`];
 /// - a bin has 2³² − 1 counts or more;
 /// - no photon is in any bin (with the reason: no markers or sync pulses, other channels, later bins);
@@ -254,8 +254,7 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
 /// pixel. The second value is then the reason why there are no photons.
 ///
 /// # Errors
-///
-/// Like [`histogram`], except for an empty histogram.
+/// Returns the same errors as [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,
     plan: &Plan,

@@ -51,7 +51,8 @@ impl Reader<BufReader<File>> {
     /// Opens a regular file and reads its header.
     ///
     /// # Errors
-    /// [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown type.
+    /// Returns [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown
+    /// type.
     pub fn open(path: &Path) -> Result<Self, PtuError> {
         let failed = |e| PtuError::io(path, 0, &e);
         let file = base::input::open(path).map_err(failed)?;
@@ -64,7 +65,7 @@ impl<R: Read> Reader<R> {
     /// Reads the header from a source of `length` bytes. Errors name `file`.
     ///
     /// # Errors
-    /// Same as [`Reader::open`].
+    /// Returns the same errors as [`Reader::open`].
     pub fn new(mut source: R, length: u64, file: &Path) -> Result<Self, PtuError> {
         let (header, begin) = header::read(&mut source, length, file)?;
         let record = header.record_type(file)?;
@@ -111,7 +112,7 @@ impl<R: Read> Reader<R> {
     /// Returns the next raw records, or an empty slice at the end.
     ///
     /// # Errors
-    /// [`PtuError`] if the system cannot read the file.
+    /// Returns [`PtuError`] if the system cannot read the file.
     pub fn block(&mut self) -> Result<&[[u8; 4]], PtuError> {
         let count = (self.records - self.read).min(BLOCK as u64);
         self.block.resize(count as usize * 4, 0);
@@ -124,7 +125,7 @@ impl<R: Read> Reader<R> {
     /// Calls a function with every event, in order.
     ///
     /// # Errors
-    /// Same as [`Self::block`].
+    /// Returns the same errors as [`Self::block`].
     pub fn events(&mut self, mut take: impl FnMut(Event)) -> Result<(), PtuError> {
         let mut decoder = Decoder::new(self.record);
         loop {

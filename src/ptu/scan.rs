@@ -91,7 +91,7 @@ impl Scan {
     /// A line scan (`ImgHdr_Dimensions` 2) has one row, in which all lines are accumulated.
     ///
     /// # Errors
-    /// A message that names the missing or invalid tag.
+    /// Returns a message that names the missing or invalid tag.
     pub fn of_header(header: &Header) -> Result<Self, String> {
         let missing = |name: &str| format!("the header does not describe a scan: {name} is missing");
         let marker = |name: &str| match header.number(name) {

@@ -31,7 +31,7 @@ impl Survey {
 /// Counts a file's records from the reader's position to the end.
 ///
 /// # Errors
-/// [`PtuError`] if the system cannot read the file.
+/// Returns [`PtuError`] if the system cannot read the file.
 pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
     let mut survey = Survey {
         photons: [0; 64],

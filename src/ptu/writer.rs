@@ -85,7 +85,8 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the header.
     ///
     /// # Errors
-    /// Errors of the system; of kind `InvalidInput` for tags that cannot be encoded.
+    /// Returns errors of the operating system, and errors of kind `InvalidInput` for tags that cannot be
+    /// encoded.
     pub fn begin(mut out: W, description: &Description) -> io::Result<Self> {
         let header = description.header().write().map_err(refused)?;
         let name = header.windows(RECORDS.len()).position(|w| w == RECORDS.as_bytes());
@@ -148,7 +149,8 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a photon. `dtime` is for T3 only.
     ///
     /// # Errors
-    /// Errors of the system; `InvalidInput` for an invalid channel or `dtime`, and for decreasing times.
+    /// Returns errors of the operating system, and `InvalidInput` for an invalid channel or `dtime`, and
+    /// for decreasing times.
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         let family = self.record.family();
         let first = u8::from(family == Family::PicoT2);
@@ -178,7 +180,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a sync pulse (T2).
     ///
     /// # Errors
-    /// Same as [`Self::photon`]; also in T3, which has no sync records.
+    /// Returns the same errors as [`Self::photon`], and an error in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
             return Err(refused("T3 has no sync records"));
@@ -194,7 +196,8 @@ impl<W: Write + Seek> Writer<W> {
     /// the last four bits of the time with the marker bits.
     ///
     /// # Errors
-    /// Same as [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
+    /// Returns the same errors as [`Self::photon`], and an error if no marker, or one beyond the fourth, is
+    /// set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!("markers {bits:#b}: expected at least one of the four markers")));
@@ -210,7 +213,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the number of records into the header and returns that number.
     ///
     /// # Errors
-    /// Errors of the system.
+    /// Returns errors of the operating system.
     pub fn end(mut self) -> io::Result<u64> {
         self.out.seek(SeekFrom::Start(self.number_at))?;
         self.out.write_all(&self.records.to_le_bytes())?;
@@ -231,7 +234,7 @@ impl Records {
     /// Appends a photon like [`Writer::photon`].
     ///
     /// # Errors
-    /// Same as [`Writer::photon`].
+    /// Returns the same errors as [`Writer::photon`].
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         self.0.photon(time, dtime, channel)
     }
@@ -245,7 +248,7 @@ impl Records {
 /// Writes a file atomically and returns its number of records. `fill` writes the records.
 ///
 /// # Errors
-/// Same as [`Writer::begin`] and [`Writer::photon`], and those that `fill` returns.
+/// Returns the same errors as [`Writer::begin`] and [`Writer::photon`], and the errors of `fill`.
 pub fn write(
     path: &Path,
     description: &Description,

@@ -236,7 +236,7 @@ impl SceneBuilder {
     /// Builds the scene.
     ///
     /// # Errors
-    /// [`InputError`] as for a scene file. The field `file` of the error names the argument instead
+    /// Returns [`InputError`] as for a scene file. The field `file` of the error names the argument instead
     /// of line and column: `scene in code: objects[0].material`.
     pub fn build(self) -> Result<Scene, InputError> {
         if let Some(fault) = self.fault {

@@ -154,7 +154,7 @@ impl SceneFile {
     /// Returns the text of the scene file. Keys with default values are omitted.
     ///
     /// # Errors
-    /// [`toml::ser::Error`] if an integer is larger than TOML allows (2^63 - 1).
+    /// Returns [`toml::ser::Error`] if an integer is larger than TOML allows (2^63 - 1).
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

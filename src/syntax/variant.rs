@@ -38,7 +38,7 @@ pub struct Variant {
 /// Parses a scene file and returns one of its variants; `path` names the file in messages.
 ///
 /// # Errors
-/// [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
+/// Returns [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
 /// values have locations in `[vary]`.
 pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
     let file = SceneFile::read(path, text)?;
@@ -62,7 +62,7 @@ pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError>
 /// Checks `[vary]` and returns the number of variants, or `None` if the number is unlimited.
 ///
 /// # Errors
-/// [`InputError`] with a location in `[vary]` if the table is invalid.
+/// Returns [`InputError`] with a location in `[vary]` if the table is invalid.
 pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, InputError> {
     if file.vary.is_empty() {
         return Ok(Some(0));

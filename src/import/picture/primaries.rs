@@ -26,7 +26,7 @@ fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
 /// the given primaries. Returns `None` for BT.709 and for files without primaries.
 ///
 /// # Errors
-/// [`NoGamut`] if the primaries span no gamut.
+/// Returns [`NoGamut`] if the primaries span no gamut.
 pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Option<[[f32; 3]; 3]>, NoGamut> {
     match given.filter(|p| !is_bt709(p)) {
         _ if is_xyz => Ok(Some(rows(xyz_to_bt709()))),

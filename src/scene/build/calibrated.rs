@@ -23,7 +23,7 @@ struct Document {
 /// The scene hash covers the values taken from the file, not the file's bytes.
 ///
 /// # Errors
-/// [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
+/// Returns [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
 /// with other keys. If the calibration file is invalid, the error is located in that file.
 pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file;

@@ -17,7 +17,7 @@ const HEAD: u64 = 1 << 20;
 /// Returns the scene with the materials that it uses from mesh files.
 ///
 /// # Errors
-/// [`InputError`] at the mesh if a file cannot be read.
+/// Returns [`InputError`] at the mesh if a file cannot be read.
 pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file.clone();
     for place in &mut out.objects {

@@ -42,7 +42,7 @@ impl MaterialSet {
     /// in a scene file.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
+    /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
@@ -51,7 +51,7 @@ impl MaterialSet {
     /// relative paths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
@@ -61,7 +61,7 @@ impl MaterialSet {
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         let ctx = Context { wavelengths, ..Context::new(path, text, &file.wavelengths_nm)? };

@@ -40,7 +40,7 @@ impl MediumSet {
     /// interpolated between the file's own wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
+    /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(
         path: &Path,
         only: Option<&str>,
@@ -52,7 +52,7 @@ impl MediumSet {
     /// Does the same as [`Self::load`] for a file's text; `path` names the file in messages.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn at(
         path: &Path,
         text: &str,
@@ -79,7 +79,7 @@ impl MediumSet {
 /// Returns the names of the media of a file without building them.
 ///
 /// # Errors
-/// The same errors as [`MediumSet::load`].
+/// Returns the same errors as [`MediumSet::load`].
 pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     names_of_text(path, &read_file(path)?)
 }
@@ -87,7 +87,7 @@ pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
 /// Does the same as [`names`] for a file's text.
 ///
 /// # Errors
-/// The same errors as [`MediumSet::load`].
+/// Returns the same errors as [`MediumSet::load`].
 pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError> {
     Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
 }
@@ -95,7 +95,7 @@ pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError>
 /// Returns the text of a media file.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read.
+/// Returns [`InputError`] if the file cannot be read.
 pub fn read_file(path: &Path) -> Result<String, InputError> {
     read(path, "file of media")
 }

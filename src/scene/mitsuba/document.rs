@@ -29,7 +29,7 @@ impl Document {
     /// Errors inside the scene are recorded in its [`Source`].
     ///
     /// # Errors
-    /// [`InputError`] with a location if the text does not contain a scene.
+    /// Returns [`InputError`] with a location if the text does not contain a scene.
     pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
         let source = Source::new(file, text);
         let folders = Folders::of(file);

@@ -56,7 +56,7 @@ impl Export {
     /// Reads and converts a scene file; [`Self::from_text`] describes the options.
     ///
     /// # Errors
-    /// The same errors as [`Self::from_text`], or an error if the file cannot be read.
+    /// Returns the same errors as [`Self::from_text`], or an error if the file cannot be read.
     pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
@@ -65,7 +65,7 @@ impl Export {
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
+    /// Returns [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
     pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         let file = SceneFile::read(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
@@ -80,7 +80,7 @@ impl Export {
     /// unless `force` is set.
     ///
     /// # Errors
-    /// [`WriteError`] if a file cannot be written. No file is then partially written.
+    /// Returns [`WriteError`] if a file cannot be written. No file is then partially written.
     pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
         let mut files = self.files.clone();
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));

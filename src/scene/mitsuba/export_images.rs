@@ -38,7 +38,7 @@ impl Images<'_> {
     /// Writes the bitmap of a bump map.
     ///
     /// # Errors
-    /// [`InputError`] if the heights of the bump map are outside the range of a PNG file.
+    /// Returns [`InputError`] if the heights of the bump map are outside the range of a PNG file.
     pub fn heights(self, texture: u32) -> Result<Element, InputError> {
         let fits = |t: &[f32; 4]| (0.0..=1.0).contains(&t[0]);
         if !texels(self.textures, texture).1.iter().all(fits) {

@@ -74,7 +74,7 @@ impl Import {
     /// relative paths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn from_text(
         xml: &Path,
         text: &str,
@@ -88,7 +88,7 @@ impl Import {
     /// and the scene file use.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn with_files(
         xml: &Path,
         text: &str,
@@ -112,7 +112,8 @@ impl Import {
     /// Writes the files that the scene needs and then the scene file, each atomically.
     ///
     /// # Errors
-    /// [`WriteError`] if a file exists and `force` is not set, or if the file system reports an error.
+    /// Returns [`WriteError`] if a file exists and `force` is not set, or if the file system reports an
+    /// error.
     pub fn write(&self, toml: &Path, force: bool) -> Result<(), WriteError> {
         let paths = self.files.keys().map(|name| toml.with_file_name(name));
         if let Some(there) = paths.chain([toml.to_owned()]).find(|path| !force && path.exists()) {

@@ -1,6 +1,6 @@
 //! Object stores in memory, for tests. `memory://NAME/..` has no faults, `flaky://NAME/..` loses responses
-//! to conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed
-//! process.
+//! to conditional puts, and `mortal://NAME/..` makes a limited number of changes and then fails, like a
+//! killed process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
 use crate::refusal::Refusal;

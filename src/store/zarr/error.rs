@@ -8,13 +8,13 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum CreateError {
     #[error(
-        "{path} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`"
+        "{path} already exists: resume the render with `--resume`, replace the store with `--force`, or choose another `-o`"
     )]
     Exists { path: PathBuf },
     /// The path exists and is not a store. Such a path is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
-    /// The path is inside a store, which must not change in parts.
+    /// The path is inside another store, in which no files may be added.
     #[error("{path} is inside a store ({store}): choose another `-o`")]
     Within {
         path: PathBuf,
@@ -25,7 +25,7 @@ pub enum CreateError {
     #[error("slice `{name}`: {reason}")]
     Slice {
         name: String,
-        /// The fault, and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
     /// Another process is writing to the path.
@@ -120,7 +120,7 @@ pub enum OpenError {
     #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
-        /// What is missing.
+        /// The file or attribute that is missing.
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
@@ -151,7 +151,7 @@ pub enum OpenError {
     #[error("cannot open {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
     /// A file could not be read, or a leftover could not be removed.
-    #[error("cannot open {path}: {cause}; check its permissions")]
+    #[error("cannot open {path}: {cause}; check the permissions of the file")]
     Io { path: PathBuf, cause: String },
 }
 

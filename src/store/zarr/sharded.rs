@@ -19,7 +19,8 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Reads concurrently the tails of shards, of arrays of one store, that are not in the cache.
+    /// Concurrently reads the tails of shards that are not in the cache. The shards belong to arrays of one
+    /// store.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -109,7 +110,7 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Returns the requests for units, or none if fetching ahead has no benefit.
+    /// Returns the requests for units, or an empty list if fetching ahead has no benefit.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote.is_none() {
             return Ok(vec![]);

@@ -1,4 +1,5 @@
-//! Creates sharded stores from stores with one file per chunk: the same values in few files.
+//! Creates sharded stores, which have few files, from stores with one file per chunk. The values are the
+//! same.
 //!
 //! A shard is assembled in memory and written atomically, so every existing shard is complete, and an
 //! interrupted copy resumes with the next shard.
@@ -25,7 +26,7 @@ impl TensorStore {
     /// Returns whether the arrays of the store are sharded.
     ///
     /// # Errors
-    /// If a slice cannot be opened.
+    /// Returns an error if a slice cannot be opened.
     pub fn is_sharded(&self) -> Result<bool, OpenError> {
         for name in self.slice_names() {
             if self.slice(name)?.is_sharded() {
@@ -71,7 +72,7 @@ impl TensorStore {
                     fill(&target.field(field)?.1, &slice.field(field)?.1)?;
                 }
             }
-            // Last, because values without samples do not count as rendered.
+            // Copy the sample counts last, because values without samples do not count as rendered.
             if let (Some(target), Some(source)) = (&store.samples, &of.samples) {
                 fill(target, source)?;
             }
@@ -108,8 +109,8 @@ fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
-    // Several concurrently, so that one is assembled while another is written; their number limits the
-    // memory.
+    // Process several shards concurrently, so that one is assembled while another is written. Their number
+    // limits the memory.
     for some in all.chunks(AT_ONCE) {
         some.par_iter().try_for_each(|shard| write(target, sharded, shard, source))?;
     }
@@ -170,7 +171,7 @@ fn frames<T: Number>(
         region::copy(values, from, &mut piece, into, &valid);
         let bytes: &[u8] = bytemuck::cast_slice(&piece);
         let content = sparse_frame::encode(bytes, None);
-        // Negative zeros are stored, as in an unsharded chunk with other values.
+        // A chunk with negative zeros is stored, as in an unsharded chunk that also has other values.
         if content == Content::Zero {
             continue;
         }
