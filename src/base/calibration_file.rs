@@ -76,7 +76,7 @@ impl Part {
     }
 }
 
-/// Error of [`put`]; the file is unchanged.
+/// Error of [`put`]. The file is unchanged after an error.
 #[derive(Debug)]
 pub enum PutError {
     /// The existing file is not a calibration.
@@ -132,8 +132,8 @@ struct Detectors {
     spad: IgnoredAny,
 }
 
-/// Parses the part of a calibration file that a reader needs. Keys of other readers are ignored. Keys that
-/// no reader knows are refused.
+/// Parses the part of a calibration file that a reader needs. Keys of other parts are ignored. Unknown keys
+/// are refused.
 ///
 /// # Errors
 /// Returns [`InputError`] with the location of the fault.
@@ -143,7 +143,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
 }
 
 /// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys
-/// of this part only. The other parts are those of `old`, the present text of the file at `path`.
+/// of this part only. The other parts are those of `old`, the current text of the file at `path`.
 ///
 /// # Errors
 /// Returns [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
@@ -220,8 +220,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Verifies, for parts in any order and with repetitions, that every part is the last one written,
-        /// and that there are no other parts.
+        /// Verifies, for parts written in any order and with repetitions, that the file contains the last
+        /// text written for each part and no other parts.
         #[test]
         fn the_last_written_parts_are_read_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Parsing of TOML documents. Errors contain file, line, column and fix. A list is never accepted for a
+//! Parses TOML documents. Errors contain file, line, column and fix. A list is never accepted in place of a
 //! table.
 
 use crate::input;
@@ -9,7 +9,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the advice `fix`.
+/// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the fix `fix`.
 ///
 /// # Errors
 /// Returns [`InputError`] without a location, if the file cannot be read.
@@ -18,7 +18,7 @@ pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
         .map_err(|e| InputError::new(path, "", None, format!("cannot read the {what}: {e}"), fix))
 }
 
-/// Parses a document; `fix` returns the advice for an error message.
+/// Parses a document; `fix` returns the fix for an error message.
 ///
 /// # Errors
 /// Returns [`InputError`] at the location where the text is not valid TOML or does not match the type.

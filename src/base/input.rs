@@ -1,6 +1,6 @@
-//! Reading of input files: regular files only.
+//! Reads input files, which must be regular files.
 //!
-//! Reading a pipe without a writer, or `/dev/zero`, never ends. Anything other than a regular file is
+//! Reads of a pipe without a writer or of `/dev/zero` never end. Anything other than a regular file is
 //! therefore refused before it is opened. Text is read up to a maximum size, because a sparse file can
 //! report any size.
 
@@ -11,7 +11,8 @@ use std::path::Path;
 /// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Returns whether a path exists and is neither a file nor a folder, but a pipe, a device or a socket.
+/// Returns whether a path exists and is neither a regular file nor a folder, such as a pipe, a device or a
+/// socket.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -35,14 +36,15 @@ pub fn open(path: &Path) -> io::Result<File> {
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
-    // Some systems overcommit memory and kill the process that uses it.
+    // Check the size first, because some systems overcommit memory and kill the process that uses the
+    // memory.
     if length > memory() {
         return Err(ErrorKind::OutOfMemory.into());
     }
     let mut bytes = vec![];
     let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
     bytes.try_reserve_exact(room).map_err(|_| ErrorKind::OutOfMemory)?;
-    // Limit the size read: the file may grow meanwhile, or report no length.
+    // Limit the number of bytes read, because the file may grow in the meantime or report no length.
     file.by_ref().take(length.max(MOST_TEXT)).read_to_end(&mut bytes)?;
     Ok(bytes)
 }

@@ -82,7 +82,7 @@ impl<T: JsonSchema> JsonSchema for Located<T> {
     }
 }
 
-/// An error in a user's file, with its location and advice.
+/// An error in a user's file, with its location and fix.
 #[derive(Clone, Debug)]
 pub struct InputError {
     pub file: PathBuf,
@@ -92,12 +92,12 @@ pub struct InputError {
     pub span: Option<Range<usize>>,
     /// Description of the error.
     pub message: String,
-    /// Advice on how to fix the error.
+    /// The fix: what the user should change.
     pub help: Option<String>,
 }
 
 impl InputError {
-    /// Creates an error in the text of a file, with advice on how to fix it.
+    /// Creates an error in the text of a file, with a fix.
     pub fn new(
         file: impl Into<PathBuf>,
         text: impl Into<Arc<str>>,

@@ -1,4 +1,4 @@
-//! Exclusive locks on outputs: at most one writer per path.
+//! Exclusive locks on outputs, so that each path has at most one writer.
 //!
 //! A lock is an advisory lock of the operating system on the file `.NAME.lock` next to the output. The file
 //! contains the holder's host and process. The system releases the lock when the holder exits for any reason,
@@ -65,7 +65,8 @@ impl Lock {
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
-            // A previous holder may have removed the file that we opened; then our lock is on a deleted file.
+            // A previous holder may have removed the file after this process opened the file. The lock is
+            // then on a deleted file.
             if !is_file_at(&file, &path) {
                 continue;
             }
@@ -81,7 +82,8 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Remove the file while it is locked: a process that opened it before detects the removal.
+        // Remove the file while it is locked. A process that has already opened the file detects the
+        // removal.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -111,7 +113,7 @@ fn is_file_at(file: &File, path: &Path) -> bool {
     }
     #[cfg(not(unix))]
     {
-        // Open files cannot be removed on this system.
+        // On this system, open files cannot be removed, so the file is still at the path.
         let _ = file;
         path.exists()
     }

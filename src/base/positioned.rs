@@ -1,4 +1,4 @@
-//! Positioned reads and writes, so that several threads can access one file concurrently.
+//! Reads and writes files at given offsets, so that several threads can access one file concurrently.
 //!
 //! On systems without positioned I/O, a lock serializes the accesses.
 

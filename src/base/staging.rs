@@ -31,7 +31,7 @@ pub fn remove(folder: &Path) -> io::Result<()> {
 }
 
 /// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder
-/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this.
+/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this function.
 ///
 /// # Errors
 /// Returns the error of the file system.
@@ -58,7 +58,7 @@ pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     remove(&old)?;
     if exchange(part, path).is_ok() {
-        // Rename it, so that after a crash it is recognized as a folder to delete.
+        // Rename the old folder, so that it is recognized after a crash as a folder to delete.
         fs::rename(part, &old)?;
         return remove(&old);
     }

@@ -1,9 +1,9 @@
-//! Atomic file writes: a file appears completely or not at all.
+//! Writes files atomically: a file is written completely or not at all.
 //!
 //! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which then replaces
 //! the destination by renaming. If the process is killed, the destination is either the old or the new
-//! file, never a partial file. The temporary file may remain. Files are not synced, so a power loss may
-//! damage them.
+//! file, never a partial file. The temporary file may remain. Files are not synchronized to disk, so a
+//! power failure may damage them.
 
 use crate::input;
 use std::fs::{self, File};
@@ -81,8 +81,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Writes a file as [`write()`] does, through a buffered writer. Before that, removes temporary files that
-/// killed processes left.
+/// Removes temporary files that killed processes left, and then writes a file as [`write()`] does, through
+/// a buffered writer.
 ///
 /// # Errors
 /// Returns the same errors as [`write()`], and the errors of `fill`.
@@ -156,7 +156,7 @@ mod tests {
     fn temporary_files_of_dead_processes_are_removed() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.npy");
-        // No process has the largest ID; the other two names belong to this process or to another file.
+        // No process has the largest ID. The other two names belong to this process or to another file.
         let mine = format!(".f.npy.{}-99.tmp", std::process::id());
         let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
         names.iter().for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));

@@ -99,26 +99,28 @@ pub trait AnalogOutput: Instrument {
     /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
     ///
     /// # Errors
-    /// [`Failure`]: limit, refused (a buffer is playing), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, refused (a buffer is playing), timeout or disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
     /// Loads a buffer into the card's memory: a list of volts for each driven channel, all of equal length.
     ///
     /// # Errors
-    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, or playing),
+    /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or
+    /// playing),
     /// disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (no buffer, or a buffer is playing), disconnected.
+    /// Returns a [`Failure`] of kind refused (no buffer, or a buffer is playing) or disconnected.
     fn start(&mut self) -> Result<(), Failure>;
 
     /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (still playing), stalled (stopped early), refused (not started), disconnected.
+    /// Returns a [`Failure`] of kind timeout (still playing), stalled (stopped early), refused (not
+    /// started) or disconnected.
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Stops immediately at the present voltage; has no effect if nothing was started.

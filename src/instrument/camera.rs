@@ -165,18 +165,21 @@ pub trait AreaCamera: Instrument {
     /// Applies the settings to all subsequent exposures.
     ///
     /// # Errors
-    /// [`Failure`]: limit (names the setting that is out of range), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit (names the setting that is out of range), timeout or
+    /// disconnected.
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts one exposure and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, or an exposure is in progress), disconnected.
+    /// Returns a [`Failure`] of kind refused (not configured, or an exposure is in progress) or
+    /// disconnected.
     fn expose(&mut self) -> Result<(), Failure>;
 
     /// Waits for the frame of the exposure in progress.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (the frame was lost; another exposure may start), disconnected.
+    /// Returns a [`Failure`] of kind timeout (the frame was lost; another exposure may start) or
+    /// disconnected.
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure>;
 }

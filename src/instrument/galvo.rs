@@ -35,6 +35,6 @@ pub trait GalvoScanner: Instrument {
     /// returns the angles that the mirrors' sensors report.
     ///
     /// # Errors
-    /// [`Failure`]: limit, timeout, stalled, disconnected.
+    /// Returns a [`Failure`] of kind limit, timeout, stalled or disconnected.
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure>;
 }

@@ -45,7 +45,7 @@ pub trait PulsedLaser: Instrument {
     /// Switches the light on at a pulse rate, or off.
     ///
     /// # Errors
-    /// [`Failure`]: limit, refused (interlock), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, refused (interlock), timeout or disconnected.
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
     /// Queries the state.

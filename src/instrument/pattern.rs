@@ -56,14 +56,14 @@ pub trait PatternProjector: Instrument {
     /// Loads patterns, numbered from 0, which replace all earlier patterns.
     ///
     /// # Errors
-    /// [`Failure`]: limit (number, size, or gray levels on a binary projector), timeout,
+    /// Returns a [`Failure`] of kind limit (number, size, or gray levels on a binary projector), timeout,
     /// disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
     /// Displays a loaded pattern until the next call, and returns when the light is stable.
     ///
     /// # Errors
-    /// [`Failure`]: limit (no such pattern), timeout, disconnected, refused.
+    /// Returns a [`Failure`] of kind limit (no such pattern), timeout, disconnected or refused.
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
     /// Turns off the light.

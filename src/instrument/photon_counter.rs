@@ -58,18 +58,19 @@ pub trait PhotonCounter: Instrument {
     /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
-    /// [`Failure`]: limit, timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, timeout or disconnected.
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, or an acquisition is in progress), disconnected.
+    /// Returns a [`Failure`] of kind refused (not configured, or an acquisition is in progress) or
+    /// disconnected.
     fn begin(&mut self) -> Result<(), Failure>;
 
     /// Waits for the end of the acquisition and returns its result.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, saturated (a bin is full), disconnected.
+    /// Returns a [`Failure`] of kind timeout, saturated (a bin is full) or disconnected.
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure>;
 }

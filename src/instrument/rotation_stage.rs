@@ -58,20 +58,22 @@ pub trait RotationStage: Instrument {
     /// Homes the stage and waits for the end of homing.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, stalled, disconnected.
+    /// Returns a [`Failure`] of kind timeout, stalled or disconnected.
     fn home(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Starts a move to an angle of the scale and returns immediately. The new move replaces a move
     /// in progress.
     ///
     /// # Errors
-    /// [`Failure`]: limit (outside [`StageLimits::range_deg`]), refused (not homed), disconnected.
+    /// Returns a [`Failure`] of kind limit (outside [`StageLimits::range_deg`]), refused (not homed) or
+    /// disconnected.
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
     /// Waits for the end of the move and returns the encoder's reading.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (still moving), stalled (stopped short of the goal), disconnected.
+    /// Returns a [`Failure`] of kind timeout (still moving), stalled (stopped short of the goal) or
+    /// disconnected.
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
     /// Reads position and state.

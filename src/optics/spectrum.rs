@@ -35,7 +35,7 @@ pub enum WavelengthError {
 }
 
 impl Wavelengths {
-    /// Checks a list of vacuum wavelengths in nanometres, and creates the value.
+    /// Creates the wavelengths from a list of vacuum wavelengths in nanometres, after checking the list.
     ///
     /// # Errors
     /// Returns [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not

@@ -1,4 +1,4 @@
-//! Named axes with units of a stored slice, in one fixed order.
+//! The named axes of a stored slice, with their units, in a fixed order.
 //!
 //! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
 //! only if the slice resolves it. `wavelength` is always last, so that one tensor element fills the lanes of
@@ -7,8 +7,8 @@
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Maximum number of elements in a chunk: 8 MiB of f32. With this limit, the tile size bounds the memory
-/// used.
+/// Maximum number of elements in a chunk: 8 MiB of f32. With this limit, the memory used depends on the
+/// tile size only.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
 /// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix elements
@@ -16,7 +16,7 @@ pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 /// 15.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
-/// Dimension of T that an axis resolves.
+/// Dimension of the transport tensor T that an axis resolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisKind {
     /// Camera row.
@@ -110,7 +110,7 @@ impl AxisKind {
             Self::T => "travel time (bin centre)",
             Self::Bounces => "surface interactions between projector and camera",
             Self::Component => "0 = direct (one surface interaction), 1 = indirect",
-            Self::Label => "what the path did, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse",
+            Self::Label => "interactions of the path, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse",
             Self::StokesOut => "Stokes element that reaches the camera, camera frame",
             Self::StokesIn => "Stokes element that leaves the projector, projector frame",
             Self::Wavelength => "vacuum wavelength",
@@ -140,8 +140,8 @@ impl Axis {
         self.coords.is_empty()
     }
 
-    /// Returns the index of the coordinate nearest to `coordinate`; of two equally near, the first; 0 for
-    /// an empty axis.
+    /// Returns the index of the coordinate nearest to `coordinate`: the first of two equally near
+    /// coordinates, or 0 for an empty axis.
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
         (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -158,7 +158,7 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // Also false for NaN.
+        // This condition also refuses NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }

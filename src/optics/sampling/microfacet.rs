@@ -20,10 +20,10 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
-    /// Trowbridge & Reitz (GGX): long tails, as for ground surfaces.
+    /// Trowbridge & Reitz (GGX), with long tails, as measured on ground surfaces.
     #[default]
     Ggx,
-    /// Beckmann: Gaussian slopes.
+    /// Beckmann, with Gaussian slopes.
     Beckmann,
 }
 
@@ -68,14 +68,14 @@ impl Microfacet {
         }
     }
 
-    /// Returns the masking G1(w).
+    /// Returns Smith's masking function G1(w).
     #[inline]
     pub fn g1(&self, w: Vec3A) -> f32 {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns the joint masking and shadowing G2(wo, wi) of reflection (`wo` and `wi` on the same side) or
-    /// transmission.
+    /// Returns the joint masking-shadowing function G2(wo, wi) of reflection (`wo` and `wi` on the same
+    /// side) or transmission.
     #[inline]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
         let (o, i) = (self.lambda(wo), self.lambda(wi));
@@ -108,7 +108,7 @@ fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
         return 0.0;
     }
     let a2 = alpha * alpha;
-    // (1 - cos²) + a² cos² without cancellation: x² + y² is accurate where cos² is near 1.
+    // Compute (1 - cos²) + a² cos² without cancellation, because x² + y² is accurate where cos² is near 1.
     let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
     a2 * FRAC_1_PI / (t * t)
 }

@@ -1,4 +1,5 @@
-//! Random numbers that depend only on (seed, pixel, sample), and warps with their densities.
+//! Random numbers that depend only on (seed, pixel, sample), and warps to sampling distributions with their
+//! densities.
 
 pub mod beckmann;
 pub mod gamma;
