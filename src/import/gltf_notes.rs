@@ -8,7 +8,7 @@ use super::notes::Notes;
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
-/// Extensions that this importer or the material reader supports.
+/// Extensions that the mesh importer or the material reader supports.
 const READ: [&str; 7] =
     [DRACO, INSTANCING, VISIBILITY, MESHOPT[0], MESHOPT[1], "KHR_mesh_quantization", "KHR_texture_transform"];
 

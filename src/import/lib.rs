@@ -10,7 +10,7 @@
 //! - normals are normalized, and normals of zero length are replaced;
 //! - the result is validated.
 //!
-//! Each item of a file is used, noted or refused.
+//! Each item of a file is used, mentioned in a note or refused.
 
 mod accessor;
 pub mod appearance;

@@ -25,7 +25,8 @@ pub struct Surface {
     /// Triangles in the cube [0, 1]³ that face toward increasing distance. Texture coordinates are constant,
     /// as in Mitsuba.
     pub mesh: Mesh,
-    /// Largest distance between a triangle's centre and the trilinear surface, to first order, in cell sizes.
+    /// Largest distance, in cell sizes and to first order, between a triangle's centre and the trilinear
+    /// surface.
     pub deviation: f64,
 }
 
@@ -123,7 +124,7 @@ impl Grid<'_> {
         for corner in 0..8 {
             let (mut w, mut cell) = (1.0, high);
             for i in 0..3 {
-                // Below the first cell, that cell has all the weight.
+                // Below the first cell, the first cell has the full weight.
                 let alone = high[i] < 0.5;
                 let up = corner >> i & 1 == 1;
                 w *= match (up, alone) {

@@ -1,4 +1,4 @@
-//! An analog output card that outputs voltages at its own sample clock, for example to galvo
+//! An analog output card, which outputs voltages at a sample clock of the card, for example to galvo
 //! mirrors.
 //!
 //! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
@@ -8,7 +8,7 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a card.
+/// Limits of an analog output card.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnalogLimits {
     /// Number of channels, numbered from 0.
@@ -24,13 +24,13 @@ pub struct AnalogLimits {
 }
 
 impl AnalogLimits {
-    /// Returns the smallest step, in volts.
+    /// Returns the smallest voltage step, in volts.
     pub fn step(&self) -> f64 {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// Returns the output voltage for a requested voltage: the nearest voltage that the card can
-    /// output.
+    /// Returns the output voltage for a requested voltage: the nearest voltage that the card can output, in
+    /// volts.
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();
@@ -55,14 +55,15 @@ impl AnalogLimits {
         let [least, most] = self.rate_hz;
         if !(settings.rate_hz >= least && settings.rate_hz <= most) {
             return Err(format!(
-                "the sample rate is {} samples per second; expected {least} to {most}",
+                "the sample rate is {} samples per second; expected {least} to {most} samples per second",
                 settings.rate_hz
             ));
         }
         Ok(())
     }
 
-    /// Checks that the card can output a buffer: one list of volts per channel, all of equal length.
+    /// Checks that the card can output a buffer, which has one list of voltages (volts) per channel, all of
+    /// equal length.
     ///
     /// # Errors
     /// Returns a message with the cause.
@@ -83,7 +84,7 @@ impl AnalogLimits {
     }
 }
 
-/// Settings of a card.
+/// Settings of an analog output card.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalogSettings {
     /// Channels to drive, in the order of a buffer's lists.
@@ -102,7 +103,8 @@ pub trait AnalogOutput: Instrument {
     /// Returns a [`Failure`] of kind limit, refused (a buffer is playing), timeout or disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Loads a buffer into the card's memory: a list of volts for each driven channel, all of equal length.
+    /// Loads a buffer into the card's memory: one list of voltages (volts) per driven channel, all of equal
+    /// length.
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or
@@ -123,7 +125,7 @@ pub trait AnalogOutput: Instrument {
     /// started) or disconnected.
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Stops immediately at the present voltage; has no effect if nothing was started.
+    /// Stops the output immediately at the current voltage. Has no effect if no buffer was started.
     ///
     /// # Errors
     /// Returns a [`Failure`] after at most `within`.

@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Encoding of a frame's digital numbers (names of GenICam, PFNC 2.4).
+/// Encoding of a frame's digital numbers, with the names of GenICam (PFNC 2.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
     /// 8 bits per pixel.
@@ -153,7 +153,7 @@ pub struct RawFrame {
     pub format: PixelFormat,
     /// Pixel data, rows from the top without padding; its length is [`PixelFormat::bytes`] of all pixels.
     pub bytes: Vec<u8>,
-    /// Frame counter of the camera since power-on: a gap shows a lost frame.
+    /// Number of the frame, counted by the camera since power-on. A gap indicates a lost frame.
     pub number: u64,
     /// Camera clock at the start of the exposure, in nanoseconds.
     pub timestamp_ns: u64,

@@ -3,22 +3,22 @@
 use super::failure::{Failure, Fault};
 use std::time::Duration;
 
-/// Identity that an instrument reports.
+/// Identity that an instrument reports: manufacturer, model, serial number and firmware version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     pub maker: String,
     pub model: String,
     pub serial: String,
-    /// Firmware version.
     pub firmware: String,
 }
 
-/// An instrument. One thread uses it at a time; it can be moved to another thread.
+/// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another
+/// thread.
 pub trait Instrument: Send {
     /// Returns the name in the rig file, which messages contain.
     fn name(&self) -> &str;
 
-    /// Queries the identity. A reply also proves that the line works.
+    /// Queries the identity. A reply also proves that the connection works.
     ///
     /// # Errors
     /// Returns a [`Failure`] after at most `within`.

@@ -34,21 +34,20 @@ pub struct LaserState {
     pub emitting: bool,
     /// Pulses per second.
     pub rate_hz: f64,
-    /// Mean power relative to nominal, where 1 is nominal. Sessions wait while the power is below
-    /// the plan's limit.
+    /// Mean power divided by the nominal power. Sessions wait while this ratio is below the plan's limit.
     pub power: f64,
 }
 
 pub trait PulsedLaser: Instrument {
     fn limits(&self) -> LaserLimits;
 
-    /// Switches the light on at a pulse rate, or off.
+    /// Switches the emission on with a pulse rate in hertz, or off.
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind limit, refused (interlock), timeout or disconnected.
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
-    /// Queries the state.
+    /// Queries the emission state, pulse rate and power.
     ///
     /// # Errors
     /// Returns a [`Failure`] after at most `within`.

@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// A pattern: one byte per pixel, rows from the top, 255 is full intensity.
+/// A pattern: one byte per pixel, rows from the top. The value 255 is full intensity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     /// Width in pixels.
@@ -15,7 +15,7 @@ pub struct Pattern {
     pub pixels: Vec<u8>,
 }
 
-/// Limits of a projector.
+/// Limits of a pattern projector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorLimits {
     /// Width and height, in pixels.
@@ -29,7 +29,7 @@ pub struct ProjectorLimits {
 }
 
 impl ProjectorLimits {
-    /// Checks a number of patterns.
+    /// Checks that the projector's memory can hold a number of patterns.
     ///
     /// # Errors
     /// Returns a message with number and limit.
@@ -41,7 +41,7 @@ impl ProjectorLimits {
     }
 }
 
-/// Returns the entry `pattern` of a projector's list of loaded patterns.
+/// Returns entry number `pattern`, from 0, of a projector's list of loaded patterns.
 ///
 /// # Errors
 /// Returns a message if the list has no such entry.

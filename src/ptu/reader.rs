@@ -7,15 +7,15 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Records per block.
+/// Number of records per block.
 const BLOCK: usize = 1 << 16;
 
-/// Difference between the record counts of header and file, which was truncated or extended.
+/// Difference between the record counts of header and file, for a file that was truncated or extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     pub stated: u64,
     pub found: u64,
-    /// Bytes of an incomplete last record.
+    /// Number of bytes of an incomplete last record.
     pub torn: u8,
 }
 
@@ -71,7 +71,8 @@ impl<R: Read> Reader<R> {
         let record = header.record_type(file)?;
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
-        // An interrupted measurement states zero records: read all that the file contains.
+        // The header of an interrupted measurement states zero records. Read all records that the file
+        // contains.
         let stated =
             header.number("TTResult_NumberOfRecords").filter(|n| *n > 0.0).map_or(found, |n| n as u64);
         Ok(Self {
@@ -104,7 +105,7 @@ impl<R: Read> Reader<R> {
         self.records
     }
 
-    /// Returns the mismatch between header and file length, which deserves a warning.
+    /// Returns the mismatch between header and file length, if any, for a warning to the user.
     pub fn mismatch(&self) -> Option<Mismatch> {
         self.mismatch
     }

@@ -1,4 +1,4 @@
-//! Writes a file: header, records in order of time, and finally the number of records.
+//! Writes a `.ptu` file: the header, the records in order of time, and finally the number of records.
 
 use super::header::Header;
 use super::record::{Family, Layout, Mode, RecordType, with_layout};
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Maximum number of consecutive overflow records. A longer pause is an error.
+/// Maximum number of consecutive overflow records. A longer gap between events is an error.
 const LONGEST_PAUSE: u64 = 1 << 24;
 
 const RECORDS: &str = "TTResult_NumberOfRecords";
@@ -67,13 +67,13 @@ fn refused(what: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidInput, what.into())
 }
 
-/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since
-/// the start of the file: sync pulses in T3.
+/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since the
+/// start of the file. In T3, the counts are sync pulses.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
     record: RecordType,
-    /// Offset of the number of records in the file.
+    /// Byte offset at which the file stores the number of records.
     number_at: u64,
     records: u64,
     period: u64,
@@ -113,17 +113,19 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&record.to_le_bytes())
     }
 
-    /// Writes the overflow records before a time and returns the remaining count.
+    /// Writes the overflow records before a time and returns the remaining time count for the event's
+    /// record.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!("time {time} follows {}; sort the events by time", self.last)));
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
-        // Overflows per record.
+        // Maximum number of overflows per overflow record.
         let most = match self.record.family() {
             Family::HydraT3 => (1 << 10) - 1,
-            // Records can represent more, but `ptufile` multiplies in 32 bits, which overflow at 128.
+            // Records can represent more overflows, but `ptufile` multiplies in 32 bits, which overflow at
+            // 128.
             Family::HydraT2 => 127,
             _ => 1,
         };
@@ -222,7 +224,7 @@ impl<W: Write + Seek> Writer<W> {
     }
 }
 
-/// T2 or T3 records in memory without a file, as a card sends them.
+/// T2 or T3 records in memory without a file, in the form in which a photon counter sends them.
 #[derive(Debug)]
 pub struct Records(Writer<std::io::Cursor<Vec<u8>>>);
 
@@ -231,7 +233,7 @@ impl Records {
         Self(Writer::over(std::io::Cursor::new(vec![]), record, 0))
     }
 
-    /// Appends a photon like [`Writer::photon`].
+    /// Appends a photon as [`Writer::photon`] does.
     ///
     /// # Errors
     /// Returns the same errors as [`Writer::photon`].

@@ -1,4 +1,4 @@
-//! Converts colours of other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
+//! Converts colours with other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
 //!
 //! The conversion uses CIE XYZ without chromatic adaptation, as in the OpenEXR library and in Mitsuba.
 
