@@ -83,7 +83,6 @@ pub enum PutError {
     Input(InputError),
     /// Another calibration is writing to the file; contains the holder of the lock.
     Held(String),
-    /// File system error.
     Io(io::Error),
 }
 
@@ -132,8 +131,8 @@ struct Detectors {
     spad: IgnoredAny,
 }
 
-/// Parses the part of a calibration file that a reader needs. Keys of other parts are ignored. Unknown keys
-/// are refused.
+/// Parses the part of a calibration file that a reader needs. Ignores keys of other parts, and refuses
+/// unknown keys.
 ///
 /// # Errors
 /// Returns [`InputError`] with the location of the fault.

@@ -1,5 +1,4 @@
-//! Parses TOML documents. Errors contain file, line, column and fix. A list is never accepted in place of a
-//! table.
+//! Parses TOML documents. Errors contain file, line, column and fix. Lists in place of tables are refused.
 
 use crate::input;
 use crate::locate::InputError;

@@ -1,8 +1,7 @@
 //! Reads input files, which must be regular files.
 //!
 //! Reads of a pipe without a writer or of `/dev/zero` never end. Anything other than a regular file is
-//! therefore refused before it is opened. Text is read up to a maximum size, because a sparse file can
-//! report any size.
+//! therefore refused without opening it. Text has a maximum size, because a sparse file can report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};
@@ -11,8 +10,7 @@ use std::path::Path;
 /// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Returns whether a path exists and is neither a regular file nor a folder, such as a pipe, a device or a
-/// socket.
+/// Returns whether a path exists and is neither a regular file nor a folder, such as a pipe or a device.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -36,8 +34,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
-    // Check the size first, because some systems overcommit memory and kill the process that uses the
-    // memory.
+    // Check the size first, because some systems overcommit memory and kill the process that uses the memory.
     if length > memory() {
         return Err(ErrorKind::OutOfMemory.into());
     }

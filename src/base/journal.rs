@@ -50,8 +50,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     pub fn push(&self, record: &T) -> std::io::Result<()> {
         let mut line = serde_json::to_string(record)?;
         line.push('\n');
-        // After another thread's panic, the file is still valid, because each line is written with one
-        // call.
+        // After another thread's panic, the file is still valid, because each line is written with one call.
         let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         file.write_all(line.as_bytes())
     }

@@ -90,7 +90,6 @@ pub struct InputError {
     pub text: Arc<str>,
     /// Byte range of the error in the text, if known.
     pub span: Option<Range<usize>>,
-    /// Description of the error.
     pub message: String,
     /// The fix: what the user should change.
     pub help: Option<String>,
@@ -109,8 +108,7 @@ impl InputError {
         Self { file, text, span, message, help: Some(help.into()) }
     }
 
-    /// Returns the line and the column of the error, both counted from 1. Columns are counted in
-    /// characters.
+    /// Returns the line and the column of the error, both counted from 1. Columns are counted in characters.
     pub fn line_column(&self) -> Option<(usize, usize)> {
         let start = self.span.as_ref()?.start.min(self.text.len());
         let before = self.text.get(..start)?;

@@ -27,7 +27,6 @@ pub struct Lock {
 pub enum LockError {
     /// Another holder has the lock; contains its name, for example `process 12 on host`.
     Held(String),
-    /// File system error.
     Io(io::Error),
 }
 
@@ -65,8 +64,8 @@ impl Lock {
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
-            // A previous holder may have removed the file after this process opened the file. The lock is
-            // then on a deleted file.
+            // A previous holder may have removed the file after this process opened it. The lock is then on
+            // a deleted file.
             if !is_file_at(&file, &path) {
                 continue;
             }
@@ -82,8 +81,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Remove the file while it is locked. A process that has already opened the file detects the
-        // removal.
+        // Remove the file while it is locked. A process that has already opened the file detects the removal.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -124,7 +122,6 @@ pub fn holder_name() -> String {
     format!("process {} on {}", std::process::id(), host())
 }
 
-/// Returns the name of this machine.
 fn host() -> String {
     #[cfg(unix)]
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();

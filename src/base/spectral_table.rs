@@ -114,8 +114,7 @@ mod tests {
             let found = t.at(at);
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);
             let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // The tolerance covers the rounding errors of one product, one quotient and one sum of numbers
-            // up to 20.
+            // The tolerance covers rounding errors of one product, quotient and sum of numbers up to 20.
             prop_assert!((low - 1e-13..=high + 1e-13).contains(&found));
             for (nm, v) in nm.iter().zip(&values) {
                 prop_assert_eq!(t.at(*nm), *v);

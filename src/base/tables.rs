@@ -1,9 +1,8 @@
 //! Deserializes tables and never accepts a list in place of a table.
 //!
-//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0,
-//! 0, 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and all values
-//! that are read through it, and refuses a list where a struct is expected. The error contains the location
-//! of the list.
+//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
+//! 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and all values that
+//! are read through it, and refuses a list where a struct is expected. The error has the list's location.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,
@@ -19,7 +18,6 @@ pub struct Strict<T> {
 }
 
 impl<T> Strict<T> {
-    /// Wraps `inner`.
     pub fn new(inner: T) -> Self {
         Self { inner, fields: None }
     }

@@ -11,7 +11,6 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Counter of this process's temporary files.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
 /// Returns a path for a temporary file next to `path`. The name is unique in this process and among running

@@ -35,8 +35,7 @@ type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
     /// Loads all buffers: the GLB's binary chunk, data URIs and, if `base` is given, files below the folder
-    /// `base`. For a buffer that is too short, only a note is added, because accessors are checked
-    /// separately.
+    /// `base`. A buffer that is too short causes only a note, because accessors are checked separately.
     pub fn new(
         root: &'a Root,
         blob: Option<&'a [u8]>,
@@ -161,7 +160,7 @@ impl<'a> Data<'a> {
             out
         };
         if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
-            return Err(wrong("does not match the count or the type of the compressed data"));
+            return Err(wrong("does not match the compressed data: the count or the type differs"));
         }
         let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
             (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),

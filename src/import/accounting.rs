@@ -1,5 +1,5 @@
-//! Tests that each item of a glTF file is used, named in a note or refused. Each test file contains one
-//! random unused item.
+//! Tests that each item of a glTF file is used, named in a note or refused. Each file contains one random
+//! unused item.
 
 use super::{ImportError, Model, gltf_tests, parse_gltf};
 use rand::seq::IndexedRandom;

@@ -80,8 +80,7 @@ pub enum Source {
 }
 
 impl Appearance {
-    /// Returns whether the file contains only a name: glTF's default material, or a grey material of an MTL
-    /// library.
+    /// Returns whether the file contains only a name: glTF's default material, or a grey MTL material.
     pub fn is_plain(&self) -> bool {
         let plain = Self {
             alpha: self.alpha,

@@ -67,8 +67,7 @@ fn a_circle_is_a_torus() {
     near(area, TAU * radius * TAU * 0.2, 3e-3);
     near(volume, TAU * radius * TAU / 2.0 * 0.04, 1e-2);
     normals_agree(&made.mesh);
-    // Where the tangent is parallel to z, Mitsuba's frame rotates. Even there, no triangle may cross the
-    // tube.
+    // Where the tangent is parallel to z, Mitsuba's frame rotates. No triangle may cross the tube there.
     for corners in &made.mesh.indices {
         let [a, b, c] = corners.map(|i| made.mesh.positions[i as usize]);
         assert!(a.distance(b).max(b.distance(c)) < 0.2);

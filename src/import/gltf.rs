@@ -4,8 +4,8 @@
 //!
 //! Transforms of the node tree are multiplied in double precision. Every mesh is transformed to world space
 //! once per node that uses the mesh. Meshes are in the rest pose: morph targets have their default weights,
-//! and skins follow the transforms of their joints. Like Sunstone, glTF is right-handed with +y up and uses
-//! metres.
+//! and skins follow the transforms of their joints. As in Sunstone, axes are right-handed with +y up; units
+//! are metres.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -108,8 +108,7 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
         return Err(ImportError::new(what, "export the file as glTF 2.0"));
     }
     let (mut json, mut bin, mut at) = (None, None, 12);
-    // A chunk may be longer than the rest of a truncated file. Buffers and accessors are checked
-    // separately.
+    // A chunk may be longer than the rest of a truncated file. Buffers and accessors are checked separately.
     while let (Some(size), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
         if at >= length {
             break;

@@ -226,8 +226,7 @@ fn turned(t: &Value) -> Option<UvRows> {
     let two = |key: &str, missing: f64| [0, 1].map(|i| number(&t[key][i], missing));
     let ([ox, oy], [sx, sy]) = (two("offset", 0.0), two("scale", 1.0));
     let (sin, cos) = number(&t["rotation"], 0.0).sin_cos();
-    // The map is translation × rotation × scale, as the extension specifies, counter-clockwise in an
-    // upright image.
+    // As the extension specifies: translation × rotation × scale, counter-clockwise in an upright image.
     let [[a, b, c], [d, e, f]] = [[cos * sx, sin * sy, ox], [-sin * sx, cos * sy, oy]];
     let rows = [[a, -b, b + c], [-d, e, 1.0 - e - f]];
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)

@@ -1,6 +1,5 @@
-//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's
-//! `serialized`. The crate also checks closed surfaces, reads images and reads the transforms of
-//! many copies.
+//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`.
+//! The crate also checks closed surfaces, reads images and reads the transforms of many copies.
 //!
 //! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
 //! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's

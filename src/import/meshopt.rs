@@ -134,8 +134,8 @@ fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8
                 let most = (1_u8 << bits) - 1;
                 for i in 0..16 {
                     let at = i * bits as usize;
-                    // The first value of a byte is in the highest bits, except that values of one bit start
-                    // at the lowest bit.
+                    // The first value of a byte is in the highest bits. Values of one bit start at the
+                    // lowest bit.
                     let shift = if bits == 1 { i % 8 } else { 8 - bits as usize - at % 8 };
                     let value = packed[at / 8] >> shift & most;
                     out.push(if value == most { stream.byte()? } else { value });
@@ -322,8 +322,7 @@ mod tests {
     use super::*;
     use crate::draco_tests::stream as bytes;
 
-    // The constants are the output of the encoder of npm's meshoptimizer 1.3.0 for the numbers given in the
-    // tests.
+    // Output of the encoder of npm's meshoptimizer 1.3.0 for the numbers given in the tests.
     const WORDS: [&str; 2] = [
         "a01f0002060a0e12161a1e22262a2e32363a3e42464a4e52565a5e62666a6e72767affff0000dc82868a8e92969a1480\
         020080c0820000052a066666666666666666666666666666666666666600000000002a0ddddddddddddddddddddddddd\

@@ -66,8 +66,7 @@ mod tests {
                 assert!((got / want - 1.0).abs() < most, "{r} at {degrees}°: {got}, not {want}");
             }
         }
-        // The value is for gold at 550 nm and 60°. The tests of Fresnel's equations compare this value with
-        // Mitsuba's.
+        // Gold at 550 nm and 60°. The tests of Fresnel's equations compare this value with Mitsuba's.
         assert!((reflectance(0.5, 0.4242, 2.4721) - 0.792257).abs() < 1e-5);
     }
 }

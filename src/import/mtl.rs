@@ -78,7 +78,6 @@ impl Entry {
     }
 }
 
-/// Parses the materials of a library.
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
     let mut all: Vec<Entry> = vec![];
     for line in text::lines(&text::decode(bytes)) {
@@ -270,8 +269,7 @@ mod tests {
             let found = material(&format!("{key} .25 .25 .25"));
             let used = Appearance { unused: vec![], ..found.clone() } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));
-            // These keys have no effect alone, such as a shininess without a highlight or an index without
-            // glass.
+            // These keys have no effect alone, such as an index of refraction without glass.
             let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
             assert!(used || found.unused.iter().any(|u| u == key) || silent, "{key}: {found:?}");
         }

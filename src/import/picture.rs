@@ -89,8 +89,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |e: ImageError| PictureError::damaged(&name, e);
     let mut notes = vec![];
     let image = image::load_from_memory_with_format(bytes, format).map_err(damaged)?;
-    // As in Mitsuba, glTF and web browsers, PNG colours are read as sRGB, because many programs write a
-    // wrong gAMA chunk.
+    // As in Mitsuba, glTF and browsers, PNG colours are read as sRGB: many programs write a wrong gAMA chunk.
     if format == ImageFormat::Png
         && let Some(gamma) = png_gamma(bytes)
         && (gamma - 1.0 / 2.2).abs() > 0.02

@@ -25,8 +25,7 @@ pub struct Surface {
     /// Triangles in the cube [0, 1]³ that face toward increasing distance. Texture coordinates are constant,
     /// as in Mitsuba.
     pub mesh: Mesh,
-    /// Largest distance, in cell sizes and to first order, between a triangle's centre and the trilinear
-    /// surface.
+    /// Largest distance (in cell sizes, to first order) of a triangle's centre from the trilinear surface.
     pub deviation: f64,
 }
 

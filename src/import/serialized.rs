@@ -1,5 +1,4 @@
-//! Reads Mitsuba's `serialized` meshes, versions 3, 4 and 5 (Mitsuba's documentation, "Serialized mesh
-//! loader").
+//! Reads Mitsuba's `serialized` meshes, versions 3, 4 and 5 (described in Mitsuba's documentation).
 
 use std::io::Read;
 
@@ -180,8 +179,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if faces.iter().any(|f| f[3] != 0) {
         parts.notes.add("the BSDF indices of faces are not used: the mesh has a single material");
     }
-    // Skip the lists of vertices that share a surface point or a normal, which are used only for editing
-    // positions.
+    // Skip the lists of vertices that share a surface point or a normal, used only for editing positions.
     for list in [points, groups] {
         if list > 0 {
             stream.indices(vertices)?;

@@ -1,5 +1,4 @@
-//! An analog output card, which outputs voltages at a sample clock of the card, for example to galvo
-//! mirrors.
+//! An analog output card, which outputs voltages at a sample clock of the card, for example to galvo mirrors.
 //!
 //! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
 //! buffer, the card holds the voltage of the last sample.
@@ -29,8 +28,7 @@ impl AnalogLimits {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// Returns the output voltage for a requested voltage: the nearest voltage that the card can output, in
-    /// volts.
+    /// Returns the output voltage for a requested voltage (volts): the nearest that the card can output.
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();
@@ -108,8 +106,7 @@ pub trait AnalogOutput: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or
-    /// playing),
-    /// disconnected.
+    /// playing), disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.

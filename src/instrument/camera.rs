@@ -18,7 +18,6 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
-    /// All formats.
     pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10p, Self::Mono12p, Self::Mono16];
 
     /// Returns the number of bits per pixel.
@@ -47,16 +46,12 @@ impl PixelFormat {
     }
 }
 
-/// Region of the sensor that is read, in columns and rows from its upper left corner.
+/// Region of the sensor that is read: first column, first row, and numbers of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
-    /// First column.
     pub x: u32,
-    /// First row.
     pub y: u32,
-    /// Number of columns.
     pub width: u32,
-    /// Number of rows.
     pub height: u32,
 }
 
@@ -72,12 +67,10 @@ pub enum Trigger {
 /// Settings of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
-    /// Region to read.
     pub region: Region,
     pub exposure: Duration,
     /// Gain, in decibels.
     pub gain_db: f64,
-    /// Pixel format.
     pub format: PixelFormat,
     /// Event that starts an exposure.
     pub trigger: Trigger,
@@ -94,7 +87,6 @@ pub struct CameraLimits {
     pub exposure: [Duration; 2],
     /// Minimum and maximum gain, in decibels.
     pub gain_db: [f64; 2],
-    /// Supported pixel formats.
     pub formats: Vec<PixelFormat>,
     /// Readout time of one row.
     pub row_time: Duration,
@@ -165,15 +157,13 @@ pub trait AreaCamera: Instrument {
     /// Applies the settings to all subsequent exposures.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (names the setting that is out of range), timeout or
-    /// disconnected.
+    /// Returns a [`Failure`] of kind limit (names the setting that is out of range), timeout or disconnected.
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts one exposure and returns immediately.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind refused (not configured, or an exposure is in progress) or
-    /// disconnected.
+    /// Returns a [`Failure`] of kind refused (not configured, or an exposure is in progress) or disconnected.
     fn expose(&mut self) -> Result<(), Failure>;
 
     /// Waits for the frame of the exposure in progress.

@@ -5,8 +5,7 @@ use thiserror::Error;
 /// Kind of a failure. Each variant's description includes the session's reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Fault {
-    /// No reply or frame arrived before the deadline. The session retries a limited number of
-    /// times.
+    /// No reply or frame arrived before the deadline. The session retries a limited number of times.
     Timeout,
     /// The request was outside the instrument's limits, or a limit switch was reached. The plan is invalid,
     /// and the session does not retry.
@@ -17,13 +16,11 @@ pub enum Fault {
     Disconnected,
     /// The sensor or counter saturated. A plan can specify that the session then suspends.
     Saturated,
-    /// The instrument refused the request (busy, interlock, wrong state). The session reports the refusal
-    /// to the user.
+    /// The instrument refused the request (busy, interlock, wrong state). The session reports the refusal.
     Refused,
 }
 
 impl Fault {
-    /// All faults.
     pub const ALL: [Self; 6] =
         [Self::Timeout, Self::Limit, Self::Stalled, Self::Disconnected, Self::Saturated, Self::Refused];
 

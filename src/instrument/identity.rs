@@ -12,8 +12,7 @@ pub struct Identity {
     pub firmware: String,
 }
 
-/// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another
-/// thread.
+/// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another thread.
 pub trait Instrument: Send {
     /// Returns the name in the rig file, which messages contain.
     fn name(&self) -> &str;

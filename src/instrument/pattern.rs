@@ -4,12 +4,10 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// A pattern: one byte per pixel, rows from the top. The value 255 is full intensity.
+/// A pattern of `width` × `height` pixels: one byte per pixel, rows from the top, 255 for full intensity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// Pixels, row-major.
     pub pixels: Vec<u8>,

@@ -85,8 +85,7 @@ pub struct LeftOut {
     pub later: u64,
     /// The latest time of the photons counted in [`Self::later`], in time counts since the sync pulse.
     pub latest: u64,
-    /// Photons of a first frame whose first lines or pixels are missing, so that the photons' pixels are
-    /// unknown.
+    /// Photons of a first frame with missing first lines or pixels, so that the photons' pixels are unknown.
     pub torn_frame: u64,
 }
 

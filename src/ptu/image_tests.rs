@@ -1,5 +1,4 @@
-//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all
-//! pixels.
+//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};

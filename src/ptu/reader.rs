@@ -71,8 +71,7 @@ impl<R: Read> Reader<R> {
         let record = header.record_type(file)?;
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
-        // The header of an interrupted measurement states zero records. Read all records that the file
-        // contains.
+        // If the header states zero records (an interrupted measurement), read all records of the file.
         let stated =
             header.number("TTResult_NumberOfRecords").filter(|n| *n > 0.0).map_or(found, |n| n as u64);
         Ok(Self {

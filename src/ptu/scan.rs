@@ -5,8 +5,7 @@ use super::header::Header;
 /// Motion of the beam along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Duration of a pixel in counts of the time tag (in T3: sync pulses). With [`Self::sine`], the mean
-    /// duration.
+    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); the mean with [`Self::sine`].
     pub pixel_time: u64,
     /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
     ///
@@ -28,8 +27,7 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the start of the line, and its time range; `None` after
-    /// the line.
+    /// Returns the column at a time since the start of the line, and its time range; `None` after the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {
@@ -58,8 +56,7 @@ impl Sweep {
 pub struct Clock {
     /// Marker that begins the next line or, without a sweep, the next pixel.
     pub begin: u8,
-    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker
-    /// ends it.
+    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker ends it.
     pub end: u8,
     /// Marker that restarts the scan at the first line or pixel.
     pub frame: u8,
@@ -68,8 +65,7 @@ pub struct Clock {
     pub sweep: Option<Sweep>,
 }
 
-/// Returns whether the header states that every second row is scanned backwards
-/// (`ImgHdr_BiDirect`).
+/// Returns whether the header states that every second row is scanned backwards (`ImgHdr_BiDirect`).
 pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }
@@ -79,7 +75,6 @@ pub fn is_bidirectional(header: &Header) -> bool {
 pub struct Scan {
     /// Number of pixels per row.
     pub width: usize,
-    /// Number of rows.
     pub height: usize,
     /// Whether every second row of a frame is scanned from its last pixel to its first.
     pub bidirectional: bool,

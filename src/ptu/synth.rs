@@ -5,9 +5,8 @@
 //! random assignment of the counts of a simulated diode therefore has exactly the same distribution as a
 //! simulation of each pulse. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighboring detections. The counts of such a
-//! diode are assigned to pulses independently. This assignment preserves histograms but not the
-//! correlation.
+//! The dead time of a free-running diode correlates neighboring detections. The counts of such a diode are
+//! assigned to pulses independently. This assignment preserves histograms but not the correlation.
 
 use optics::sampling::stream::Stream;
 

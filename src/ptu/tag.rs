@@ -121,8 +121,7 @@ impl Value {
         })
     }
 
-    /// Returns the type, the 8 bytes and the bytes that follow the tag, or a message if the value cannot be
-    /// encoded.
+    /// Returns the type, the 8 bytes and the bytes after the tag, or a message if encoding is not possible.
     fn write(&self) -> Result<(u32, [u8; 8], Vec<u8>), String> {
         // Texts end with a zero byte. All values are padded to multiples of 8 bytes.
         let long = |kind, mut bytes: Vec<u8>| {

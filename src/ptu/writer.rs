@@ -113,8 +113,7 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&record.to_le_bytes())
     }
 
-    /// Writes the overflow records before a time and returns the remaining time count for the event's
-    /// record.
+    /// Writes the overflow records before a time and returns the remaining time count for the event's record.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!("time {time} follows {}; sort the events by time", self.last)));
@@ -124,8 +123,7 @@ impl<W: Write + Seek> Writer<W> {
         // Maximum number of overflows per overflow record.
         let most = match self.record.family() {
             Family::HydraT3 => (1 << 10) - 1,
-            // Records can represent more overflows, but `ptufile` multiplies in 32 bits, which overflow at
-            // 128.
+            // Records can represent more overflows, but the 32-bit product in `ptufile` overflows at 128.
             Family::HydraT2 => 127,
             _ => 1,
         };

@@ -221,7 +221,6 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the seed of the random streams.
     pub fn seed(mut self, seed: u64) -> Self {
         self.file.render.seed = seed;
         self

@@ -1,5 +1,4 @@
-//! Tests that every reader of a damaged store succeeds or reports an error, within limits on time and
-//! memory.
+//! Tests that every reader of a damaged store succeeds or reports an error, within limits on time and memory.
 
 use crate::exr::{ExrOptions, export};
 use crate::merge::merge;

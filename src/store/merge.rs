@@ -83,8 +83,7 @@ struct Part<'a> {
 /// One slice of all inputs.
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
-    /// Whether each element belongs to a single camera pixel, so that its samples are identically
-    /// distributed.
+    /// Whether each element belongs to one camera pixel, so that its samples are identically distributed.
     equal: bool,
 }
 
@@ -109,12 +108,11 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     at_once(inputs, out, || merge_all(inputs, out, options))
 }
 
-/// Number of chunks that are merged concurrently. Each needs the memory of one chunk of every input, at
-/// most about 100 MB.
+/// Number of chunks that are merged concurrently. Each needs one chunk of every input in memory, at most
+/// about 100 MB.
 const THREADS: usize = 8;
 
-/// Runs `work` (a merge). If a store is at an address, `work` runs with as many threads as the bandwidth of
-/// object stores requires.
+/// Runs `work` (a merge). If a store is at an address, uses more threads, to saturate the bandwidth.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
@@ -187,10 +185,8 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
     .map(drop)
 }
 
-/// Options of [`merge()`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Whether to replace an existing store.
     pub replace: bool,
     /// Whether to accept unfinished renders. Values that all inputs lack are NaN.
     pub partial: bool,

@@ -33,21 +33,13 @@ pub enum NumpyError {
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
     #[error("{}: the elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
-    Elements {
-        path: PathBuf,
-        /// The element type that was found.
-        found: String,
-    },
+    Elements { path: PathBuf, found: String },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: the elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
     /// The file is shorter than its header states.
     #[error("{}: the file ends before the end of the array of shape {shape:?}; save the array again", path.display())]
-    Short {
-        path: PathBuf,
-        /// Shape of the array in the header.
-        shape: Vec<usize>,
-    },
+    Short { path: PathBuf, shape: Vec<usize> },
 }
 
 /// An open `.npy` file of real numbers that is read in parts.
@@ -94,8 +86,7 @@ impl NumpyReader {
         let failed = |cause| NumpyError::Read { path: path.to_owned(), cause };
         let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        // Elements are read at arbitrary positions, and a buffered reader would read more bytes than
-        // needed.
+        // Elements are read at arbitrary positions, and a buffered reader would read more bytes than needed.
         let mut buffered = BufReader::new(file);
         let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;

@@ -45,7 +45,6 @@ impl Ask {
 /// The version of an object, used to make a put conditional.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
-    /// Entity tag of the object.
     pub e_tag: Option<String>,
     /// Version number, in stores that number versions.
     pub version: Option<String>,
@@ -122,8 +121,7 @@ pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Registers the function that opens clients of object stores, for this process. Later calls have no
-/// effect.
+/// Registers the function that opens clients of object stores, for this process. Later calls have no effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }

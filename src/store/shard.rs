@@ -1,9 +1,8 @@
 //! Copies stores into shards, which contain the same values in few large files. All values of a pixel are a
 //! small byte range of a shard.
 //!
-//! A render writes one file per chunk as tiles are finished. A finished store is copied into shards,
-//! because object stores are most efficient with few large objects and reads of byte ranges
-//! ([`crate::zarr`]).
+//! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
+//! object stores are most efficient with few large objects and reads of byte ranges ([`crate::zarr`]).
 
 use crate::merge::at_once;
 use crate::zarr::{AccessError, CreateError, Limits, OpenError, TensorStore};

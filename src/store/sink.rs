@@ -45,7 +45,6 @@ pub enum SinkError {
     )]
     NoSlice {
         path: PathBuf,
-        /// Number of slices that the render has.
         slices: usize,
         /// Index of the slice for which values were passed.
         slice: usize,

@@ -18,8 +18,7 @@ pub struct PinholeFile {
     /// Width and height in pixels. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: Located<[u32; 2]>,
-    /// Horizontal field of view in degrees. Pixels are then square, and the principal point is the image
-    /// centre.
+    /// Horizontal field of view in degrees. Pixels are square, and the principal point is the centre.
     pub fov_x_deg: Option<Located<f64>>,
     /// Vertical field of view in degrees, instead of fov_x_deg.
     pub fov_y_deg: Option<Located<f64>>,
@@ -46,9 +45,8 @@ pub struct PinholeFile {
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A thin lens of finite aperture. Default: a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
-    /// Width of the image in metres of an orthographic camera. All rays are parallel to the optical
-    /// axis and start on the plane of the pose. Paths are traced from the camera only. Default: a
-    /// pinhole camera.
+    /// Width of the image in metres of an orthographic camera. All rays are parallel to the optical axis and
+    /// start on the plane of the pose. Paths are traced from the camera only. Default: a pinhole camera.
     pub orthographic_width: Option<Located<f64>>,
     /// Position and orientation. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]

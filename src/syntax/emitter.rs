@@ -56,8 +56,7 @@ pub struct EnvironmentFile {
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of a linear polarizer, as for `emission`. Requires an image.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Direction of the horizontal axis of the emitted Stokes vectors, as for `emission`. Default: [1, 0,
-    /// 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for `emission`. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }

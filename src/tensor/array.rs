@@ -1,5 +1,4 @@
-//! A dense array in memory with named axes: a part of a stored slice, the result of a probe, or the input
-//! of a figure.
+//! A dense array in memory with named axes, such as a part of a stored slice or the result of a probe.
 
 use super::axes::{Axis, AxisKind};
 

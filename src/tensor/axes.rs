@@ -7,8 +7,7 @@
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Maximum number of elements in a chunk: 8 MiB of f32. With this limit, the memory used depends on the
-/// tile size only.
+/// Maximum number of elements in a chunk (8 MiB of f32), so that memory use depends only on the tile size.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
 /// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix elements
@@ -110,7 +109,9 @@ impl AxisKind {
             Self::T => "travel time (bin centre)",
             Self::Bounces => "surface interactions between projector and camera",
             Self::Component => "0 = direct (one surface interaction), 1 = indirect",
-            Self::Label => "interactions of the path, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse",
+            Self::Label => {
+                "interactions of the path, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse"
+            }
             Self::StokesOut => "Stokes element that reaches the camera, camera frame",
             Self::StokesIn => "Stokes element that leaves the projector, projector frame",
             Self::Wavelength => "vacuum wavelength",
@@ -130,12 +131,10 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Returns the number of coordinates.
     pub fn len(&self) -> u64 {
         self.coords.len() as u64
     }
 
-    /// Returns whether the axis has no coordinates.
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
@@ -175,7 +174,6 @@ pub struct Extents {
     pub camera: [u32; 2],
     /// Projector width and height, in pixels; `None` if the scene has no projector.
     pub projector: Option<[u32; 2]>,
-    /// Wavelengths in nanometres.
     pub wavelengths_nm: Vec<f64>,
     /// Maximum path length: bounces range from 0 to `max_depth - 1`.
     pub max_depth: u32,
@@ -343,8 +341,7 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole
-/// matrices.
+/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole matrices.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {

@@ -1,10 +1,9 @@
 //! Detection of unreliable error estimates.
 //!
 //! If few samples contribute most of the light, a pixel without such samples underestimates both its light
-//! and its error. The pixel's own samples do not reveal this underestimation, and neither does their fourth
-//! moment. Neighbouring pixels receive similar light, and some of them have such samples. A pixel is
-//! therefore marked as unreliable if its error is less than half of the root mean square of the errors
-//! around it.
+//! and its error. The pixel's own samples, and their fourth moment, do not reveal this underestimation.
+//! Neighbouring pixels receive similar light, and some of them have such samples. A pixel is therefore
+//! marked as unreliable if its error is less than half of the root mean square of the errors around it.
 
 use super::array::Tensor;
 use super::axes::Axis;

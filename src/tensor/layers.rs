@@ -45,7 +45,6 @@ pub struct LayerSet {
 }
 
 impl LayerSet {
-    /// Returns the layer with this name.
     pub fn get(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|l| l.name == name)
     }

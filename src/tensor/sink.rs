@@ -86,7 +86,6 @@ pub struct Summary {
     pub complete: bool,
     /// Number of finished tiles, including those of earlier runs.
     pub tiles_done: u32,
-    /// Total number of tiles.
     pub tiles: u32,
     /// Number of discarded samples, including those of earlier runs.
     pub discarded: u64,

@@ -1,7 +1,6 @@
 //! Selection of the parts of T(s, s', p, p', t) to keep, with one independent choice per axis.
 //!
-//! A [`Slice`] contains only data whose references to the scene are resolved. One rendering pass fills all
-//! slices.
+//! A [`Slice`] contains only data whose references to the scene are resolved. One render fills all slices.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
 #[derive(Clone, Debug, PartialEq)]
@@ -43,8 +42,8 @@ pub enum ProjectorSelect {
         /// Rows per box.
         ny: u32,
     },
-    /// Weighted sum over s', with one weight per projector pixel: a drive image in 0..1, or a coordinate.
-    /// Adds no axis.
+    /// Weighted sum over s' with one weight per projector pixel: a drive image (0..1) or a coordinate. Adds
+    /// no axis.
     Mask {
         /// Name of the drive image or coordinate.
         name: String,
@@ -103,7 +102,6 @@ pub enum TimeSelect {
         start_ps: f64,
         /// Width of a bin, in picoseconds.
         bin_ps: f64,
-        /// Number of bins.
         bins: u32,
     },
 }
@@ -117,8 +115,7 @@ pub enum Polarization {
     Intensity,
 }
 
-/// One slice of the tensor: a choice for every dimension, and optional axes that no real camera can
-/// measure.
+/// One slice of the tensor: a choice for every dimension, and optional axes that no real camera can measure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slice {
     /// Name of the group in the store.

@@ -38,8 +38,7 @@ const GROWTH: f64 = 4.0;
 /// Ratio of a round's target error to the goal, so that the last round does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half of this number
-/// is skipped.
+/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half of it is skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
@@ -61,8 +60,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names, such as
-    /// `--`.
+    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names (`--`).
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(

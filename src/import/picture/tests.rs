@@ -165,8 +165,7 @@ fn colours_of_other_primaries_are_converted_to_srgb() {
             assert!((got - want).abs() < 2e-3, "{got}, {want}");
         }
     }
-    // Rec. 2020 has the same white point, so grey does not change. Its green is outside the gamut of
-    // BT.709.
+    // Rec. 2020 has the same white point, so grey does not change. Its green is outside the gamut of BT.709.
     let mut image = Image::from_layer(layer(
         &["R", "G", "B"].into_iter().zip([0.5, 0.5, 0.5].map(constant)).collect::<Vec<_>>(),
         Encoding::UNCOMPRESSED,

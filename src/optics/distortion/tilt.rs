@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 pub struct Tilt {
     /// Rotation angles about x and then about y, in radians.
     pub tau: [f64; 2],
-    /// Matrix that maps distorted normalized coordinates (x, y, 1) to homogeneous coordinates on the tilted
+    /// Matrix from distorted normalized coordinates (x, y, 1) to homogeneous coordinates on the tilted
     /// sensor.
     forward: DMat3,
 }

@@ -3,8 +3,7 @@
 use crate::spectrum::Spectral;
 use std::ops::{Add, Mul};
 
-/// A Mueller matrix per wavelength lane, `m[out][in]`. The code that uses a matrix documents the frames of
-/// the matrix.
+/// A Mueller matrix per wavelength lane, `m[out][in]`. The code that uses a matrix documents its frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mueller {
     /// Elements `[out][in]`, each for all wavelengths.

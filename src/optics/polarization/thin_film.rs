@@ -71,8 +71,7 @@ impl Layer {
     }
 }
 
-/// Returns the Mueller block for reflection by `films`, listed from the outside in, on a substrate of index
-/// n + i·k.
+/// Returns the Mueller block for reflection by `films` (outermost first) on a substrate of index n + i·k.
 ///
 /// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of the
 /// angle of incidence, in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are

@@ -5,9 +5,8 @@
 //! that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
 //!
 //! - correlated by the facet's height (Heitz 2014, eq. 99): for reflection, G2 = 1/(1 + Λo + Λi). For
-//!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with
-//!   Euler's beta function (Heitz et al. 2016, "Multiple-scattering microfacet BSDFs with the Smith model",
-//!   §5.2);
+//!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with Euler's
+//!   beta function (Heitz et al. 2016, "Multiple-scattering microfacet BSDFs with the Smith model", §5.2);
 //! - separable (Walter et al. 2007; Mitsuba 3): G2 = G1(o)·G1(i).
 
 use super::{beckmann, gamma::ln_gamma, warp};
@@ -58,8 +57,7 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either
-    /// side.
+    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -74,8 +72,8 @@ impl Microfacet {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns the joint masking-shadowing function G2(wo, wi) of reflection (`wo` and `wi` on the same
-    /// side) or transmission.
+    /// Returns the masking-shadowing function G2(wo, wi) of reflection (both directions on one side) or
+    /// transmission.
     #[inline]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
         let (o, i) = (self.lambda(wo), self.lambda(wi));

@@ -23,8 +23,7 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     if quarters & 2 == 2 { (-s, -c) } else { (s, c) }
 }
 
-/// Warps the unit square uniformly to the unit disk (density 1/π) by the concentric map of Shirley & Chiu
-/// (1997).
+/// Warps the unit square uniformly to the unit disk (density 1/π) by Shirley & Chiu's concentric map (1997).
 #[inline(always)]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
@@ -108,8 +107,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Tests 2^18 samples of a sampler against its density by Pearson's chi² on a 20 × 40 grid in (cosθ,
-    /// φ).
+    /// Tests 2^18 samples of a sampler against its density by Pearson's chi² on a 20 × 40 grid in (cosθ, φ).
     pub fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
         const N: usize = 1 << 18;
         const ROWS: usize = 20;

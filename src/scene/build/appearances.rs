@@ -117,8 +117,7 @@ impl<'a> Table<'a> {
     }
 
     fn plastic(&mut self, a: &Appearance, coat: Coat) -> MaterialFile {
-        // For a roughness image, use roughness 0.5, the middle of the range. α is the square of the
-        // roughness.
+        // For a roughness image, use roughness 0.5, the middle of the range. α is the squared roughness.
         let alpha = if a.metallic_roughness.is_some() { a.alpha / 4.0 } else { a.alpha };
         let reflected = body::coat_albedo(coat.ior, alpha, Masking::Correlated);
         let albedo = match a.model {

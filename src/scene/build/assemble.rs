@@ -91,8 +91,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
 }
 
-/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts that are
-/// separated per round.
+/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts per round.
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 

@@ -24,8 +24,7 @@ pub(crate) struct Context {
     pub folder: PathBuf,
     /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of in-memory files that the build derived from other files. The scene does not list these
-    /// names.
+    /// Names of in-memory files that the build derived from other files. The scene does not list these names.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
     /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file

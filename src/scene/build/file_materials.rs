@@ -31,8 +31,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             continue;
         };
         if !mesh.materials {
-            // Add no note if the file's materials consist of names only, or if the scene sets materials of
-            // parts.
+            // Add no note if the file's materials are only names, or if the scene sets materials of parts.
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
                 ctx.note(format!(

@@ -38,8 +38,8 @@ pub struct MaterialSet {
 }
 
 impl MaterialSet {
-    /// Reads a material file and builds its materials. The file has `wavelengths_nm` and `[materials]` as
-    /// in a scene file.
+    /// Reads a material file (`wavelengths_nm` and `[materials]` as in a scene file) and builds its
+    /// materials.
     ///
     /// # Errors
     /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.

@@ -32,8 +32,7 @@ pub struct MediumSet {
 }
 
 impl MediumSet {
-    /// Reads a media file and builds its media. The file has `wavelengths_nm` and `[media]` as in a scene
-    /// file.
+    /// Reads a media file (`wavelengths_nm` and `[media]` as in a scene file) and builds its media.
     ///
     /// With `only`, builds just the medium of that name, because computing the tables of large particles
     /// takes seconds. With `wavelengths`, builds the media for those wavelengths. Lists are then

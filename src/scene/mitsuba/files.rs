@@ -86,8 +86,7 @@ fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io:
 /// Writes one file atomically.
 ///
 /// # Errors
-/// Returns [`WriteError`] if the file exists and `force` is not set, or if the file system reports an
-/// error.
+/// Returns [`WriteError`] if the file exists and `force` is not set, or if the file system reports an error.
 pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result<(), WriteError> {
     if path.exists() && !force {
         return Err(WriteError::Exists(path.to_owned()));

@@ -414,7 +414,7 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     }
     let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
     if !["", "box"].contains(&filter) {
-        importer.note(format!("temporal_filter `{filter}` is not used: Sunstone's time bins have a box filter"));
+        importer.note(format!("temporal_filter `{filter}` is not used: time bins have a box filter"));
     }
     node.get("gaussian_stddev");
     Ok(())

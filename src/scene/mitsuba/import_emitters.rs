@@ -107,8 +107,7 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
             "use only lookat, rotate and translate",
         );
     }
-    // In Mitsuba, the image's up direction is the spot's +y and the image's right is +x, so the image is
-    // mirrored.
+    // In Mitsuba, the image's up direction is the spot's +y and its right is +x, so the image is mirrored.
     let up = image.as_ref().map(|_| (-place.matrix3.y_axis).to_array());
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
     let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);

@@ -325,7 +325,7 @@ impl<'s> Reader<'s> {
                 self.property(xml, node)?;
             }
             _ => {
-                bail!(self.source, &span, "unsupported element <{tag}>", "replace the element by its contents");
+                bail!(self.source, &span, "unsupported element <{tag}>", "keep only the element's contents");
             }
         }
         Ok(())

@@ -1,5 +1,4 @@
-//! The lock of a store at an address: an object that only one process can create, and that its holder
-//! renews.
+//! The lock of a store at an address: an object that only one process can create, and that its holder renews.
 //!
 //! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every
 //! third of the lease. A process that finds a lock watches it for one lease. If the lock is not renewed,
@@ -19,8 +18,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
-/// Default lease: the time after which a lock without renewal expires. The environment variable read in
-/// [`lease`] overrides the lease, in seconds.
+/// Default lease: the time after which a lock without renewal expires. The environment variable
+/// `SUNSTONE_LEASE_S` overrides it, in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
 /// Minimum and maximum lease in seconds.

@@ -1,5 +1,4 @@
-//! Executes a plan: reads chunks, computes weighted sums in f64, and adds up camera pixels in a fixed
-//! order.
+//! Executes a plan: reads chunks, computes weighted sums in f64, and adds up camera pixels in a fixed order.
 
 use rayon::prelude::*;
 

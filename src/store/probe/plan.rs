@@ -1,5 +1,4 @@
-//! Converts a probe of a slice to one weighted sum, defined by targets and weights for every entry of every
-//! axis.
+//! Converts a probe of a slice to one weighted sum: targets and weights of every entry of every axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -160,7 +159,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
             let sigma = fwhm_ps / (8.0 * std::f64::consts::LN_2).sqrt() / bin_ps;
             let reach = (6.0 * sigma).ceil();
             if !(0.0..=MAX_KERNEL).contains(&reach) {
-                return fault("the width is negative, not finite, or too many time bins: give a shorter pulse");
+                return fault("expected a width of 0 to about 390000 time bins: correct the width");
             }
             let gauss = |k: i64| {
                 if k == 0 { 1.0 } else { (-0.5 * (k as f64 / sigma).powi(2)).exp() }
@@ -171,9 +170,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     };
     let sum: f64 = weights.iter().map(|(_, w)| w).sum();
     if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
-        return fault(
-            "expected at most 2000001 samples with a positive, finite sum: correct the samples",
-        );
+        return fault("expected at most 2000001 samples with a positive, finite sum: correct the samples");
     }
     Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
 }
@@ -224,8 +221,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
         let i = axis.nearest(value);
         if i + 1 < n && distance(i + 1, value) <= distance(i, value) { i + 1 } else { i }
     };
-    // A coordinate may be up to half a spacing beyond the ends of the axis, and a wavelength up to a few
-    // nanometres.
+    // A coordinate may be up to half a spacing beyond the axis, and a wavelength up to a few nanometres.
     let spacing = axis.coords.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
     let slack = if axis.kind == AxisKind::Wavelength {
         BEYOND_NM

@@ -19,8 +19,7 @@ pub struct ProbeResult {
     /// Result of the same probe for light outside the stored time bins, without a time axis. `None` if the
     /// slice does not resolve time.
     pub overflow: Option<Tensor>,
-    /// Light that the pulse shifted out of the stored time bins, without a time axis. `None` without a
-    /// pulse.
+    /// Light that the pulse shifted out of the stored time bins, without a time axis. `None` without a pulse.
     pub shifted_out: Option<Tensor>,
     /// First edge and bin width of the time axis in picoseconds, if there is one.
     pub time: Option<(f64, f64)>,

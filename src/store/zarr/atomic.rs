@@ -160,8 +160,7 @@ impl AtomicDirectory {
             None => Place::read_file(&self.root.join(key))?,
             Some(remote) => {
                 if let Some(description) = remote.description(key) {
-                    // This metadata is part of the root's metadata, which has been checked against the
-                    // manifest.
+                    // This metadata is part of the root's metadata, which has already been checked.
                     return Ok(Some(description));
                 }
                 // Files that are not in the manifest are not requested.
@@ -226,8 +225,7 @@ impl AtomicDirectory {
         Ok(Some(Tail { bytes: bytes.into(), size, whole: None }))
     }
 
-    /// Opens a file of a directory. Returns the file and its size in bytes, or `None` if the file does not
-    /// exist.
+    /// Opens a file of a directory and returns the file and its size in bytes; `None` if there is no file.
     fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
         match base::input::open(&self.root.join(key)) {
             Ok(file) => {

@@ -38,8 +38,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     outside.next().map(|bad| format!("coordinate {bad} is outside {least} to {most}"))
 }
 
-/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis
-/// t.
+/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis t.
 pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
     let (axis, (start, bin)) = match (axis, layout.time) {
@@ -71,8 +70,7 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     None
 }
 
-/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample
-/// counts.
+/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample counts.
 pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
     let beyond = |kind, limit: u64| {
         let axis = &layout.axes[layout.find(kind)?];

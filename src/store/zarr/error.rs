@@ -16,11 +16,7 @@ pub enum CreateError {
     NotAStore { path: PathBuf },
     /// The path is inside another store, in which no files may be added.
     #[error("{path} is inside a store ({store}): choose another `-o`")]
-    Within {
-        path: PathBuf,
-        /// Path of the enclosing store.
-        store: PathBuf,
-    },
+    Within { path: PathBuf, store: PathBuf },
     /// The layout of a slice is invalid.
     #[error("slice `{name}`: {reason}")]
     Slice {
@@ -124,13 +120,7 @@ pub enum OpenError {
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
-    NoSlice {
-        path: PathBuf,
-        /// Name of the requested slice.
-        name: String,
-        /// Names of the existing slices.
-        available: String,
-    },
+    NoSlice { path: PathBuf, name: String, available: String },
     /// An array or its metadata is damaged.
     #[error("{path} is damaged: {reason}; render the scene again, or restore the file from a backup")]
     Damaged {
@@ -177,9 +167,7 @@ pub enum AccessError {
         path: PathBuf,
         /// First requested index.
         start: Vec<u64>,
-        /// Requested shape.
         shape: Vec<u64>,
-        /// Shape of the array.
         array: Vec<u64>,
     },
     #[error("{elements} values of {path} do not fit into memory: read a part of the array")]
@@ -192,13 +180,7 @@ pub enum AccessError {
     #[error(
         "expected {expected} values for the region of {path}, got {found}: pass one value per element, row-major"
     )]
-    Length {
-        path: PathBuf,
-        /// Number of elements of the region.
-        expected: usize,
-        /// Number of given values.
-        found: usize,
-    },
+    Length { path: PathBuf, expected: usize, found: usize },
     /// A chunk is truncated, corrupt or unreadable.
     #[error(
         "cannot read chunk {chunk:?} of {path}: {cause}; render the scene again, or restore the store from a backup"

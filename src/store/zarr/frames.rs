@@ -284,8 +284,7 @@ impl FrameStore {
         &self.storage.root
     }
 
-    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the
-    /// run.
+    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the run.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];

@@ -318,9 +318,8 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an
-    /// address, an unfinished store of a killed merge does not count, because the same merge resumes the
-    /// store.
+    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an address,
+    /// an unfinished store of a killed merge does not count, because the same merge resumes the store.
     ///
     /// # Errors
     /// Returns an error if an object store refuses or cannot be reached.

@@ -276,8 +276,7 @@ impl Request {
         Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
-    /// Adds a range if it is adjacent to the last range in the same file. Returns whether the range was
-    /// added.
+    /// Adds a range if it is adjacent to the last range in the same file; returns whether it was added.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;

@@ -2,11 +2,10 @@
 //!
 //! Objects cannot be renamed, so the order of puts defines the state of a store. First a marker object is
 //! put, then all metadata, with the metadata of the root last. Then the marker is removed. Chunks are put
-//! when they are finished. The manifest is put last, and no values can be read without a manifest. If a
-//! store is created together with its values (a merge), the marker contains the origin of the values and
-//! remains until the end. A store with a marker and without a manifest is unfinished and may be replaced.
-//! The same code first writes the metadata to a local folder, so that the bytes are equal to those of a
-//! local store.
+//! when they are finished. The manifest is put last, and no values can be read without a manifest. If a store
+//! is created together with its values (a merge), the marker contains the origin of the values and remains
+//! until the end. A store with a marker and without a manifest is unfinished and may be replaced. The same
+//! code first writes the metadata to a local folder, so that the bytes are equal to those of a local store.
 
 use super::atomic::AtomicDirectory;
 use super::build::ORIGIN;
@@ -65,8 +64,7 @@ impl Making<'_> {
         self.objects.get(key).map_err(|e| self.refused(e))
     }
 
-    /// Begins a store whose metadata `describe` writes to a folder. The marker remains until
-    /// [`Making::end`].
+    /// Begins a store whose metadata `describe` writes to a folder. The marker remains until [`Making::end`].
     pub(super) fn begin(
         &self,
         describe: impl FnOnce(&Path) -> Result<(), CreateError>,

@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
     /// The path is not a store.
-    #[error("{path} is not a Sunstone store, so it was not removed: pass the path of a store made by `sunstone render`")]
+    #[error(
+        "{path} is not a Sunstone store, so it was not removed: pass the path of a store made by `sunstone render`"
+    )]
     NotAStore { path: PathBuf },
     /// Another process writes at the path, or the lock cannot be checked.
     #[error(transparent)]

@@ -21,8 +21,7 @@ impl TensorStore {
     /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// Returns an error if the store has no sample counts, the region is outside the array, or writing
-    /// fails.
+    /// Returns an error if the store has no sample counts, the region is outside the array, or writing fails.
     pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
         self.samples()?.write(&start, &shape, counts, None)
     }

@@ -96,8 +96,7 @@ impl Builder {
     }
 }
 
-/// Parses the tail of a shard of `size` bytes. Returns the position of each frame, in the order of frame
-/// numbers.
+/// Parses the tail of a shard of `size` bytes, and returns the position of each frame, in order.
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
     let Some(data) = size.checked_sub(tail_len(frames)).filter(|_| tail.len() as u64 == tail_len(frames))
     else {

@@ -19,8 +19,7 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Concurrently reads the tails of shards that are not in the cache. The shards belong to arrays of one
-    /// store.
+    /// Concurrently reads the tails of shards (of arrays of one store) that are not in the cache.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -60,8 +59,7 @@ impl<T: Number> ChunkedArray<T> {
         Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
-    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are
-    /// zero.
+    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are zero.
     pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
         let (shard, number) = sharded.place(index);
         let Some(contents) = self.contents(sharded, &shard)? else {

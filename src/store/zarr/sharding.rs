@@ -1,5 +1,4 @@
-//! Creates sharded stores, which have few files, from stores with one file per chunk. The values are the
-//! same.
+//! Creates sharded stores, with the same values in few files, from stores with one file per chunk.
 //!
 //! A shard is assembled in memory and written atomically, so every existing shard is complete, and an
 //! interrupted copy resumes with the next shard.
@@ -145,8 +144,7 @@ fn write<T: Number>(
     written.map_err(|e| AccessError::of_write(&target.path, &e))
 }
 
-/// Returns the sealed frames of the chunk that begins at `start`, with the number of each frame in the
-/// shard.
+/// Returns the sealed frames of the chunk that begins at `start`, with the number of each frame in the shard.
 fn frames<T: Number>(
     target: &ChunkedArray<T>,
     sharded: &Sharded,

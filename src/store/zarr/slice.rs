@@ -17,8 +17,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// An open slice. Clones share their locks and are cheap, so several threads may write through separate
-/// clones.
+/// An open slice. Clones are cheap and share locks, so several threads may write through clones.
 #[derive(Clone)]
 pub struct StoredSlice(Arc<Inner>);
 
@@ -170,8 +169,7 @@ impl StoredSlice {
     /// the file.
     ///
     /// # Errors
-    /// Returns an error if the slice does not have the field, the chunk is damaged or lost, or writing
-    /// fails.
+    /// Returns an error if the slice does not have the field, the chunk is damaged or lost, or writing fails.
     pub(crate) fn copy_chunk(&self, field: Field, start: &[u64], from: &Self) -> Result<(), AccessError> {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
     }

@@ -55,8 +55,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
             let stretch = &stretches[m * STRETCH..stretches.len().min((m + 1) * STRETCH)];
             let filled = if nothing { 0 } else { filled(stretch, PIECE) };
             others += filled.count_ones() as usize * PIECE;
-            // A bit is 1 where a piece differs from the previous piece. The last stretch may have fewer
-            // pieces.
+            // A bit is 1 where a piece differs from the previous. The last stretch may have fewer pieces.
             let pieces = (1 << stretch.len().div_ceil(PIECE)) - 1;
             let mut turns = (filled ^ (filled << 1 | u64::from(!in_zeros))) & pieces;
             while turns != 0 {
@@ -151,8 +150,7 @@ mod tests {
     }
 
     proptest! {
-        /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any
-        /// position.
+        /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any position.
         #[test]
         fn the_decoder_returns_the_original_bytes(
             length in 4096_usize..600_000,

@@ -341,8 +341,7 @@ fn consolidated_metadata_lists_every_array() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge
-    /// allocation.
+    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {
         let dir = tempfile::tempdir().unwrap();
@@ -401,8 +400,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// Verifies that reading reports a lost, exchanged or additional chunk, and that `verify` detects this
-/// chunk.
+/// Verifies that reading reports a lost, exchanged or additional chunk, and that `verify` detects this chunk.
 #[test]
 fn changes_of_finished_stores_are_detected() {
     let dir = tempfile::tempdir().unwrap();
@@ -443,8 +441,7 @@ fn changes_of_finished_stores_are_detected() {
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }
 
-/// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several
-/// chunks.
+/// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several chunks.
 #[test]
 fn an_unaligned_region_of_chunk_shape_covers_several_chunks() {
     let dir = tempfile::tempdir().unwrap();

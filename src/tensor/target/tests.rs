@@ -4,8 +4,7 @@ use super::*;
 
 const EDGE: u32 = 16;
 
-/// Tiles of pixels whose relative variances per sample are log-normally distributed between and within
-/// tiles.
+/// Tiles of pixels whose relative variances per sample are log-normally distributed between and within tiles.
 struct Image {
     variances: Vec<(u32, f64)>,
     samples: Vec<u32>,
