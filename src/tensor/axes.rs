@@ -109,9 +109,7 @@ impl AxisKind {
             Self::T => "travel time (bin centre)",
             Self::Bounces => "surface interactions between projector and camera",
             Self::Component => "0 = direct (one surface interaction), 1 = indirect",
-            Self::Label => {
-                "interactions of the path, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse"
-            }
+            Self::Label => "what the path did, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse",
             Self::StokesOut => "Stokes element that reaches the camera, camera frame",
             Self::StokesIn => "Stokes element that leaves the projector, projector frame",
             Self::Wavelength => "vacuum wavelength",
