@@ -76,14 +76,13 @@ impl Part {
     }
 }
 
-/// Error of [`put`]; the file is unchanged.
+/// Error of [`put`]. The file is unchanged after an error.
 #[derive(Debug)]
 pub enum PutError {
     /// The existing file is not a calibration.
     Input(InputError),
     /// Another calibration is writing to the file; contains the holder of the lock.
     Held(String),
-    /// File system error.
     Io(io::Error),
 }
 
@@ -132,21 +131,21 @@ struct Detectors {
     spad: IgnoredAny,
 }
 
-/// Parses the part of a calibration file that a reader needs. Keys of other readers are ignored. Keys that
-/// no reader knows are refused.
+/// Parses the part of a calibration file that a reader needs. Ignores keys of other parts, and refuses
+/// unknown keys.
 ///
 /// # Errors
-/// [`InputError`] with the location of the fault.
+/// Returns [`InputError`] with the location of the fault.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<T, InputError> {
     document::parse::<Document>(path, text, |_| fix.to_owned())?;
     document::parse(path, text, |_| fix.to_owned())
 }
 
 /// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys
-/// of this part only. The other parts are those of `old`, the present text of the file at `path`.
+/// of this part only. The other parts are those of `old`, the current text of the file at `path`.
 ///
 /// # Errors
-/// [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
+/// Returns [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
     let fix = "the existing file is not a calibration and was not changed; choose another file name, or move the file";
     let known: Table = parse(path, old, fix)?;
@@ -173,7 +172,7 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
 /// old or the new file.
 ///
 /// # Errors
-/// [`PutError`]; the file is unchanged.
+/// Returns [`PutError`]. The file is unchanged.
 pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
     // Without the lock, two writers could read the same file and one would overwrite the other's result.
     let _lock = Lock::take(path).map_err(|e| match e {
@@ -220,8 +219,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Verifies, for parts in any order and with repetitions, that every part is the last one written,
-        /// and that there are no other parts.
+        /// Verifies, for parts written in any order and with repetitions, that the file contains the last
+        /// text written for each part and no other parts.
         #[test]
         fn the_last_written_parts_are_read_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");

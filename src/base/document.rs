@@ -1,5 +1,4 @@
-//! Parsing of TOML documents. Errors contain file, line, column and fix. A list is never accepted for a
-//! table.
+//! Parses TOML documents. Errors contain file, line, column and fix. Lists in place of tables are refused.
 
 use crate::input;
 use crate::locate::InputError;
@@ -9,19 +8,19 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the advice `fix`.
+/// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the fix `fix`.
 ///
 /// # Errors
-/// [`InputError`] without a location, if the file cannot be read.
+/// Returns [`InputError`] without a location, if the file cannot be read.
 pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
     input::read_text(path)
         .map_err(|e| InputError::new(path, "", None, format!("cannot read the {what}: {e}"), fix))
 }
 
-/// Parses a document; `fix` returns the advice for an error message.
+/// Parses a document; `fix` returns the fix for an error message.
 ///
 /// # Errors
-/// [`InputError`] at the location where the text is not valid TOML or does not match the type.
+/// Returns [`InputError`] at the location where the text is not valid TOML or does not match the type.
 pub fn parse<T: DeserializeOwned>(
     path: &Path,
     text: &str,
@@ -34,7 +33,7 @@ pub fn parse<T: DeserializeOwned>(
 /// table was assembled from several places. Errors contain the location in `text`.
 ///
 /// # Errors
-/// [`InputError`] at the location that does not match the type.
+/// Returns [`InputError`] at the location that does not match the type.
 pub fn parse_table<T: DeserializeOwned>(
     path: &Path,
     text: &str,

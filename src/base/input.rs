@@ -1,8 +1,7 @@
-//! Reading of input files: regular files only.
+//! Reads input files, which must be regular files.
 //!
-//! Reading a pipe without a writer, or `/dev/zero`, never ends. Anything other than a regular file is
-//! therefore refused before it is opened. Text is read up to a maximum size, because a sparse file can
-//! report any size.
+//! Reads of a pipe without a writer or of `/dev/zero` never end. Anything other than a regular file is
+//! therefore refused without opening it. Text has a maximum size, because a sparse file can report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};
@@ -11,7 +10,7 @@ use std::path::Path;
 /// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Returns whether a path exists and is neither a file nor a folder, but a pipe, a device or a socket.
+/// Returns whether a path exists and is neither a regular file nor a folder, such as a pipe or a device.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -19,7 +18,7 @@ pub fn is_special(path: &Path) -> bool {
 /// Opens a regular file for reading.
 ///
 /// # Errors
-/// If the path is not a regular file, or on a file system error.
+/// Returns an error if the path is not a regular file, or on a file system error.
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     if !kind.is_file() {
@@ -31,18 +30,18 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads an entire regular file.
 ///
 /// # Errors
-/// As [`open`], and if there is not enough memory.
+/// Returns the same errors as [`open`], and an error if there is not enough memory.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
-    // Some systems overcommit memory and kill the process that uses it.
+    // Check the size first, because some systems overcommit memory and kill the process that uses the memory.
     if length > memory() {
         return Err(ErrorKind::OutOfMemory.into());
     }
     let mut bytes = vec![];
     let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
     bytes.try_reserve_exact(room).map_err(|_| ErrorKind::OutOfMemory)?;
-    // Limit the size read: the file may grow meanwhile, or report no length.
+    // Limit the number of bytes read, because the file may grow in the meantime or report no length.
     file.by_ref().take(length.max(MOST_TEXT)).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -50,7 +49,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads a regular file that contains at most [`MOST_TEXT`] bytes of text.
 ///
 /// # Errors
-/// As [`open`], and if the file is larger or not UTF-8.
+/// Returns the same errors as [`open`], and an error if the file is larger or not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let file = open(path)?;
     let mut text = String::new();

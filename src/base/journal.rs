@@ -25,7 +25,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Opens or creates the journal in the folder `of` and returns its records.
     ///
     /// # Errors
-    /// If the file cannot be read or written.
+    /// Returns an error if the file cannot be read or written.
     pub fn open(of: &Path) -> std::io::Result<(Self, Vec<T>)> {
         let path = of.join(FILE);
         let text = match crate::input::read_text(&path) {
@@ -46,11 +46,11 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Records a completed part.
     ///
     /// # Errors
-    /// If the line cannot be written.
+    /// Returns an error if the line cannot be written.
     pub fn push(&self, record: &T) -> std::io::Result<()> {
         let mut line = serde_json::to_string(record)?;
         line.push('\n');
-        // After another thread's panic, the file is still valid: lines are written whole.
+        // After another thread's panic, the file is still valid, because each line is written with one call.
         let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         file.write_all(line.as_bytes())
     }
@@ -58,7 +58,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Removes the journal of a complete task.
     ///
     /// # Errors
-    /// If the file cannot be removed.
+    /// Returns an error if the file cannot be removed.
     pub fn remove(self) -> std::io::Result<()> {
         std::fs::remove_file(self.path)
     }

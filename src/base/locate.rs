@@ -82,7 +82,7 @@ impl<T: JsonSchema> JsonSchema for Located<T> {
     }
 }
 
-/// An error in a user's file, with its location and advice.
+/// An error in a user's file, with its location and fix.
 #[derive(Clone, Debug)]
 pub struct InputError {
     pub file: PathBuf,
@@ -90,14 +90,13 @@ pub struct InputError {
     pub text: Arc<str>,
     /// Byte range of the error in the text, if known.
     pub span: Option<Range<usize>>,
-    /// Description of the error.
     pub message: String,
-    /// Advice on how to fix the error.
+    /// The fix: what the user should change.
     pub help: Option<String>,
 }
 
 impl InputError {
-    /// Creates an error in the text of a file, with advice on how to fix it.
+    /// Creates an error in the text of a file, with a fix.
     pub fn new(
         file: impl Into<PathBuf>,
         text: impl Into<Arc<str>>,
@@ -109,8 +108,7 @@ impl InputError {
         Self { file, text, span, message, help: Some(help.into()) }
     }
 
-    /// Returns the line and the column of the error, both counted from 1. Columns are counted in
-    /// characters.
+    /// Returns the line and the column of the error, both counted from 1. Columns are counted in characters.
     pub fn line_column(&self) -> Option<(usize, usize)> {
         let start = self.span.as_ref()?.start.min(self.text.len());
         let before = self.text.get(..start)?;

@@ -1,4 +1,4 @@
-//! Exclusive locks on outputs: at most one writer per path.
+//! Exclusive locks on outputs, so that each path has at most one writer.
 //!
 //! A lock is an advisory lock of the operating system on the file `.NAME.lock` next to the output. The file
 //! contains the holder's host and process. The system releases the lock when the holder exits for any reason,
@@ -27,7 +27,6 @@ pub struct Lock {
 pub enum LockError {
     /// Another holder has the lock; contains its name, for example `process 12 on host`.
     Held(String),
-    /// File system error.
     Io(io::Error),
 }
 
@@ -42,8 +41,8 @@ impl Lock {
     /// followed.
     ///
     /// # Errors
-    /// [`LockError`] if another process or another thread of this process holds the lock, or the file
-    /// system fails.
+    /// Returns [`LockError`] if another process or another thread of this process holds the lock, or the
+    /// file system fails.
     pub fn take(output: &Path) -> Result<Self, LockError> {
         let real = output.canonicalize().unwrap_or_else(|_| output.to_owned());
         let path = file_of(&real);
@@ -65,7 +64,8 @@ impl Lock {
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
-            // A previous holder may have removed the file that we opened; then our lock is on a deleted file.
+            // A previous holder may have removed the file after this process opened it. The lock is then on
+            // a deleted file.
             if !is_file_at(&file, &path) {
                 continue;
             }
@@ -81,7 +81,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Remove the file while it is locked: a process that opened it before detects the removal.
+        // Remove the file while it is locked. A process that has already opened the file detects the removal.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -111,7 +111,7 @@ fn is_file_at(file: &File, path: &Path) -> bool {
     }
     #[cfg(not(unix))]
     {
-        // Open files cannot be removed on this system.
+        // On this system, open files cannot be removed, so the file is still at the path.
         let _ = file;
         path.exists()
     }
@@ -122,7 +122,6 @@ pub fn holder_name() -> String {
     format!("process {} on {}", std::process::id(), host())
 }
 
-/// Returns the name of this machine.
 fn host() -> String {
     #[cfg(unix)]
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();

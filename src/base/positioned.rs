@@ -1,4 +1,4 @@
-//! Positioned reads and writes, so that several threads can access one file concurrently.
+//! Reads and writes files at given offsets, so that several threads can access one file concurrently.
 //!
 //! On systems without positioned I/O, a lock serializes the accesses.
 
@@ -8,7 +8,7 @@ use std::io;
 /// Fills `out` with the bytes of the file from offset `at`. The file position is undefined afterwards.
 ///
 /// # Errors
-/// On a file system error, or if the file is too short.
+/// Returns an error if the file system reports one, or if the file is too short.
 pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -27,7 +27,7 @@ pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
 /// Writes all bytes to the file from offset `at`. The file position is undefined afterwards.
 ///
 /// # Errors
-/// On a file system error.
+/// Returns the error of the file system.
 pub fn write_all_at(file: &File, bytes: &[u8], at: u64) -> io::Result<()> {
     #[cfg(unix)]
     {

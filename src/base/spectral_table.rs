@@ -34,8 +34,8 @@ impl SpectralTable<'_> {
     }
 }
 
-/// Returns the index of the entry nearest to the wavelength `wanted` (nanometres); of two equally near, the
-/// first. Returns `None` for an empty list.
+/// Returns the index of the entry nearest to the wavelength `wanted` (nanometres), or the first of two
+/// equally near entries. Returns `None` for an empty list.
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
     (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
@@ -114,7 +114,7 @@ mod tests {
             let found = t.at(at);
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);
             let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // Rounding error of one product, one quotient and one sum of numbers up to 20.
+            // The tolerance covers rounding errors of one product, quotient and sum of numbers up to 20.
             prop_assert!((low - 1e-13..=high + 1e-13).contains(&found));
             for (nm, v) in nm.iter().zip(&values) {
                 prop_assert_eq!(t.at(*nm), *v);

@@ -1,5 +1,4 @@
-//! Atomic creation of folders, which are built next to the destination under a hidden name and then
-//! renamed.
+//! Atomic creation of folders, which are built next to the destination under a hidden name and then renamed.
 //!
 //! A killed process may leave `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a
 //! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds these
@@ -22,7 +21,7 @@ pub fn part_of(path: &Path) -> PathBuf {
 /// Removes a folder if it exists.
 ///
 /// # Errors
-/// On a file system error.
+/// Returns the error of the file system.
 pub fn remove(folder: &Path) -> io::Result<()> {
     match fs::remove_dir_all(folder) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
@@ -31,10 +30,10 @@ pub fn remove(folder: &Path) -> io::Result<()> {
 }
 
 /// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder
-/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this.
+/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this function.
 ///
 /// # Errors
-/// On a file system error.
+/// Returns the error of the file system.
 pub fn recover(path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     if fs::symlink_metadata(&old).is_err() {
@@ -50,7 +49,7 @@ pub fn recover(path: &Path) -> io::Result<()> {
 /// system supports it.
 ///
 /// # Errors
-/// On a file system error; the old folder stays in place.
+/// Returns the error of the file system. The old folder stays in place.
 pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(path).is_err() {
         return fs::rename(part, path);
@@ -58,7 +57,7 @@ pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     remove(&old)?;
     if exchange(part, path).is_ok() {
-        // Rename it, so that after a crash it is recognized as a folder to delete.
+        // Rename the old folder, so that it is recognized after a crash as a folder to delete.
         fs::rename(part, &old)?;
         return remove(&old);
     }

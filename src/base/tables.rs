@@ -1,9 +1,8 @@
-//! Deserialization that never accepts a list for a table.
+//! Deserializes tables and never accepts a list in place of a table.
 //!
-//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0,
-//! 0, 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and everything
-//! that is read through it, and refuses a list where a struct is expected. The error contains the location
-//! of the list.
+//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
+//! 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and all values that
+//! are read through it, and refuses a list where a struct is expected. The error has the list's location.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,
@@ -11,7 +10,7 @@ use serde::de::{
 };
 use std::fmt;
 
-/// A deserializer, a visitor or an access object that refuses lists for tables.
+/// A deserializer, visitor or access object that refuses lists in place of tables.
 pub struct Strict<T> {
     inner: T,
     /// Names of the fields, if a struct is expected.
@@ -19,7 +18,6 @@ pub struct Strict<T> {
 }
 
 impl<T> Strict<T> {
-    /// Wraps `inner`.
     pub fn new(inner: T) -> Self {
         Self { inner, fields: None }
     }
@@ -32,7 +30,7 @@ impl<T> Strict<T> {
 /// Start of the error message for a list in place of a table.
 pub const WANTED: &str = "expected a table, {";
 
-/// The expected type in the error message, given by the field names.
+/// The expected table in the error message, described by its field names.
 struct Table(&'static [&'static str]);
 
 impl de::Expected for Table {

@@ -1,4 +1,4 @@
-//! Conversion of metres to picoseconds. No other module converts between these units.
+//! Converts metres to picoseconds. No other module converts between these units.
 
 /// Speed of light in vacuum, in metres per second (exact, SI).
 pub const LIGHT_SPEED_M_PER_S: f64 = 299_792_458.0;

@@ -1,9 +1,9 @@
-//! Atomic file writes: a file appears completely or not at all.
+//! Writes files atomically: a file is written completely or not at all.
 //!
 //! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which then replaces
 //! the destination by renaming. If the process is killed, the destination is either the old or the new
-//! file, never a partial file. The temporary file may remain. Files are not synced, so a power loss may
-//! damage them.
+//! file, never a partial file. The temporary file may remain. Files are not synchronized to disk, so a
+//! power failure may damage them.
 
 use crate::input;
 use std::fs::{self, File};
@@ -11,7 +11,6 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Counter of this process's temporary files.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
 /// Returns a path for a temporary file next to `path`. The name is unique in this process and among running
@@ -68,7 +67,7 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
 /// missing directories.
 ///
 /// # Errors
-/// On a file system error; the old file, if any, is unchanged.
+/// Returns the error of the file system. The old file, if any, is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // Another process that opens a store for writing may remove the temporary file; retry.
     let mut attempts = 3;
@@ -81,11 +80,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Writes a file as [`write()`] does, through a buffered writer. Before that, removes temporary files that
-/// killed processes left.
+/// Removes temporary files that killed processes left, and then writes a file as [`write()`] does, through
+/// a buffered writer.
 ///
 /// # Errors
-/// As [`write()`], and errors of `fill`.
+/// Returns the same errors as [`write()`], and the errors of `fill`.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     sweep(path);
     put(path, fill)
@@ -156,7 +155,7 @@ mod tests {
     fn temporary_files_of_dead_processes_are_removed() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.npy");
-        // No process has the largest ID; the other two names belong to this process or to another file.
+        // No process has the largest ID. The other two names belong to this process or to another file.
         let mine = format!(".f.npy.{}-99.tmp", std::process::id());
         let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
         names.iter().for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));

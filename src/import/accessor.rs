@@ -34,8 +34,8 @@ pub(super) struct Data<'a> {
 type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
-    /// Loads all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below that folder.
-    /// For a buffer that is too short, only a note is added, because accessors are checked separately.
+    /// Loads all buffers: the GLB's binary chunk, data URIs and, if `base` is given, files below the folder
+    /// `base`. A buffer that is too short causes only a note, because accessors are checked separately.
     pub fn new(
         root: &'a Root,
         blob: Option<&'a [u8]>,
@@ -44,7 +44,7 @@ impl<'a> Data<'a> {
     ) -> Result<Self, ImportError> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
         for (i, buffer) in root.buffers.iter().enumerate() {
-            // Fallbacks of compressed views are not needed and can be empty.
+            // Fallback buffers of compressed views are not needed and can be empty.
             let extensions = buffer.extensions.as_ref().map(|e| &e.others);
             let is_fallback =
                 |name: &&str| extensions.and_then(|e| e.get(*name)).is_some_and(|v| v["fallback"] == true);
@@ -160,7 +160,7 @@ impl<'a> Data<'a> {
             out
         };
         if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
-            return Err(wrong("does not match the compressed data in count or type"));
+            return Err(wrong("does not match the compressed data: the count or the type differs"));
         }
         let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
             (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),

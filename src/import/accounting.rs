@@ -1,5 +1,5 @@
-//! Tests that each item of a glTF file is used, noted by name or refused. Each test file contains
-//! one random unused item.
+//! Tests that each item of a glTF file is used, named in a note or refused. Each file contains one random
+//! unused item.
 
 use super::{ImportError, Model, gltf_tests, parse_gltf};
 use rand::seq::IndexedRandom;
@@ -27,7 +27,7 @@ fn accounted(parsed: &Result<Model, ImportError>, name: &str, file: &dyn std::fm
 fn every_gltf_key_is_accounted_for() {
     let sample: Value = serde_json::from_slice(&gltf_tests::sample_gltf()).unwrap();
     assert!(parse_gltf(sample.to_string().as_bytes(), None).unwrap().notes.is_empty());
-    // Objects that the importer reads; materials and their parts are tested with the materials.
+    // Insert the item into objects that the importer reads. Materials have separate tests.
     let places = [
         "",
         "/asset",

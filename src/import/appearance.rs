@@ -1,4 +1,4 @@
-//! Represents the materials of mesh files: glTF's metallic-roughness model, and MTL libraries of OBJ files.
+//! The materials of mesh files: glTF's metallic-roughness model, and MTL libraries of OBJ files.
 
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
@@ -16,8 +16,8 @@ pub struct Appearance {
     pub metallic: f64,
     /// GGX roughness α of coat, metal and glass; α is the square of glTF's roughness.
     pub alpha: f64,
-    /// An image. Its green channel multiplies the roughness (the square root of α), and its blue
-    /// channel multiplies the share of metal.
+    /// An image whose green channel multiplies the roughness (the square root of α) and whose blue channel
+    /// multiplies the share of metal.
     pub metallic_roughness: Option<Picture>,
     /// Reflectance of a mirror blended with the base: red, green, blue.
     pub mirror: [f64; 3],
@@ -80,8 +80,7 @@ pub enum Source {
 }
 
 impl Appearance {
-    /// Returns whether the file describes nothing but a name: glTF's default material, or a grey material of
-    /// an MTL library.
+    /// Returns whether the file contains only a name: glTF's default material, or a grey MTL material.
     pub fn is_plain(&self) -> bool {
         let plain = Self {
             alpha: self.alpha,

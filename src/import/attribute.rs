@@ -4,7 +4,7 @@
 //! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`): `vertex_NAME` or
 //! `face_NAME`, with one column `NAME_0`, or three columns `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or
 //! `NAME_x` to `NAME_z`. `color` can also be `r`, `g`, `b` or `red`, `green`, `blue`, and `NAME_color` can be
-//! `NAME_r`, `NAME_g`, `NAME_b`. Bytes 0 to 255 map to 0 to 1 (Mitsuba uses them unscaled, with a warning).
+//! `NAME_r`, `NAME_g`, `NAME_b`. Bytes 0 to 255 map to 0 to 1 (Mitsuba uses unscaled bytes, with a warning).
 
 use super::ply_header::{Element, Kind};
 use transport::geometry::mesh::Mesh;

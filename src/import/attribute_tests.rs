@@ -39,7 +39,7 @@ fn values_stay_with_their_triangles() {
     let of = |triangle: [u32; 3]| triangle.map(|i| 0.25 * i as f32);
     let mesh = &parse_ply(text.as_bytes()).unwrap().parts[0].mesh;
     assert_eq!(reds, mesh.indices.iter().map(|t| of(*t)).collect::<Vec<_>>());
-    // Normals and texture coordinates of faces have no effect, nor has the format.
+    // Normals, texture coordinates of faces and the file format have no effect on attributes.
     assert!(vertices.coloured && vertices.values[0][0][1..] == [0.1, 0.2]);
 }
 

@@ -1,10 +1,11 @@
 //! Computes the albedo of the body below a coat from another model's base colour. The two models
 //! then have the same directional albedo at normal incidence.
 //!
-//! Other models add a diffuse part of albedo `base` to the coat's reflection E(θ), attenuated by their own
-//! approximation. Sunstone's body receives the light that the coat does not reflect: with a body albedo ρ,
-//! the directional albedo is E(θ) + ρ (1 - E(θ)). The factor ρ / base makes both albedos equal for light that
-//! exits along the normal. `validation/import_albedo.py` prints the remaining difference at other angles.
+//! Other models add diffuse reflection of albedo `base` to the coat's directional albedo E(θ), and
+//! attenuate the diffuse reflection by an approximation. In Sunstone, the body receives the light that the
+//! coat does not reflect. With a body albedo ρ, the directional albedo is E(θ) + ρ (1 - E(θ)). The factor ρ
+//! / base makes both albedos equal for light that exits along the normal. `validation/import_albedo.py`
+//! prints the remaining difference at other angles.
 
 use glam::Vec3A;
 use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
@@ -34,21 +35,21 @@ fn schlick(cos: f64) -> f64 {
     (1.0 - cos).powi(5)
 }
 
-/// Returns the ratio of body albedo ρ to base colour for glTF's dielectric. The diffuse part of
-/// that model is base (1 - F(v·h)) / π (glTF 2.0, appendix B.3).
+/// Returns the ratio of body albedo ρ to base colour for glTF's dielectric, whose diffuse BRDF is base (1 -
+/// F(v·h)) / π (glTF 2.0, appendix B.3).
 pub fn gltf(eta: f64, alpha: f64) -> f64 {
     let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
     let diffuse = cosine_mean(|cos| {
-        // The half vector of the normal and a direction at θ is at θ/2.
+        // The half vector of the normal and a direction at the angle θ has the angle θ/2 from the normal.
         let half = ((1.0 + cos) / 2.0).sqrt();
         (1.0 - f0) * (1.0 - schlick(half))
     });
     diffuse / (1.0 - coat_albedo(eta, alpha, Masking::Correlated))
 }
 
-/// Returns the ratio of body albedo ρ to base colour for Disney's `principled` as in Mitsuba 3. The
-/// model has the factor (1 - Fo/2)(1 - Fi/2) and a retro-reflection by `roughness` (Burley 2012,
-/// sect. 5.3). Retro-reflection adds energy, so the ratio can exceed 1.
+/// Returns the ratio of body albedo ρ to base colour for Disney's `principled` as in Mitsuba 3. The diffuse
+/// BRDF has the factor (1 - Fo/2)(1 - Fi/2) and a retro-reflection that depends on `roughness` (Burley
+/// 2012, sect. 5.3). Retro-reflection adds energy, so the ratio can exceed 1.
 pub fn principled(eta: f64, roughness: f64) -> f64 {
     let diffuse = cosine_mean(|cos| {
         let fo = schlick(cos);

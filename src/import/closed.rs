@@ -12,7 +12,7 @@ pub struct Inside {
 }
 
 impl Inside {
-    /// Creates one inside test for all `meshes` together.
+    /// Creates one inside test for the union of all `meshes`.
     pub fn new(meshes: &[&mut Mesh]) -> Self {
         let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
         let triangles: Vec<[DVec3; 3]> =
@@ -38,7 +38,7 @@ impl Inside {
     /// surface to decide.
     pub fn holds(&self, p: DVec3) -> Option<bool> {
         let near = 1e-4 * (self.high - self.low).max_element();
-        // A direction that is unlikely to be parallel to an edge.
+        // Use a direction that is unlikely to be parallel to an edge.
         let dir = DVec3::new(0.5213, 0.6731, 0.5247).normalize();
         let mut crossings = 0;
         for t in &self.triangles {
@@ -53,7 +53,7 @@ impl Inside {
     }
 }
 
-/// Vertex ids by mesh; vertices at the same position have the same id.
+/// Vertex ids of each mesh. Vertices at the same position have the same id.
 struct Welded {
     ids: Vec<Vec<u32>>,
     /// Position of each id, in metres.
@@ -101,15 +101,17 @@ impl Welded {
     }
 }
 
-/// Returns a message about the first error of a surface that should be closed, or `None`. Vertices closer
-/// than 1e-6 times the surface's extent are merged, because coordinates at seams are rounded.
+/// Returns a message about the first fault of a surface that should be closed, or `None` if the surface is
+/// closed. Vertices closer than 1e-6 times the surface's extent are merged, because coordinates at seams
+/// are rounded.
 pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let all = meshes.iter().flat_map(|m| &m.positions);
     let low = all.clone().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = all.copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     let near = 1e-6 * f64::from((high - low).max_element().max(f32::MIN_POSITIVE));
     let welded = Welded::new(meshes, near);
-    // Per edge: traversals from its lower id minus those from its higher id, and their number.
+    // For each edge: the number of traversals from its lower id minus those from its higher id, and the
+    // total number of traversals.
     let mut edges: HashMap<(u32, u32), (i32, u32)> = HashMap::new();
     for [a, b, c] in welded.triangles(meshes) {
         for (from, to) in [(a, b), (b, c), (c, a)] {

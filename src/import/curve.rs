@@ -2,8 +2,8 @@
 //! meshes.
 //!
 //! The surface is a tube along a uniform cubic B-spline, or a sequence of spheres at the points joined by
-//! cones. Texture coordinates are Mitsuba's. u runs around the tube, from a frame defined by the z axis; v
-//! runs along all segments of the file.
+//! cones. Texture coordinates are Mitsuba's. u varies around the tube, starting from a frame defined by the
+//! z axis. v varies along all segments of the file.
 
 use super::error::{ImportError, ImportProblem};
 use super::text;
@@ -44,8 +44,8 @@ const FIX: &str = "write one point per line as x y z radius, with an empty line 
 /// `place` transforms points but not radii.
 ///
 /// # Errors
-/// [`ImportError`] with the line number, if a number is missing or not finite, a radius is negative, a curve
-/// has too few points or no extent, all radii are 0, or more than 4 million triangles are needed.
+/// Returns [`ImportError`] with the line number, if a number is missing or not finite, a radius is negative,
+/// a curve has too few points or no extent, all radii are 0, or more than 4 million triangles are needed.
 pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
     let curves = points(bytes, kind, place)?;
     let least = if kind == Kind::BSpline { 3 } else { 1 };
@@ -112,8 +112,8 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     }
 }
 
-/// A cross-section of a tube. In the outward direction `e`, the surface normal is parallel to (q - w·e) e -
-/// s.
+/// A cross-section of a tube. At the corner in the outward direction `e`, the surface normal is parallel to
+/// (q - w·e) e - s.
 #[derive(Clone, Copy)]
 struct Ring {
     center: DVec3,
@@ -178,7 +178,7 @@ impl Sweep {
         let mut near = self.ring(first, 0);
         for pair in rings.windows(2) {
             let [a, b] = [pair[0], pair[1]];
-            // Rotation of Mitsuba's frame about the tangent, in corners.
+            // Rotation of Mitsuba's frame about the tangent between the rings, in units of corners.
             let carried = DQuat::from_rotation_arc(a.tangent, b.tangent) * across(a.tangent)[1];
             let [rotated, radial] = across(b.tangent);
             let turn = carried.dot(rotated).atan2(carried.dot(radial));
@@ -219,7 +219,7 @@ impl Sweep {
                 off = off.max(from.truncate().reject_from_normalized(axis).length() + from.w.abs());
                 thickest = thickest.max(at(v).w);
             }
-            // With n pieces the chord distance is n² times smaller.
+            // With n pieces, the distance between chord and curve is n² times smaller.
             let wanted = (off / (CHORD * thickest.max(1e-3 * off))).sqrt().max(turned / TURN);
             let pieces = wanted.ceil().clamp(1.0, PIECES);
             bend = bend.max(off / (pieces * pieces));
@@ -239,7 +239,7 @@ impl Sweep {
                 });
             }
         }
-        // Where the velocity is zero, use the tangent of a neighbour.
+        // Where the derivative is zero, use the tangent of a neighbouring ring.
         let mut last = rings.iter().map(|r| r.tangent).find(|t| *t != DVec3::ZERO);
         for ring in &mut rings {
             if ring.tangent == DVec3::ZERO {
@@ -258,7 +258,7 @@ impl Sweep {
 
     fn cones(&mut self, curve: &[DVec4], before: usize) {
         let within = |a: &DVec4, b: &DVec4| a.truncate().distance(b.truncate()) <= b.w - a.w;
-        // Spheres with their v. A sphere inside its neighbour is not visible.
+        // Spheres with their texture coordinate v, without spheres inside a neighbour, which are not visible.
         let mut spheres: Vec<(DVec4, f64)> = vec![];
         for (i, p) in curve.iter().enumerate() {
             while spheres.last().is_some_and(|(last, _)| within(last, p)) {
@@ -268,7 +268,7 @@ impl Sweep {
                 spheres.push((*p, (before + i) as f64 / self.segments));
             }
         }
-        // A cone's direction, and the angle by which the normals where it touches its spheres lean toward it.
+        // A cone's axis, and the latitude (radians, about that axis) at which the cone touches its spheres.
         let touching = |p: &[(DVec4, f64)]| {
             let along = (p[1].0 - p[0].0).truncate();
             (along.normalize(), ((p[0].0.w - p[1].0.w) / along.length()).asin())
@@ -290,7 +290,7 @@ impl Sweep {
         for (i, &sphere) in spheres.iter().enumerate() {
             let incoming = i.checked_sub(1).map(|i| cones[i]);
             let outgoing = cones.get(i).copied();
-            // Omit the part of the sphere that a cone covers.
+            // Omit the part of the sphere that the cones cover.
             let (tangent, [from, to]) = match (incoming, outgoing) {
                 (Some((t, latitude)), _) => (t, [latitude, FRAC_PI_2]),
                 (None, Some((t, latitude))) => (t, [-FRAC_PI_2, latitude]),

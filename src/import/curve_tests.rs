@@ -1,4 +1,4 @@
-//! Tests of tubes against analytic areas and volumes, and with invalid files.
+//! Tests tubes against analytic areas and volumes, and tests invalid files.
 
 use super::curve::{Kind, parse_curves};
 use glam::{DAffine3, DVec3};
@@ -37,7 +37,7 @@ fn normals_agree(mesh: &Mesh) {
 
 #[test]
 fn a_straight_spline_is_a_cylinder_or_a_cone() {
-    // Segments span the second to the second-last point.
+    // The segments of a B-spline span the second to the second-last point.
     for direction in [DVec3::X, DVec3::Z, DVec3::new(1.0, 2.0, -3.0).normalize()] {
         let at = |k: f64, r: f64| (direction * k).extend(r).to_array();
         let tube = text(&[at(0.0, 0.1), at(1.0, 0.1), at(2.0, 0.1), at(3.0, 0.1), at(4.0, 0.1)]);
@@ -67,7 +67,7 @@ fn a_circle_is_a_torus() {
     near(area, TAU * radius * TAU * 0.2, 3e-3);
     near(volume, TAU * radius * TAU / 2.0 * 0.04, 1e-2);
     normals_agree(&made.mesh);
-    // Where the tangent is along z, Mitsuba's frame rotates; no triangle may span the tube.
+    // Where the tangent is parallel to z, Mitsuba's frame rotates. No triangle may cross the tube there.
     for corners in &made.mesh.indices {
         let [a, b, c] = corners.map(|i| made.mesh.positions[i as usize]);
         assert!(a.distance(b).max(b.distance(c)) < 0.2);
@@ -79,7 +79,7 @@ fn linear_curves_have_spheres_at_their_points() {
     let made = |points: &[[f64; 4]]| {
         parse_curves(text(points).as_bytes(), Kind::Linear, &DAffine3::IDENTITY).unwrap().mesh
     };
-    // Capsule.
+    // Two spheres of equal radius form a capsule.
     let capsule = made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
     let [area, volume] = measures(&capsule);
     near(area, TAU * 0.5 * (2.0 + 1.0), 1e-2);
@@ -89,12 +89,12 @@ fn linear_curves_have_spheres_at_their_points() {
     let straight =
         made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
     near(measures(&straight)[0], area, 2e-2);
-    // Two spheres and the cone tangent to both: sin α = 0.25.
+    // Two spheres of radii 0.5 and 0.25 are joined by the cone tangent to both, with sin α = 0.25.
     let cone = made(&[[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.25]]);
     let (sin, cos) = (0.25_f64, (1.0_f64 - 0.0625).sqrt());
     let caps = TAU * (0.25 * (1.0 + sin) + 0.0625 * (1.0 - sin));
     near(measures(&cone)[0], caps + TAU / 2.0 * 0.75 * cos * cos, 1e-2);
-    // A sphere within a sphere.
+    // A sphere within another sphere is not visible.
     let sphere = made(&[[0.0, 0.0, 0.0, 0.5], [0.1, 0.0, 0.0, 0.1]]);
     near(measures(&sphere)[0], 2.0 * TAU * 0.25, 1.5e-2);
 }
@@ -106,7 +106,7 @@ fn texture_coordinates_run_around_and_along() {
     let two = format!("{lines}\n\n{lines}");
     let mesh = parse_curves(two.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap().mesh;
     for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
-        // Along x, Mitsuba's u is 0 at y and 1/4 at z.
+        // For a tube along x, Mitsuba's u is 0 in the direction y and 1/4 in the direction z.
         let angle = f64::from(uv.x) * TAU;
         assert!((f64::from(p.y) - angle.cos()).abs() < 0.01 && (f64::from(p.z) - angle.sin()).abs() < 0.01);
     }
@@ -132,7 +132,7 @@ fn invalid_curves_are_refused_with_a_message() {
         let e = parse_curves(lines.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap_err();
         assert!(e.to_string().contains(expected), "{lines:?}: {e}");
     }
-    // Ends of several equal points, and of radius 0.
+    // The ends can have several equal points and a radius of 0.
     let ends = "0 0 0 0\n0 0 0 0\n0 0 0 0\n1 0 0 1\n2 0 0 1\n3 0 0 0\n3 0 0 0\n3 0 0 0";
     let made = parse_curves(ends.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap();
     assert!(measures(&made.mesh)[1] > 1.0);

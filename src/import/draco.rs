@@ -20,8 +20,8 @@ pub(super) struct Elements {
     pub bytes: Vec<u8>,
 }
 
-/// Maximum number of triangles or points per stream. A stream of less than a kilobyte can describe
-/// millions, so the stream's length is no bound.
+/// Maximum number of triangles or points per stream. A stream of less than a kilobyte can describe millions
+/// of triangles, so the stream's length does not bound their number.
 const MOST: u64 = 1 << 26;
 
 /// Returns the values of the accessors of all compressed primitives. If a file also contains the uncompressed
@@ -39,7 +39,7 @@ pub(super) fn decode<'a>(
                 continue;
             };
             let wrong = |what: &str| broken(format!("{DRACO} of primitive {i} of mesh {m} {what}"));
-            // The decoded indices are those of triangles, not of a strip.
+            // The decoded indices are those of separate triangles, not of a strip.
             if primitive.mode != Checked::Valid(Mode::Triangles) {
                 return Err(wrong("does not have the mode TRIANGLES"));
             }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use transport::geometry::mesh::MeshError;
 
-/// An import error. It prints as one line: `file:line: problem; fix`.
+/// An import error, which is displayed as one line: `file:line: problem; fix`.
 #[derive(Debug)]
 pub struct ImportError {
     pub file: Option<PathBuf>,

@@ -49,7 +49,7 @@ fn word(i: usize) -> impl Iterator<Item = u8> {
 }
 
 fn parse_all(bytes: &[u8]) {
-    // Only the absence of a panic is tested.
+    // Ignore the results, because only the absence of a panic is tested.
     let _ = parse_obj(bytes);
     let _ = parse_ply(bytes);
     let _ = parse_gltf(bytes, None);

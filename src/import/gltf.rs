@@ -3,8 +3,9 @@
 //! and `KHR_meshopt_compression`.
 //!
 //! Transforms of the node tree are multiplied in double precision. Every mesh is transformed to world space
-//! once per node that uses the mesh, in the rest pose: morph targets with default weights, skins with the
-//! transforms of their joints. Like Sunstone, glTF is right-handed with +y up and uses metres.
+//! once per node that uses the mesh. Meshes are in the rest pose: morph targets have their default weights,
+//! and skins follow the transforms of their joints. As in Sunstone, axes are right-handed with +y up; units
+//! are metres.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -25,17 +26,17 @@ use transport::geometry::mesh::Mesh;
 /// Maximum number of triangles after instancing of one file (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Parses a glTF document or GLB container. Uses the default scene, otherwise the first one,
-/// otherwise all nodes, otherwise all meshes. Each primitive of each node with a mesh becomes a
-/// part in world space, named after the node.
+/// Parses a glTF document or GLB container. Uses the default scene, or else the first scene, or else all
+/// nodes, or else all meshes. Each primitive of each node with a mesh becomes a part in world space, named
+/// after the node.
 ///
 /// `base_dir` is the folder of external buffers; without `base_dir`, external buffers are an error. Materials
 /// without a name are named `material_` and their index. Notes list points, lines and all other contents that
 /// are not used.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported geometry
-/// extension, or it has no triangles.
+/// Returns [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported
+/// geometry extension, or it has no triangles.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("cannot parse the glTF JSON ({e})"));
@@ -44,12 +45,12 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let version = document["asset"]["version"].as_str().unwrap_or("1.0");
     if !version.starts_with("2.") {
         let what = format!("expected glTF 2.x, got version {version}");
-        return Err(ImportError::new(what, "export as glTF 2.0"));
+        return Err(ImportError::new(what, "export the file as glTF 2.0"));
     }
     let mut parts = Parts::default();
     gltf_notes::read(&document, &mut parts.notes)?;
     let materials = material_names(&document);
-    // Parts that are not read must not cause an error.
+    // Remove the parts that are not read, so that they cannot cause an error.
     if let Some(top) = document.as_object_mut() {
         for key in ["animations", "cameras", "materials", "textures", "images", "samplers", "extensions"] {
             top.remove(key);
@@ -104,10 +105,10 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
     };
     if version != 2 {
         let what = format!("expected a GLB container of version 2, got {version}");
-        return Err(ImportError::new(what, "export as glTF 2.0"));
+        return Err(ImportError::new(what, "export the file as glTF 2.0"));
     }
     let (mut json, mut bin, mut at) = (None, None, 12);
-    // If the length is too large, the file is truncated; buffers and accessors are checked separately.
+    // A chunk may be longer than the rest of a truncated file. Buffers and accessors are checked separately.
     while let (Some(size), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
         if at >= length {
             break;
@@ -296,7 +297,7 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();
     while let Some((index, parent)) = stack.pop() {
         let Some(node) = root.nodes.get(index) else {
-            // Reported if the scene refers to it.
+            // The missing node is reported if the scene refers to the node.
             continue;
         };
         if out[index].is_some() {
@@ -309,7 +310,7 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     Ok(out)
 }
 
-/// Returns nodes without a parent.
+/// Returns the indices of the nodes without a parent.
 fn tops(root: &Root) -> Vec<usize> {
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
@@ -387,7 +388,7 @@ fn read_mesh(
             if let Some(joints) = &pose.joints {
                 gltf_deform::skin(data, p, joints, &mut mesh)?;
             }
-            // Repair before transforming, since all nodes transform the same normals.
+            // Repair the normals before the transform, because all nodes transform the same normals.
             part::repair_normals(&mut mesh, &name, &mut parts.notes);
             let material = match p.material.map(|m| m.value()) {
                 Some(i) => {

@@ -121,7 +121,7 @@ pub(super) fn skin(
         if sum == 0.0 {
             return Err(broken(format!("all weights of vertex {vertex} of a skinned primitive are 0")));
         }
-        // The weights sum to 1 only up to rounding.
+        // Divide by the sum of the weights, which is 1 only up to rounding.
         let (linear, offset) = (linear * sum.recip(), offset / sum);
         let position = &mut mesh.positions[vertex];
         *position = (linear * position.as_dvec3() + offset).as_vec3();

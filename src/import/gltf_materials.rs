@@ -1,6 +1,6 @@
 //! Reads glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`,
-//! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` only decides whether a
-//! surface refracts. All other keys of a material are listed as unused.
+//! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` only determines
+//! whether a surface refracts. All other keys of a material are listed as unused.
 //!
 //! glTF's texture coordinates start at the image's upper left corner, with v downward; Sunstone's start at
 //! the lower left. Colour factors are linear, colours of images are sRGB-encoded.
@@ -16,7 +16,7 @@ use transport::material::texture::{Filter, Wrap};
 /// Returns the materials of a glTF document or GLB container, with the names that the parts of the mesh use.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid.
+/// Returns [`ImportError`] if the file is invalid.
 pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)
@@ -71,7 +71,7 @@ fn specular(f0: [f64; 3], out: &mut Appearance) {
     out.coat = None;
     if strongest > MOST {
         out.mirror = f0;
-        // The extension attenuates the diffuse colour by the largest reflectance.
+        // The extension multiplies the diffuse colour by 1 minus the largest reflectance.
         out.base = out.base.map(|v| v * (1.0 - strongest));
     } else if strongest > 0.0 {
         let root = strongest.sqrt();
@@ -151,7 +151,7 @@ impl File<'_> {
             (more, EXTENSIONS),
         ] {
             for (key, _) in place.as_object().into_iter().flatten() {
-                // Black, or an emissive image times black, has no effect.
+                // A black emissive factor has no effect, even with an emissive image.
                 let silent = dark && ["emissiveFactor", "emissiveTexture"].contains(&key.as_str());
                 if !known.contains(&key.as_str()) && !silent {
                     unused.push(key.clone());
@@ -226,7 +226,7 @@ fn turned(t: &Value) -> Option<UvRows> {
     let two = |key: &str, missing: f64| [0, 1].map(|i| number(&t[key][i], missing));
     let ([ox, oy], [sx, sy]) = (two("offset", 0.0), two("scale", 1.0));
     let (sin, cos) = number(&t["rotation"], 0.0).sin_cos();
-    // translation × rotation × scale as in the extension's text, counter-clockwise in an upright image.
+    // As the extension specifies: translation × rotation × scale, counter-clockwise in an upright image.
     let [[a, b, c], [d, e, f]] = [[cos * sx, sin * sy, ox], [-sin * sx, cos * sy, oy]];
     let rows = [[a, -b, b + c], [-d, e, 1.0 - e - f]];
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
@@ -282,7 +282,7 @@ mod tests {
             let mut material = json!({});
             let target = if place.is_empty() { &mut material } else { &mut material[place] };
             target[key] = value;
-            // A missing texture is listed too.
+            // A texture that the file lacks is listed too.
             let found = read(&json!({"materials": [material]})).remove(0);
             let changed = Appearance { unused: vec![], ..found.clone() } != bare;
             let named = found.unused.iter().any(|u| u == key);

@@ -8,7 +8,7 @@ use super::notes::Notes;
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
-/// Extensions that this importer or the material reader supports.
+/// Extensions that the mesh importer or the material reader supports.
 const READ: [&str; 7] =
     [DRACO, INSTANCING, VISIBILITY, MESHOPT[0], MESHOPT[1], "KHR_mesh_quantization", "KHR_texture_transform"];
 
@@ -89,7 +89,7 @@ fn list(value: &Value) -> &[Value] {
 /// Adds notes about contents that are not used.
 ///
 /// # Errors
-/// [`ImportError`] if the document requires an extension that can affect its triangles.
+/// Returns [`ImportError`] if the document requires an extension that can affect its triangles.
 pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportError> {
     let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));

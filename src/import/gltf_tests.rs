@@ -1,4 +1,4 @@
-//! Tests of the glTF importer on containers built by hand: valid and invalid files.
+//! Tests of the glTF importer with valid and invalid files, which the tests construct.
 
 use glam::{Vec2, Vec3, vec3};
 use serde_json::{Value, json};
@@ -82,7 +82,7 @@ pub fn sample_glb() -> Vec<u8> {
     glb(&document(), &bin())
 }
 
-/// Returns the sample document as JSON with a data URI.
+/// Returns the sample document as glTF JSON whose buffer is a data URI.
 pub fn sample_gltf() -> Vec<u8> {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut uri = String::from("data:application/octet-stream;base64,");
@@ -122,7 +122,8 @@ fn instances_are_baked_to_world_space() {
     };
     let turned = &parts[0];
     assert_eq!((turned.name.as_str(), turned.material.as_deref()), ("turned", Some("jade")));
-    // Scale (2, 3, 4), rotation by 90° about z, translation by 1 along z, then by the parent's (10, 20, 30).
+    // The node scales by (2, 3, 4), rotates by 90° about z and translates by 1 along z. The parent then
+    // translates by (10, 20, 30).
     close(&turned.mesh.positions, &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)]);
     close(&turned.mesh.normals, &[Vec3::Z; 3]);
     // v points up in Sunstone and down in glTF.
@@ -274,9 +275,9 @@ fn morph_targets_are_applied() {
     d["meshes"][0]["weights"] = json!([0.5, 0.0]);
     d["nodes"][1]["weights"] = json!([0.0, 2.0]);
     let parts = parse_gltf(&glb(&d, &bin()), None).unwrap().parts;
-    // Displaced by half of (0, 0, 1), then scaled by 4 and translated by 31 along z.
+    // The vertex is displaced by half of (0, 0, 1), then scaled by 4 and translated by 31 along z.
     assert_eq!(parts[0].mesh.positions[0], vec3(10., 20., 33.));
-    // Three times the position, mirrored along x and translated by 10.
+    // The vertex is at three times its position, mirrored along x and translated by 10.
     assert_eq!(parts[1].mesh.positions[1], vec3(7., 0., 0.));
     assert!(parts[1].mesh.normals[1].abs_diff_eq(vec3(-2.0, 0.0, 1.0).normalize(), 1e-6));
 }
@@ -287,8 +288,8 @@ fn morph_targets_are_applied() {
 fn skins_are_applied() {
     let mut d = document();
     let mut bytes = bin();
-    // All of a vertex's weight is on joint 0, except that half of vertex 1's is on joint 1. Weights do not
-    // sum to 1 exactly.
+    // All vertices have their full weight on joint 0, except vertex 1, which has half of its weight on
+    // joint 1. Weights do not sum to 1 exactly.
     let joints = bytes.len();
     bytes.extend([0_u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
     let weights = bytes.len();
@@ -321,7 +322,7 @@ fn skins_are_applied() {
     d["skins"] = json!([{"joints": [3, 4], "inverseBindMatrices": 9}]);
     let model = parse_gltf(&glb(&d, &bytes), None).unwrap();
     assert_eq!(model.parts.len(), 1);
-    // Vertex 1 at (1, 0, 0): half of (1, 0, 3) and half of 2 (1 - 1, 0, 0) + (5, 0, 0).
+    // Vertex 1 at (1, 0, 0) is moved to half of (1, 0, 3) plus half of 2 (1 - 1, 0, 0) + (5, 0, 0).
     assert_eq!(model.parts[0].mesh.positions, [vec3(0., 0., 3.), vec3(3., 0., 1.5), vec3(0., 1., 3.)]);
     assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]], "the node's own mirror is ignored");
     d["skins"][0]["joints"] = json!([3]);
@@ -333,7 +334,7 @@ fn skins_are_applied() {
 fn containers_are_read_as_the_specification_asks() {
     let expected = parse_gltf(&sample_glb(), None).unwrap();
     let json_end = 20 + u32::from_le_bytes(sample_glb()[12..16].try_into().unwrap()) as usize;
-    // A chunk of an unknown kind before the binary chunk.
+    // Insert a chunk of an unknown kind before the binary chunk.
     let mut more = sample_glb();
     more.splice(json_end..json_end, [4, 0, 0, 0, b'X', b'Y', b'Z', 0, 1, 2, 3, 4]);
     let length = more.len() as u32;

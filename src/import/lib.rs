@@ -1,6 +1,5 @@
-//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's
-//! `serialized`. The crate also checks closed surfaces, reads images and reads the transforms of
-//! many copies.
+//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`.
+//! The crate also checks closed surfaces, reads images and reads the transforms of many copies.
 //!
 //! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
 //! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's
@@ -10,7 +9,7 @@
 //! - normals are normalized, and normals of zero length are replaced;
 //! - the result is validated.
 //!
-//! Each item of a file is used, noted or refused.
+//! Each item of a file is used, mentioned in a note or refused.
 
 mod accessor;
 pub mod appearance;
@@ -74,7 +73,7 @@ pub use self::serialized::parse_serialized;
 /// `.serialized` (first mesh only), in any case.
 ///
 /// # Errors
-/// [`ImportError`] with the file's name, if the file cannot be read, has another format, is invalid
+/// Returns [`ImportError`] with the file's name, if the file cannot be read, has another format, is invalid
 /// or has no usable triangles.
 pub fn load(path: &Path) -> Result<Model, ImportError> {
     let mut model = load_unnamed(path).map_err(|mut error| {

@@ -134,7 +134,8 @@ fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8
                 let most = (1_u8 << bits) - 1;
                 for i in 0..16 {
                     let at = i * bits as usize;
-                    // The first value is in the highest bits, except that single bits start at the lowest.
+                    // The first value of a byte is in the highest bits. Values of one bit start at the
+                    // lowest bit.
                     let shift = if bits == 1 { i % 8 } else { 8 - bits as usize - at % 8 };
                     let value = packed[at / 8] >> shift & most;
                     out.push(if value == most { stream.byte()? } else { value });
@@ -235,7 +236,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
             next = 0;
         }
         let choices = [first, usize::from(pair >> 4), usize::from(pair & 15)];
-        // Number new vertices before reading others.
+        // Assign numbers to new vertices before reading explicit indices.
         let mut corners = [0; 3];
         for (corner, choice) in corners.iter_mut().zip(choices) {
             *corner = match choice {
@@ -306,8 +307,8 @@ pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<
     Some(())
 }
 
-/// Decodes a unit vector in octahedral form, in which `one` represents 1, and multiplies the vector by
-/// `full`.
+/// Decodes a unit vector in octahedral encoding, in which the value `one` represents 1, and multiplies the
+/// vector by `full`.
 fn octahedral([x, y, one]: [f32; 3], full: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);
@@ -321,7 +322,7 @@ mod tests {
     use super::*;
     use crate::draco_tests::stream as bytes;
 
-    // Output of the encoder of npm's meshoptimizer 1.3.0 for the numbers stated in the tests.
+    // Output of the encoder of npm's meshoptimizer 1.3.0 for the numbers given in the tests.
     const WORDS: [&str; 2] = [
         "a01f0002060a0e12161a1e22262a2e32363a3e42464a4e52565a5e62666a6e72767affff0000dc82868a8e92969a1480\
         020080c0820000052a066666666666666666666666666666666666666600000000002a0ddddddddddddddddddddddddd\

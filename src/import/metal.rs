@@ -1,5 +1,5 @@
-//! Computes the refractive index of a metal with a given reflectance, for models that use a colour and
-//! Schlick's approximation.
+//! Computes the refractive index of a metal with a given reflectance at normal incidence, for material
+//! models that use a colour and Schlick's approximation.
 
 /// Refractive index n and extinction coefficient k of a metal that reflects all light except a fraction of
 /// 2e-6.
@@ -66,7 +66,7 @@ mod tests {
                 assert!((got / want - 1.0).abs() < most, "{r} at {degrees}°: {got}, not {want}");
             }
         }
-        // Gold at 550 nm, 60°. The tests of Fresnel's equations compare this value with Mitsuba's.
+        // Gold at 550 nm and 60°. The tests of Fresnel's equations compare this value with Mitsuba's.
         assert!((reflectance(0.5, 0.4242, 2.4721) - 0.792257).abs() < 1e-5);
     }
 }

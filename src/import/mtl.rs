@@ -78,7 +78,6 @@ impl Entry {
     }
 }
 
-/// Parses the materials of a library.
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
     let mut all: Vec<Entry> = vec![];
     for line in text::lines(&text::decode(bytes)) {
@@ -137,7 +136,7 @@ fn appearance(m: &Entry) -> Appearance {
         out.coat = Some(Coat { ior: out.ior.max(1.01), colour: [1.0; 3] });
     }
     out.normals = m.text("norm").and_then(|name| picture(name, &mut out.unused)).map(|p| (p, 1.0));
-    // Black has no effect, and ambient light does not take part in light transport.
+    // A black colour has no effect, and light transport has no ambient term.
     let silent = |key: &str| ["ka", "ke", "ks", "tf"].contains(&key) && m.colour(key) == Some([0.0; 3]);
     let white = |key: &str| key == "tf" && m.colour(key) == Some([1.0; 3]);
     let used = m.used.borrow().clone();
@@ -229,7 +228,7 @@ mod tests {
         assert_eq!(image.source, Source::File("wood grain.png".into()));
         assert_eq!((image.uv, image.wrap), (Some([[2.0, 0.0, 0.5], [0.0, 2.0, 0.0]]), Wrap::Clamp));
         assert_eq!(((lacquer.alpha * 1e6).round(), &lacquer.unused[..]), (1e5, &["map_Bump".to_owned()][..]));
-        // Reflectance 0.08 at normal incidence.
+        // The coat has reflectance 0.08 at normal incidence.
         let ior = lacquer.coat.expect("a coat").ior;
         assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - 0.08).abs() < 1e-12);
         assert_eq!((gold.metallic, gold.alpha), (1.0, 0.25));
@@ -270,8 +269,7 @@ mod tests {
             let found = material(&format!("{key} .25 .25 .25"));
             let used = Appearance { unused: vec![], ..found.clone() } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));
-            // Keys without an effect of their own: a shininess without a highlight, or an index without
-            // glass.
+            // These keys have no effect alone, such as an index of refraction without glass.
             let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
             assert!(used || found.unused.iter().any(|u| u == key) || silent, "{key}: {found:?}");
         }

@@ -23,8 +23,8 @@ const FIX_FACE: &str =
 /// lines, points, vertex colours, free-form surfaces and all other statements.
 ///
 /// # Errors
-/// [`ImportError`] with the line number if a number or an index is invalid; without a line number if there
-/// are no triangles.
+/// Returns [`ImportError`] with the line number if a number or an index is invalid; without a line number
+/// if there are no triangles.
 pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -66,7 +66,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_
     })
 }
 
-/// Splits a line into keyword and arguments, and removes the comment.
+/// Removes the comment from a line, and splits the line into keyword and arguments.
 fn statement(line: &str) -> (&str, &str) {
     let line = line.split('#').next().unwrap_or("").trim();
     line.split_once(char::is_whitespace).unwrap_or((line, ""))
@@ -134,7 +134,7 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     let mut found = 0;
     for (slot, word) in out.iter_mut().zip(rest.split_whitespace()) {
         *slot = match word.parse::<f32>() {
-            // Colours, which are not used, can follow the required numbers.
+            // Vertex colours, which are not used, can follow the required numbers.
             Ok(x) if x.is_finite() || found >= least => x,
             _ => {
                 let what = format!("{word:?} is not a finite number");
@@ -196,7 +196,7 @@ struct Reader<'a> {
     /// Number of `v`, `vt` and `vn` statements so far.
     seen: [usize; 3],
     object: Object,
-    /// For each position, the object's latest vertex at this position, or [`NONE`].
+    /// For each position, the object's most recent vertex at this position, or [`NONE`].
     newest: Vec<u32>,
     smooth: bool,
     lacking: Lacking,
@@ -213,7 +213,7 @@ impl Reader<'_> {
             "v" | "V" => self.seen[0] += 1,
             "vt" | "VT" => self.seen[1] += 1,
             "vn" | "VN" => self.seen[2] += 1,
-            // Version 2.11 uses `fo` for `f`.
+            // Version 2.11 of the format uses `fo` for `f`.
             "f" | "F" | "fo" => self.face(rest, number)?,
             _ => self.state(keyword, rest, number)?,
         }
@@ -360,7 +360,7 @@ impl Reader<'_> {
             }
             start = end;
         }
-        // Vertices of the object's other polygons are later dropped as unused.
+        // Vertices that only the object's other polygons use are removed later.
         let of = |k: usize| vertices.iter().map(move |v| (v[k] as usize).saturating_sub(1));
         let mut mesh =
             Mesh { positions: of(0).map(|i| tables.positions[i]).collect(), indices, ..Mesh::default() };

@@ -1,4 +1,4 @@
-//! Cleanup and validation of a file's meshes.
+//! Cleans and validates the meshes of a file.
 
 use super::attribute::{self, Corners};
 use super::error::{ImportError, ImportProblem};
@@ -107,7 +107,7 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     let mut used = vec![false; mesh.positions.len()];
     for t in &mesh.indices {
-        // Indices out of range are checked later.
+        // Skip indices out of range, which are reported later.
         let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize).map(|p| p.as_dvec3()))
         else {
             continue;

@@ -47,7 +47,8 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
 /// identifies. `layer` selects a layer of an OpenEXR file.
 ///
 /// # Errors
-/// [`PictureError`] if the format is not supported, the file is damaged, or the image channels are ambiguous.
+/// Returns [`PictureError`] if the format is not supported, the file is damaged, or the image channels are
+/// ambiguous.
 pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         return openexr::decode(bytes, layer);
@@ -88,7 +89,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |e: ImageError| PictureError::damaged(&name, e);
     let mut notes = vec![];
     let image = image::load_from_memory_with_format(bytes, format).map_err(damaged)?;
-    // As in Mitsuba, glTF and web browsers, PNG colours are sRGB: many programs write a wrong gAMA chunk.
+    // As in Mitsuba, glTF and browsers, PNG colours are read as sRGB: many programs write a wrong gAMA chunk.
     if format == ImageFormat::Png
         && let Some(gamma) = png_gamma(bytes)
         && (gamma - 1.0 / 2.2).abs() > 0.02
@@ -158,11 +159,11 @@ pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
 
 /// Returns the luminance of a colour with sRGB primaries (Rec. ITU-R BT.709).
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    // Grey values must not change by rounding.
+    // Return grey values exactly, without rounding errors of the weights.
     if r == g && g == b { r } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
 }
 
-/// Returns the encoded brightness of every pixel, top row first.
+/// Returns the brightness of every pixel as encoded in the file, top row first.
 pub fn weights(image: &Pixels) -> Vec<f32> {
     let brightness = |p: &[f32; 3]| luminance(image.to_rgb.map_or(*p, |m| primaries::times(&m, *p)));
     image.values.iter().map(brightness).collect()
@@ -183,7 +184,7 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
 /// Encodes an image as a file in the given format.
 ///
 /// # Errors
-/// [`ImageError`] if the format does not support the image.
+/// Returns [`ImageError`] if the format does not support the image.
 pub fn encoded(image: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Cursor::new(vec![]);
     image.write_to(&mut bytes, format)?;

@@ -1,4 +1,4 @@
-//! Parses the transforms of many copies: text, or NumPy's `.npy`.
+//! Parses files with the transforms of many copies: text, or NumPy's `.npy`.
 
 use glam::{DAffine3, DMat3, DVec3};
 use npyz::{DType, NpyFile, Order, TypeChar};
@@ -7,7 +7,8 @@ use npyz::{DType, NpyFile, Order, TypeChar};
 /// × 3 × 4 or n × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
 ///
 /// # Errors
-/// A message with the error's location in the file. The caller adds the file's name before the message.
+/// Returns a message with the error's location in the file. The caller adds the file's name before the
+/// message.
 pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     if is_array(bytes) { array(bytes) } else { text(bytes) }
 }
@@ -57,7 +58,7 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
             return Err(format!(": expected the shape [n, 3, 4] or [n, 4, 4], got {shape:?}"));
         }
     };
-    // Check before allocating memory for what a damaged header declares.
+    // Check the size before allocating memory, because a damaged header can declare any shape.
     if shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k)).is_none_or(|n| n > bytes.len() as u64) {
         return Err(": the file is truncated".into());
     }

@@ -42,7 +42,7 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
 /// faces are not read.
 ///
 /// # Errors
-/// The same errors as [`parse_ply`], or an error if the file does not have the attribute.
+/// Returns the same errors as [`parse_ply`], or an error if the file does not have the attribute.
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("invalid attribute name {name:?}");
@@ -138,7 +138,7 @@ struct File<'a> {
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Polygons without texture coordinates of faces. The other field contains polygons with them.
+    /// Polygons of faces without texture coordinates. The field `textured` contains the others.
     plain: Polygons,
     textured: Polygons,
 }
@@ -197,7 +197,7 @@ impl File<'_> {
         }
         if let Some((columns, full)) = own {
             self.coloured = columns[0] != columns[1];
-            // With one column, the table fills only the first entry.
+            // If the attribute has one column, the table fills only the first entry.
             let value = |r: &[f32; 11]| {
                 if self.coloured { [r[8], r[9], r[10]] } else { [r[8]; 3] }
             };

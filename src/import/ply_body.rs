@@ -44,7 +44,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Ends a row. In ASCII files, skips the rest of the line and returns whether the rest was not empty.
+    /// Ends a row. In ASCII files, skips the rest of the line and returns whether this rest was not empty.
     pub fn end_row(&mut self) -> bool {
         if self.format != Format::Ascii {
             return false;
@@ -97,7 +97,7 @@ impl<'a> Body<'a> {
             let big = self.format == Format::BigEndian;
             double(self.take(kind.size())?, kind, big)
         };
-        // Exact up to 2^53; indices are below 2^32.
+        // f64 represents integers exactly up to 2^53, and indices are below 2^32.
         if value.fract() == 0.0 && value.abs() < 1e15 {
             Ok(value as i64)
         } else {
@@ -214,7 +214,7 @@ pub(super) fn index(corner: i64) -> Result<u32, String> {
 #[inline]
 fn float(bytes: &[u8], kind: Kind, big: bool) -> f32 {
     match kind {
-        // Keep the exact bits.
+        // Keep the exact bits of f32 values.
         Kind::F32 => f32::from_bits(bits(bytes, big) as u32),
         _ => double(bytes, kind, big) as f32,
     }

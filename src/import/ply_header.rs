@@ -74,8 +74,8 @@ const FIX: &str = "export the mesh again as PLY 1.0";
 /// Parses a header. Adds a note for each texture name in a comment.
 pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportError> {
     let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-    // The first line ending applies to all lines: in binary files the first row can begin with a byte equal
-    // to one.
+    // The first line ending applies to all lines, because in binary files the first row can begin with a
+    // byte that equals a line ending.
     let magic = bytes[at..].get(..3).filter(|m| m == b"ply");
     let line_end: &[u8] = match (magic, bytes.get(at + 3..)) {
         (Some(_), Some([b'\r', b'\n', ..])) => b"\r\n",
@@ -159,7 +159,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
         let row: usize = properties
             .iter()
             .map(|p| match format {
-                // A digit and a space.
+                // A number needs at least a digit and a space.
                 Format::Ascii => 2,
                 _ => p.list.unwrap_or(p.kind).size(),
             })
@@ -169,7 +169,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             return Err(ImportError::new(what, FIX));
         }
         least = least.saturating_add(row.saturating_mul(*count));
-        // The last number needs no space after it.
+        // The last number needs no following space.
         if least > length + 1 {
             let what = format!(
                 "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"

@@ -138,7 +138,7 @@ fn binary_files_equal_ascii_files() {
             let mut long = b.clone();
             long.push(0);
             assert!(parse_ply(&long).unwrap().notes[1].contains("1 bytes after"));
-            // The last corner is not a vertex, or negative.
+            // Replace the last corner by an index out of range or by a negative index.
             let last = b.len() - 4;
             b[last..].fill(0xff);
             let word = if list.ends_with("uint") { "4294967295" } else { "-1" };
@@ -156,7 +156,7 @@ fn faces_have_texture_coordinates_of_their_own() {
     let text = format!("{SQUARE}4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 1 4 2 6 0.5 0 1 0 1 1\n");
     let model = parse_ply(text.as_bytes()).unwrap();
     let mesh = &model.parts[0].mesh;
-    // Vertex 1 has two texture coordinates, vertex 2 has the same in both faces.
+    // Vertex 1 has different texture coordinates in the two faces, vertex 2 has equal ones.
     assert_eq!((mesh.positions.len(), mesh.indices.len()), (6, 3));
     assert_eq!(mesh.indices[2], [4, 5, 2]);
     assert_eq!((mesh.uvs[1], mesh.uvs[4]), (vec2(1.0, 0.0), vec2(0.5, 0.0)));
@@ -205,7 +205,7 @@ fn line_endings_byte_order_marks_and_spaces_do_not_matter() {
     ] {
         assert_eq!(parse_ply(text.as_bytes()).unwrap(), expected, "{text}");
     }
-    // A header with one byte as line ending, and a first row that begins with the other.
+    // The header has CR line endings, and the first row begins with an LF byte.
     let mut b =
         b"ply\rformat binary_little_endian 1.0\relement vertex 3\rproperty uchar x\rproperty uchar y\r\
         property uchar z\relement face 1\rproperty list uchar uchar vertex_indices\rend_header\r"

@@ -1,13 +1,13 @@
 //! Triangulates polygons.
 //!
-//! A polygon that contains all diagonals from its first corner becomes a fan; other polygons use
-//! ear clipping (Meisters 1975). Collinear corners remain corners of triangles. An adjacent polygon
-//! can share these corners, and the surface must stay closed.
+//! A polygon that contains all diagonals from its first corner is triangulated as a fan, and any other
+//! polygon by ear clipping (Meisters 1975). Collinear corners remain corners of triangles. An adjacent
+//! polygon can share these corners, and the surface must stay closed.
 
 use super::error::ImportError;
 use glam::{DVec2, DVec3, Vec3};
 
-/// Maximum number of corners of a polygon that is not a fan: ear clipping takes quadratic time.
+/// Maximum number of corners of a polygon that is not a fan, because ear clipping takes quadratic time.
 const MOST_CORNERS: usize = 1 << 14;
 
 /// Smallest area, relative to the square of the polygon's extent, that is distinguished from rounding errors.
@@ -43,7 +43,7 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
     let first = position(corners[0]).as_dvec3();
     let point = |i: u32| position(i).as_dvec3() - first;
     let fan = || corners[1..].windows(2).map(|w| point(w[0]).cross(point(w[1])));
-    // Twice the area, along the normal (Newell's method).
+    // Vector along the normal whose length is twice the area (Newell's method).
     let normal: DVec3 = fan().sum();
     let extent = corners.iter().map(|&i| point(i).length_squared());
     let least = FLAT * extent.fold(0.0, f64::max);
@@ -71,7 +71,7 @@ fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// Returns the ears of a counter-clockwise polygon. Sets `whole` to false if its outline crosses itself.
+/// Returns the ears of a counter-clockwise polygon. Sets `whole` to false if the outline crosses itself.
 fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
     let mut ring: Vec<usize> = (0..points.len()).collect();
     let mut ears = vec![];
@@ -95,20 +95,20 @@ fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
         };
         let found = (at..at + n).find(|i| bulges(i) && is_empty(i));
         let Some(i) = found.or_else(|| (at..at + n).find(bulges)) else {
-            // The rest has no area, unless its outline is clockwise there.
+            // The remaining polygon has no area, unless its outline is clockwise there.
             *whole &= !(0..n).any(|i| {
                 let [a, b, c] = ear(i).map(|k| points[k]);
                 area(a, b, c) < -least
             });
-            // If the corners are not in a plane, the rest can have an area even though its projection has
-            // none.
+            // If the corners are not in a plane, the remaining polygon can have an area although its
+            // projection has no area.
             ears.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]]));
             break;
         };
         *whole &= found.is_some();
         ears.push(ear(i));
         ring.remove(i % n);
-        // Search for the next ear beyond the neighbour: adjacent ears would be slivers.
+        // Search for the next ear beyond the neighbour, because adjacent ears would be slivers.
         at = (i % n + 1) % ring.len();
     }
     ears
@@ -132,9 +132,9 @@ mod tests {
     /// triangle areas equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
     #[test]
     fn triangles_cover_a_concave_polygon_exactly() {
-        // x, y of each corner.
+        // Outlines as x and y of each corner, with their areas.
         let outlines = [
-            // U, L, chevron.
+            // Shapes of a U, an L and a chevron.
             ("0 0  1 0  1 1  0.75 1  0.75 0.25  0.25 0.25  0.25 1  0 1", 0.625),
             ("0 0  1 0  1 0.5  0.5 0.5  0.5 1  0 1", 0.75),
             ("0 0  0.5 0.25  1 0  0.5 1", 0.375),
@@ -142,7 +142,7 @@ mod tests {
             ("0 0  0.5 0  1 0  1 0.25  1 0.5  1 1  0.3 1  0 1", 1.0),
             // Square with a square hole, connected to the outline by an edge in both directions.
             ("0 0  4 0  4 4  0 4  0 0  1 1  1 3  3 3  3 1  1 1", 12.0),
-            // Comb.
+            // Shape of a comb.
             ("0 0  5 0  5 2  4 2  4 1  3 1  3 2  2 2  2 1  1 1  1 2  0 2", 8.0),
         ];
         for (outline, expected) in outlines {
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn crossing_and_flat_polygons_are_distinguished() {
         let mut triangles = vec![];
-        // Bow ties; the second has a signed area of zero.
+        // The outlines are bow ties, of which the second has a signed area of zero.
         for y in [4., 3.] {
             let bow = [[0., 0.], [2., 0.], [0., 1.], [2., y]].map(|[x, y]| vec3(x, y, 0.0));
             triangles.clear();

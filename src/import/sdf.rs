@@ -25,7 +25,7 @@ pub struct Surface {
     /// Triangles in the cube [0, 1]³ that face toward increasing distance. Texture coordinates are constant,
     /// as in Mitsuba.
     pub mesh: Mesh,
-    /// Largest distance between a triangle's centre and the trilinear surface, to first order, in cell sizes.
+    /// Largest distance (in cell sizes, to first order) of a triangle's centre from the trilinear surface.
     pub deviation: f64,
 }
 
@@ -41,8 +41,8 @@ const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, so
 /// Computes a triangle mesh of the surface on which the distance is zero.
 ///
 /// # Errors
-/// [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis, no change
-/// of sign, or more than 4 million triangles.
+/// Returns [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis,
+/// no change of sign, or more than 4 million triangles.
 pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
@@ -123,7 +123,7 @@ impl Grid<'_> {
         for corner in 0..8 {
             let (mut w, mut cell) = (1.0, high);
             for i in 0..3 {
-                // Below the first cell, that cell has all the weight.
+                // Below the first cell, the first cell has the full weight.
                 let alone = high[i] < 0.5;
                 let up = corner >> i & 1 == 1;
                 w *= match (up, alone) {

@@ -1,4 +1,4 @@
-//! Reads Mitsuba's `serialized` meshes, versions 3, 4 and 5 (its documentation, "Serialized mesh loader").
+//! Reads Mitsuba's `serialized` meshes, versions 3, 4 and 5 (described in Mitsuba's documentation).
 
 use std::io::Read;
 
@@ -30,7 +30,7 @@ const RECORD_5: usize = 8;
 /// and other attributes.
 ///
 /// # Errors
-/// [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
+/// Returns [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
 pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -179,7 +179,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if faces.iter().any(|f| f[3] != 0) {
         parts.notes.add("the BSDF indices of faces are not used: the mesh has a single material");
     }
-    // Vertices that share a surface point or a normal, which matter only for editing positions.
+    // Skip the lists of vertices that share a surface point or a normal, used only for editing positions.
     for list in [points, groups] {
         if list > 0 {
             stream.indices(vertices)?;
@@ -323,7 +323,7 @@ mod tests {
         fails(&whole[..whole.len() / 2], 0, "mesh");
         fails(&whole[..3], 1, "does not start");
         fails(&packed(4, &[0; 3]), 0, "truncated");
-        // More vertices than the stream contains.
+        // The header declares more vertices than the stream contains.
         let mut b = 0x1000_u32.to_le_bytes().to_vec();
         b.push(0);
         b.extend(u64::MAX.to_le_bytes());

@@ -19,8 +19,8 @@ pub struct Vol {
 /// Parses a volume grid.
 ///
 /// # Errors
-/// [`ImportError`] if the file has another format, is truncated, or has no points or a value that is not
-/// finite.
+/// Returns [`ImportError`] if the file has another format, is truncated, or has no points or a value that
+/// is not finite.
 pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     let refuse = |what: String| Err(ImportError::new(what, FIX));
     if bytes.is_empty() {

@@ -1,5 +1,4 @@
-//! An analog output card that outputs voltages at its own sample clock, for example to galvo
-//! mirrors.
+//! An analog output card, which outputs voltages at a sample clock of the card, for example to galvo mirrors.
 //!
 //! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
 //! buffer, the card holds the voltage of the last sample.
@@ -8,7 +7,7 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a card.
+/// Limits of an analog output card.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnalogLimits {
     /// Number of channels, numbered from 0.
@@ -24,13 +23,12 @@ pub struct AnalogLimits {
 }
 
 impl AnalogLimits {
-    /// Returns the smallest step, in volts.
+    /// Returns the smallest voltage step, in volts.
     pub fn step(&self) -> f64 {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// Returns the output voltage for a requested voltage: the nearest voltage that the card can
-    /// output.
+    /// Returns the output voltage for a requested voltage (volts): the nearest that the card can output.
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();
@@ -40,7 +38,7 @@ impl AnalogLimits {
     /// Checks that the card supports the settings.
     ///
     /// # Errors
-    /// A message with the setting that is not supported.
+    /// Returns a message with the setting that is not supported.
     pub fn check(&self, settings: &AnalogSettings) -> Result<(), String> {
         let known = settings.channels.iter().all(|c| *c < self.channels);
         let once =
@@ -55,17 +53,18 @@ impl AnalogLimits {
         let [least, most] = self.rate_hz;
         if !(settings.rate_hz >= least && settings.rate_hz <= most) {
             return Err(format!(
-                "the sample rate is {} samples per second; expected {least} to {most}",
+                "the sample rate is {} samples per second; expected {least} to {most} samples per second",
                 settings.rate_hz
             ));
         }
         Ok(())
     }
 
-    /// Checks that the card can output a buffer: one list of volts per channel, all of equal length.
+    /// Checks that the card can output a buffer, which has one list of voltages (volts) per channel, all of
+    /// equal length.
     ///
     /// # Errors
-    /// A message with the cause.
+    /// Returns a message with the cause.
     pub fn check_buffer(&self, buffer: &[Vec<f64>], channels: usize) -> Result<(), String> {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
@@ -83,7 +82,7 @@ impl AnalogLimits {
     }
 }
 
-/// Settings of a card.
+/// Settings of an analog output card.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalogSettings {
     /// Channels to drive, in the order of a buffer's lists.
@@ -99,31 +98,33 @@ pub trait AnalogOutput: Instrument {
     /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
     ///
     /// # Errors
-    /// [`Failure`]: limit, refused (a buffer is playing), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, refused (a buffer is playing), timeout or disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Loads a buffer into the card's memory: a list of volts for each driven channel, all of equal length.
+    /// Loads a buffer into the card's memory: one list of voltages (volts) per driven channel, all of equal
+    /// length.
     ///
     /// # Errors
-    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, or playing),
-    /// disconnected.
+    /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or
+    /// playing), disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (no buffer, or a buffer is playing), disconnected.
+    /// Returns a [`Failure`] of kind refused (no buffer, or a buffer is playing) or disconnected.
     fn start(&mut self) -> Result<(), Failure>;
 
     /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (still playing), stalled (stopped early), refused (not started), disconnected.
+    /// Returns a [`Failure`] of kind timeout (still playing), stalled (stopped early), refused (not
+    /// started) or disconnected.
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Stops immediately at the present voltage; has no effect if nothing was started.
+    /// Stops the output immediately at the current voltage. Has no effect if no buffer was started.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Encoding of a frame's digital numbers (names of GenICam, PFNC 2.4).
+/// Encoding of a frame's digital numbers, with the names of GenICam (PFNC 2.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
     /// 8 bits per pixel.
@@ -18,7 +18,6 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
-    /// All formats.
     pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10p, Self::Mono12p, Self::Mono16];
 
     /// Returns the number of bits per pixel.
@@ -47,16 +46,12 @@ impl PixelFormat {
     }
 }
 
-/// Region of the sensor that is read, in columns and rows from its upper left corner.
+/// Region of the sensor that is read: first column, first row, and numbers of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
-    /// First column.
     pub x: u32,
-    /// First row.
     pub y: u32,
-    /// Number of columns.
     pub width: u32,
-    /// Number of rows.
     pub height: u32,
 }
 
@@ -72,12 +67,10 @@ pub enum Trigger {
 /// Settings of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
-    /// Region to read.
     pub region: Region,
     pub exposure: Duration,
     /// Gain, in decibels.
     pub gain_db: f64,
-    /// Pixel format.
     pub format: PixelFormat,
     /// Event that starts an exposure.
     pub trigger: Trigger,
@@ -94,7 +87,6 @@ pub struct CameraLimits {
     pub exposure: [Duration; 2],
     /// Minimum and maximum gain, in decibels.
     pub gain_db: [f64; 2],
-    /// Supported pixel formats.
     pub formats: Vec<PixelFormat>,
     /// Readout time of one row.
     pub row_time: Duration,
@@ -104,7 +96,7 @@ impl CameraLimits {
     /// Checks that the settings are within the camera's limits.
     ///
     /// # Errors
-    /// A message with the setting that is out of range.
+    /// Returns a message with the setting that is out of range.
     pub fn check(&self, settings: &CameraSettings) -> Result<(), String> {
         let r = settings.region;
         let [width, height] = self.size;
@@ -153,7 +145,7 @@ pub struct RawFrame {
     pub format: PixelFormat,
     /// Pixel data, rows from the top without padding; its length is [`PixelFormat::bytes`] of all pixels.
     pub bytes: Vec<u8>,
-    /// Frame counter of the camera since power-on: a gap shows a lost frame.
+    /// Number of the frame, counted by the camera since power-on. A gap indicates a lost frame.
     pub number: u64,
     /// Camera clock at the start of the exposure, in nanoseconds.
     pub timestamp_ns: u64,
@@ -165,18 +157,19 @@ pub trait AreaCamera: Instrument {
     /// Applies the settings to all subsequent exposures.
     ///
     /// # Errors
-    /// [`Failure`]: limit (names the setting that is out of range), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit (names the setting that is out of range), timeout or disconnected.
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts one exposure and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, or an exposure is in progress), disconnected.
+    /// Returns a [`Failure`] of kind refused (not configured, or an exposure is in progress) or disconnected.
     fn expose(&mut self) -> Result<(), Failure>;
 
     /// Waits for the frame of the exposure in progress.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (the frame was lost; another exposure may start), disconnected.
+    /// Returns a [`Failure`] of kind timeout (the frame was lost; another exposure may start) or
+    /// disconnected.
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure>;
 }

@@ -1,31 +1,26 @@
-//! Failures of instruments. A session reacts to a failure according to its [`Fault`], one of a
-//! small set.
+//! Failures of instruments. The [`Fault`] of a failure determines how a session reacts.
 
 use thiserror::Error;
 
 /// Kind of a failure. Each variant's description includes the session's reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Fault {
-    /// No reply or frame arrived before the deadline. The session retries a limited number of
-    /// times.
+    /// No reply or frame arrived before the deadline. The session retries a limited number of times.
     Timeout,
-    /// The request was outside the instrument's limits, or a limit switch was hit. The plan is
-    /// wrong, and the session does not retry.
+    /// The request was outside the instrument's limits, or a limit switch was reached. The plan is invalid,
+    /// and the session does not retry.
     Limit,
     /// The motion stopped short of its goal. The session homes the stage, then retries the request.
     Stalled,
-    /// The line was disconnected or replies were invalid. The session reconnects, then retries the
-    /// request.
+    /// The connection was lost or replies were invalid. The session reconnects, then retries the request.
     Disconnected,
-    /// The sensor or counter saturated. A plan may suspend on this condition.
+    /// The sensor or counter saturated. A plan can specify that the session then suspends.
     Saturated,
-    /// The instrument refused the request (busy, interlock, wrong state). The session reports this
-    /// to the user.
+    /// The instrument refused the request (busy, interlock, wrong state). The session reports the refusal.
     Refused,
 }
 
 impl Fault {
-    /// All faults.
     pub const ALL: [Self; 6] =
         [Self::Timeout, Self::Limit, Self::Stalled, Self::Disconnected, Self::Saturated, Self::Refused];
 
@@ -47,7 +42,7 @@ impl Fault {
     }
 }
 
-/// A failure: its kind, the instrument, and a message with the cause and the remedy.
+/// A failure: its kind, the instrument, and a message with the cause and the fix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{instrument}: {}: {what}", fault.name())]
 pub struct Failure {

@@ -1,25 +1,25 @@
-//! A pair of galvo mirrors that points a beam.
+//! A scanner with two galvo mirrors that deflects a beam.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a scanner.
+/// Limits of a galvo scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GalvoLimits {
     /// Maximum absolute optical angle from the axis in x and y, in degrees.
     pub range_deg: [f64; 2],
-    /// Smallest step, in degrees.
+    /// Smallest angular step, in degrees.
     pub resolution_deg: f64,
-    /// Settling time of the beam after a small step.
+    /// Time that the beam needs to settle after a small step.
     pub settle: Duration,
 }
 
 impl GalvoLimits {
-    /// Checks that the scanner can point to optical angles, in degrees.
+    /// Checks that the scanner can point the beam to optical angles, in degrees.
     ///
     /// # Errors
-    /// A message with angles and range.
+    /// Returns a message with angles and range.
     pub fn check(&self, angles_deg: [f64; 2]) -> Result<(), String> {
         if angles_deg.iter().zip(self.range_deg).all(|(a, most)| a.abs() <= most) {
             return Ok(());
@@ -35,6 +35,6 @@ pub trait GalvoScanner: Instrument {
     /// returns the angles that the mirrors' sensors report.
     ///
     /// # Errors
-    /// [`Failure`]: limit, timeout, stalled, disconnected.
+    /// Returns a [`Failure`] of kind limit, timeout, stalled or disconnected.
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure>;
 }

@@ -3,31 +3,30 @@
 use super::failure::{Failure, Fault};
 use std::time::Duration;
 
-/// Identity that an instrument reports.
+/// Identity that an instrument reports: manufacturer, model, serial number and firmware version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     pub maker: String,
     pub model: String,
     pub serial: String,
-    /// Firmware version.
     pub firmware: String,
 }
 
-/// An instrument. One thread uses it at a time; it can be moved to another thread.
+/// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another thread.
 pub trait Instrument: Send {
     /// Returns the name in the rig file, which messages contain.
     fn name(&self) -> &str;
 
-    /// Queries the identity. A reply also proves that the line works.
+    /// Queries the identity. A reply also proves that the connection works.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure>;
 
     /// Reconnects after a disconnection; discards pending operations and settings.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Creates a failure of this instrument.
@@ -41,7 +40,7 @@ pub trait Instrument: Send {
     /// Returns an error with a failure of this instrument.
     ///
     /// # Errors
-    /// Always, with this [`Failure`].
+    /// Always returns this [`Failure`].
     fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure>
     where
         Self: Sized,

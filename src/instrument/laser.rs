@@ -17,7 +17,7 @@ impl LaserLimits {
     /// Checks a pulse rate, in hertz.
     ///
     /// # Errors
-    /// A message with rate and range.
+    /// Returns a message with rate and range.
     pub fn check(&self, hz: f64) -> Result<(), String> {
         let [least, most] = self.rate_hz;
         if hz >= least && hz <= most {
@@ -34,23 +34,22 @@ pub struct LaserState {
     pub emitting: bool,
     /// Pulses per second.
     pub rate_hz: f64,
-    /// Mean power relative to nominal, where 1 is nominal. Sessions wait while the power is below
-    /// the plan's limit.
+    /// Mean power divided by the nominal power. Sessions wait while this ratio is below the plan's limit.
     pub power: f64,
 }
 
 pub trait PulsedLaser: Instrument {
     fn limits(&self) -> LaserLimits;
 
-    /// Switches the light on at a pulse rate, or off.
+    /// Switches the emission on with a pulse rate in hertz, or off.
     ///
     /// # Errors
-    /// [`Failure`]: limit, refused (interlock), timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, refused (interlock), timeout or disconnected.
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
-    /// Queries the state.
+    /// Queries the emission state, pulse rate and power.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn state(&mut self, within: Duration) -> Result<LaserState, Failure>;
 }

@@ -4,18 +4,16 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// A pattern: one byte per pixel, rows from the top, 255 is full intensity.
+/// A pattern of `width` × `height` pixels: one byte per pixel, rows from the top, 255 for full intensity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// Pixels, row-major.
     pub pixels: Vec<u8>,
 }
 
-/// Limits of a projector.
+/// Limits of a pattern projector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorLimits {
     /// Width and height, in pixels.
@@ -29,10 +27,10 @@ pub struct ProjectorLimits {
 }
 
 impl ProjectorLimits {
-    /// Checks a number of patterns.
+    /// Checks that the projector's memory can hold a number of patterns.
     ///
     /// # Errors
-    /// A message with number and limit.
+    /// Returns a message with number and limit.
     pub fn check(&self, patterns: usize) -> Result<(), String> {
         if patterns <= self.patterns {
             return Ok(());
@@ -41,11 +39,10 @@ impl ProjectorLimits {
     }
 }
 
-/// Returns the entry `pattern` of a projector's list of loaded patterns.
+/// Returns entry number `pattern`, from 0, of a projector's list of loaded patterns.
 ///
 /// # Errors
-///
-/// A message if the list has no such entry.
+/// Returns a message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
     found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))
@@ -57,19 +54,19 @@ pub trait PatternProjector: Instrument {
     /// Loads patterns, numbered from 0, which replace all earlier patterns.
     ///
     /// # Errors
-    /// [`Failure`]: limit (number, size, or gray levels on a binary projector), timeout,
+    /// Returns a [`Failure`] of kind limit (number, size, or gray levels on a binary projector), timeout,
     /// disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
     /// Displays a loaded pattern until the next call, and returns when the light is stable.
     ///
     /// # Errors
-    /// [`Failure`]: limit (no such pattern), timeout, disconnected, refused.
+    /// Returns a [`Failure`] of kind limit (no such pattern), timeout, disconnected or refused.
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
     /// Turns off the light.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn dark(&mut self, within: Duration) -> Result<(), Failure>;
 }

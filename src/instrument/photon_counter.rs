@@ -5,22 +5,22 @@ use super::identity::Instrument;
 use ptu::record::RecordType;
 use std::time::Duration;
 
-/// Limits of a counter.
+/// Limits of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterLimits {
     /// Maximum number of bins in a histogram.
     pub bins: usize,
-    /// Width of the finest bin, in picoseconds; other widths are powers of two times it.
+    /// Width of the finest bin, in picoseconds. Other widths are this width times powers of two.
     pub finest_ps: f64,
     /// Longest acquisition time.
     pub longest: Duration,
-    /// Maximum count of a bin.
+    /// Maximum number of counts in a bin.
     pub full: u64,
-    /// Record type of its time tags (T3), if it supports them.
+    /// Record type of the time tags (T3), if the counter supports time tags.
     pub tags: Option<RecordType>,
 }
 
-/// Settings of a counter.
+/// Settings of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterSettings {
     /// Number of bins, starting at the sync pulse.
@@ -46,9 +46,9 @@ pub struct Histogram {
     pub records: Vec<u32>,
     /// Number of laser pulses during the acquisition.
     pub pulses: u64,
-    /// Number of the acquisition, as counted by the counter.
+    /// Number of the acquisition, counted by the photon counter.
     pub number: u64,
-    /// Counter clock at the start of the acquisition, in nanoseconds.
+    /// Time of the counter's clock at the start of the acquisition, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
@@ -58,18 +58,19 @@ pub trait PhotonCounter: Instrument {
     /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
-    /// [`Failure`]: limit, timeout, disconnected.
+    /// Returns a [`Failure`] of kind limit, timeout or disconnected.
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, or an acquisition is in progress), disconnected.
+    /// Returns a [`Failure`] of kind refused (not configured, or an acquisition is in progress) or
+    /// disconnected.
     fn begin(&mut self) -> Result<(), Failure>;
 
     /// Waits for the end of the acquisition and returns its result.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, saturated (a bin is full), disconnected.
+    /// Returns a [`Failure`] of kind timeout, saturated (a bin is full) or disconnected.
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure>;
 }

@@ -63,9 +63,9 @@ mod tests {
         }
     }
 
-    /// Bytes of Mono12p are packed as in PFNC. The first byte holds the low eight bits of the first
-    /// pixel. The second byte holds the first pixel's high four bits below the second pixel's low
-    /// four bits.
+    /// Tests that Mono12p is packed as in PFNC. The first byte contains the low eight bits of the first
+    /// pixel. The second byte contains the first pixel's high four bits below the second pixel's low four
+    /// bits.
     #[test]
     fn packed_bytes_match_the_standard() {
         assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);
@@ -78,7 +78,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-        /// A frame of any size with any bytes unpacks to one number per pixel or to `None`.
+        /// Tests that a frame of any size with any bytes is unpacked to one number per pixel or to `None`.
         #[test]
         fn arbitrary_frames_never_panic(
             bytes in prop::collection::vec(any::<u8>(), 0..64),

@@ -4,8 +4,8 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a stage. Angles are those of the stage's scale, in degrees; the calibration maps them to the
-/// axis of the optical element.
+/// Limits of a rotation stage. Angles are those of the stage's scale, in degrees. The calibration maps
+/// these angles to the axis of the optical element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageLimits {
     /// Minimum and maximum angle, in degrees; infinite for unlimited rotation.
@@ -22,7 +22,7 @@ impl StageLimits {
     /// Checks an angle, in degrees.
     ///
     /// # Errors
-    /// A message with angle and range.
+    /// Returns a message with angle and range.
     pub fn check(&self, angle_deg: f64) -> Result<(), String> {
         let [least, most] = self.range_deg;
         if angle_deg.is_finite() && angle_deg >= least && angle_deg <= most {
@@ -31,7 +31,7 @@ impl StageLimits {
         Err(format!("angle {angle_deg}° is outside the range {least}° to {most}°"))
     }
 
-    /// Returns the duration of a move by `degrees` with a trapezoidal velocity profile.
+    /// Returns the duration of a move by an angle of `degrees` with a trapezoidal velocity profile.
     pub fn move_time(&self, degrees: f64) -> Duration {
         let (d, v, a) = (degrees.abs(), self.velocity, self.acceleration);
         let seconds = if d * a <= v * v { 2.0 * (d / a).sqrt() } else { d / v + v / a };
@@ -58,31 +58,33 @@ pub trait RotationStage: Instrument {
     /// Homes the stage and waits for the end of homing.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, stalled, disconnected.
+    /// Returns a [`Failure`] of kind timeout, stalled or disconnected.
     fn home(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Starts a move to an angle of the scale and returns immediately. The new move replaces a move
-    /// in progress.
+    /// Starts a move to an angle of the stage's scale, in degrees, and returns immediately. The new move
+    /// replaces a move in progress.
     ///
     /// # Errors
-    /// [`Failure`]: limit (outside [`StageLimits::range_deg`]), refused (not homed), disconnected.
+    /// Returns a [`Failure`] of kind limit (outside [`StageLimits::range_deg`]), refused (not homed) or
+    /// disconnected.
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
     /// Waits for the end of the move and returns the encoder's reading.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (still moving), stalled (stopped short of the goal), disconnected.
+    /// Returns a [`Failure`] of kind timeout (still moving), stalled (stopped short of the goal) or
+    /// disconnected.
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
-    /// Reads position and state.
+    /// Reads the position and the state of the stage.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn read(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
-    /// Stops immediately.
+    /// Stops a move immediately.
     ///
     /// # Errors
-    /// [`Failure`], at the latest after `within`.
+    /// Returns a [`Failure`] after at most `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -35,10 +35,10 @@ pub enum WavelengthError {
 }
 
 impl Wavelengths {
-    /// Checks a list of vacuum wavelengths in nanometres, and creates the value.
+    /// Creates the wavelengths from a list of vacuum wavelengths in nanometres, after checking the list.
     ///
     /// # Errors
-    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
+    /// Returns [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
     /// ascending.
     pub fn new(nm: Vec<f64>) -> Result<Self, WavelengthError> {
         if nm.is_empty() || nm.len() > MAX_WAVELENGTHS {

@@ -1,9 +1,9 @@
-//! Errors in a `.ptu` file or in a request about one.
+//! Errors in a `.ptu` file or in a request about a `.ptu` file.
 
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// An error with its file, the byte offset, and how to fix it.
+/// An error with the file, the byte offset and the fix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}: {}{what}; {fix}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
 pub struct PtuError {
@@ -15,7 +15,7 @@ pub struct PtuError {
 }
 
 impl PtuError {
-    /// Creates an error at a byte of a file.
+    /// Creates an error at a byte offset of a file.
     pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { file: file.to_owned(), offset: Some(offset), what: what.into(), fix: fix.into() }
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 /// First bytes of a file.
 pub const MAGIC: [u8; 8] = *b"PQTTTR\0\0";
 
-/// Maximum size of a header in bytes. Real headers have a few thousand.
+/// Maximum size of a header in bytes. Real headers have a few thousand bytes.
 pub const MOST: u64 = 64 << 20;
 
 const DAMAGED: &str = "the file is damaged or truncated: copy the file again from the instrument's computer";
@@ -22,7 +22,7 @@ pub struct Header {
     pub tags: Vec<Tag>,
 }
 
-/// Reads a source of known length and tracks the position.
+/// A source of known length with the current read position.
 struct Bytes<'a, R> {
     source: R,
     file: &'a Path,
@@ -48,10 +48,10 @@ impl<R: Read> Bytes<'_, R> {
 /// Reads a header from the start of a file of `length` bytes. Returns the header and the offset of
 /// the first record in bytes.
 ///
-/// Nothing is allocated for sizes that the file cannot contain.
+/// No memory is allocated for sizes that the file cannot contain.
 ///
 /// # Errors
-/// [`PtuError`] with the offset of the invalid tag.
+/// Returns [`PtuError`] with the offset of the invalid tag.
 pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Header, u64), PtuError> {
     let mut bytes = Bytes { source, file, at: 0, length };
     let (mut magic, mut version) = ([0; 8], [0; 8]);
@@ -120,7 +120,7 @@ impl Header {
         self.tags.iter().filter(move |t| t.name == name).map(|t| &t.value)
     }
 
-    /// Returns the value of a tag of integer or flags type; `None` for other types.
+    /// Returns the value of a tag of integer or flags type, or `None` for other types.
     pub fn int(&self, name: &str) -> Option<i64> {
         match self.get(name)? {
             Value::Int(i) => Some(*i),
@@ -167,7 +167,7 @@ impl Header {
     /// Returns the record type.
     ///
     /// # Errors
-    /// [`PtuError`] if the header states no type, an unknown type, a type that contradicts
+    /// Returns [`PtuError`] if the header states no type, an unknown type, a type that contradicts
     /// `Measurement_Mode`, or records that are not 32 bits long.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
@@ -206,7 +206,8 @@ impl Header {
     /// Encodes the header, including `Header_End`.
     ///
     /// # Errors
-    /// A message if a name is too long, a text does not fit its type, or `Header_End` is among the tags.
+    /// Returns a message if a name is too long, a text does not fit its type, or `Header_End` is among the
+    /// tags.
     pub fn write(&self) -> Result<Vec<u8>, String> {
         let mut out = MAGIC.to_vec();
         let mut version = [0; 8];

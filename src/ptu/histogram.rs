@@ -1,7 +1,7 @@
 //! Time histograms of a file, by channel and by pixel of a scan, in one pass over its records.
 //!
-//! A photon costs two table look-ups (its channel's first bin and the bin of its time), one comparison and
-//! one addition. Photons outside the histogram are counted by reason ([`LeftOut`]).
+//! Each photon requires two table look-ups (the channel's first bin and the bin of the photon's time), one
+//! comparison and one addition. Photons outside the histogram are counted by reason ([`LeftOut`]).
 
 use super::error::PtuError;
 use super::reader::Reader;
@@ -18,19 +18,20 @@ const NOWHERE: u32 = 1 << 30;
 /// Binning, channels and pixels of a histogram.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Width of a bin in counts of the file.
+    /// Width of a bin, in time counts of the file.
     pub bin: u32,
     pub bins: usize,
     /// Channels in the order of the result. A repeated channel is counted at its first position.
     pub channels: Vec<u8>,
-    /// Counts per pixel if there is a scan.
+    /// The scan, if the histogram has counts per pixel.
     pub scan: Option<Scan>,
 }
 
 impl Plan {
     /// Returns the number of bins in one laser period, including a partial last bin.
     ///
-    /// If the header has no period, the bins cover all times that records can represent (T2: 32768).
+    /// If the header has no laser period, the bins cover all times that T3 records can represent. In T2,
+    /// the bins then cover 32768 counts.
     pub fn period_bins<R: Read>(reader: &Reader<R>, bin: u32) -> usize {
         let (record, header) = (reader.record_type(), reader.header());
         let all = f64::from(record.dtimes());
@@ -47,7 +48,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Returns why the plan is invalid and how to fix it; `None` if the plan is valid.
+    /// Returns the reason why the plan is invalid and the fix, or `None` if the plan is valid.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
@@ -71,7 +72,7 @@ impl Plan {
     }
 }
 
-/// Photons outside the histogram, by the first reason that applies.
+/// Numbers of photons outside the histogram, by the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// Photons of channels that the plan does not include.
@@ -82,9 +83,9 @@ pub struct LeftOut {
     pub before_sync: u64,
     /// Photons after the last bin.
     pub later: u64,
-    /// The latest time among [`Self::later`], in counts since the sync pulse.
+    /// The latest time of the photons counted in [`Self::later`], in time counts since the sync pulse.
     pub latest: u64,
-    /// Photons of a first frame whose first lines or pixels are missing, so that their pixels are unknown.
+    /// Photons of a first frame with missing first lines or pixels, so that the photons' pixels are unknown.
     pub torn_frame: u64,
 }
 
@@ -158,13 +159,14 @@ struct State {
 
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     let State { first, bin_of, counts, left_out, .. } = state;
-    // A fixed length that matches the index mask removes the bounds check.
+    // With a fixed length that matches the index mask, the compiler removes the bounds check.
     let Some(bin_of) = bin_of.first_chunk::<{ 1 << 15 }>() else {
         unreachable!("the table has an entry for every dtime");
     };
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
-    // First element and number of elements of the current pixel; zero elements if the beam is in no pixel.
+    // Index of the first element and number of elements of the current pixel. The number is zero if the
+    // beam is outside all pixels.
     let place = |beam: &Beam| beam.pixel.map_or((0, 0), |p| (p * row as usize, row));
     let (mut base, mut room) = place(&beam);
     let (mut others, mut unknown, mut syncs) = (0, 0, 0);
@@ -178,7 +180,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                         (base, room) = place(&beam);
                     }
                 }
-                // In T2, `None` before the first sync pulse.
+                // In T2, the time is `None` before the first sync pulse.
                 let since = if L::T2 {
                     let now = overflow.saturating_add(u64::from(time));
                     sync.and_then(|s| now.checked_sub(s))
@@ -236,11 +238,11 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
 
 /// Counts a file's photons from the reader's position to the end.
 ///
-/// In T2 a photon's time is the time since the last sync pulse. An incomplete first frame is left out if more
-/// than one line (or pixel) is missing.
+/// In T2, a photon's time is the time since the last sync pulse. An incomplete first frame is excluded if
+/// more than one line (or pixel) is missing.
 ///
 /// # Errors
-/// [`PtuError`] in these cases:
+/// Returns [`PtuError`] in these cases:
 /// - the plan does not fit the file or exceeds [`MOST`];
 /// - a bin has 2³² − 1 counts or more;
 /// - no photon is in any bin (with the reason: no markers or sync pulses, other channels, later bins);
@@ -250,12 +252,11 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
     nothing.map_or(Ok(found), Err)
 }
 
-/// Computes a histogram like [`histogram`], but accepts one without photons, such as that of a dark
-/// pixel. The second value is then the reason why there are no photons.
+/// Computes a histogram as [`histogram`] does, but accepts a histogram without photons, such as that of a
+/// dark pixel. The second value is then the reason why there are no photons.
 ///
 /// # Errors
-///
-/// Like [`histogram`], except for an empty histogram.
+/// Returns the same errors as [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,
     plan: &Plan,
@@ -333,7 +334,7 @@ pub fn possibly_empty_histogram<R: Read>(
     Ok((found, empty))
 }
 
-/// Returns why no photon is in a bin, and how to fix it.
+/// Returns the reason why no photon is in a bin, and the fix.
 fn nothing(plan: &Plan, state: &State, record: RecordType, resolution_s: Option<f64>) -> (String, String) {
     if state.photons == 0 {
         let what = format!("the file contains no photons ({} records of unknown type)", state.unknown);

@@ -1,5 +1,4 @@
-//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all
-//! pixels.
+//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};
@@ -9,13 +8,13 @@ use super::scan::{Clock, Scan};
 use super::tag::{Tag, Value};
 use super::tests::{bytes_of, counted, even, open};
 
-/// Photons of a scan belong to the pixel whose markers enclose them. Photons between pixels belong
-/// to no pixel.
+/// Tests that photons of a scan belong to the pixel whose markers enclose the photons, and that photons
+/// between pixels belong to no pixel.
 #[test]
 fn markers_assign_photons_to_pixels() {
     let plan = |clock| plan(8, Some(Scan { width: 2, height: 2, bidirectional: false, clock }));
-    // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
-    // excess one.
+    // The events are a frame, a photon before the first pixel, pixels 0 and 1, a photon between pixels, a
+    // second frame, pixels 0 to 3 and an excess pixel.
     let events = [
         marker(0, 4),
         photon(1, 0),
@@ -40,7 +39,7 @@ fn markers_assign_photons_to_pixels() {
     [1, 8 + 3, 4, 24 + 5].iter().for_each(|i| want[*i] = 1);
     assert_eq!((got.counts.clone(), got.photons, got.counted()), (want, 7, 4));
     assert_eq!(got.shape, [2, 2, 1, 8]);
-    // Lines of two pixels of 100 pulses each.
+    // Each line has two pixels of 100 pulses each.
     let events = [
         photon(9, 0),
         marker(1000, 1),
@@ -102,7 +101,8 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
     Plan { bin: 1, bins, channels: vec![0], scan }
 }
 
-/// Backward rows are reversed, by line markers and by pixel markers. The tag may be a boolean or number.
+/// Tests that backward rows are reversed in scans by line markers and by pixel markers. The tag may be a
+/// boolean or a number.
 #[test]
 fn backward_rows_are_reversed() {
     for (tag, back) in [
@@ -138,7 +138,7 @@ fn backward_rows_are_reversed() {
     }
 }
 
-/// An error about a missing or inconsistent image header names the tag.
+/// Tests that an error about a missing or inconsistent image header names the tag.
 #[test]
 fn inconsistent_headers_are_refused() {
     for (tag, value) in [
@@ -164,7 +164,7 @@ fn inconsistent_headers_are_refused() {
     }
 }
 
-/// Every photon is either in the histogram or counted by the reason for leaving it out.
+/// Tests that every photon is either in the histogram or counted by the reason for its exclusion.
 #[test]
 fn photons_in_no_bin_are_counted_by_reason() {
     let other = Event::Photon { time: 5000, dtime: 0, channel: 3 };
@@ -194,7 +194,7 @@ fn photons_in_no_bin_are_counted_by_reason() {
     assert_eq!((got.left_out, got.photons, got.counted()), (want, 3, 1));
 }
 
-/// An empty histogram is an error that gives the reason.
+/// Tests that an empty histogram is an error that states the reason.
 #[test]
 fn empty_histograms_are_refused() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -227,8 +227,8 @@ fn empty_histograms_are_refused() {
     }
 }
 
-/// Lines before the first frame marker are left out if they are too few for a frame. An incomplete
-/// last frame is kept.
+/// Tests that lines before the first frame marker are excluded if they are too few for a frame, and that an
+/// incomplete last frame is kept.
 #[test]
 fn incomplete_frames_are_skipped_only_at_the_beginning() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -243,7 +243,7 @@ fn incomplete_frames_are_skipped_only_at_the_beginning() {
     }
 }
 
-/// If the period is no multiple of the resolution, the last partial bin is included.
+/// Tests that the last partial bin is included if the period is not a multiple of the resolution.
 #[test]
 fn the_last_partial_bin_of_a_period_is_counted() {
     let tags = |period: f64, resolution: f64| Header {
@@ -262,7 +262,7 @@ fn the_last_partial_bin_of_a_period_is_counted() {
     }
 }
 
-/// Every tag is either descriptive, used, or reported in a note.
+/// Tests that every tag is descriptive, used, or reported in a note.
 #[test]
 fn unused_tags_are_noted() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -280,7 +280,7 @@ fn unused_tags_are_noted() {
     assert!(meaning::notes(&divided, Mode::T2, None)[0].starts_with("HWSync_Divider is 4"));
     let notes = meaning::notes(&divided, Mode::T3, None);
     assert!(!notes.iter().any(|n| n.contains("HWSync_Divider")), "{notes:?}");
-    // Records whose mode contradicts the header's.
+    // The mode of these records contradicts the mode in the header.
     let mixed = image_header(&[
         ("TTResultFormat_TTTRRecType", Value::Int(0x0001_0305)),
         ("Measurement_Mode", Value::Int(2)),

@@ -1,4 +1,4 @@
-//! PicoQuant's `.ptu` files of time-tagged photons: streaming reader, writer and histograms.
+//! Reads and writes PicoQuant's `.ptu` files of time-tagged photons as streams, and computes histograms.
 //!
 //! A file is a header of tags ([`tag`], [`header`]) followed by records of 4 bytes each ([`record`]). The
 //! reader keeps only one block of records in memory ([`reader`]). The layouts follow PicoQuant's published

@@ -4,8 +4,8 @@ use super::header::Header;
 use super::record::Mode;
 use super::scan::{Scan, is_bidirectional};
 
-/// Name prefixes of tags that describe the file, the program, the hardware or results. They are not known to
-/// affect a photon's channel, time or pixel.
+/// Name prefixes of tags that describe the file, the program, the hardware or results. These tags are not
+/// known to affect a photon's channel, time or pixel.
 const DESCRIPTIVE: [&str; 22] = [
     "$",
     "CreatorSW_",
@@ -31,7 +31,7 @@ const DESCRIPTIVE: [&str; 22] = [
     "View",
 ];
 
-/// Image tags: those that [`Scan::of_header`] reads, and those that state the image's position and the
+/// Image tags that [`Scan::of_header`] reads, and image tags that state the image's position and the
 /// planned number of frames.
 const IMAGE: [&str; 18] = [
     "ImgHdr_BiDirect",

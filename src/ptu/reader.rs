@@ -7,15 +7,15 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Records per block.
+/// Number of records per block.
 const BLOCK: usize = 1 << 16;
 
-/// Difference between the record counts of header and file, which was truncated or extended.
+/// Difference between the record counts of header and file, for a file that was truncated or extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     pub stated: u64,
     pub found: u64,
-    /// Bytes of an incomplete last record.
+    /// Number of bytes of an incomplete last record.
     pub torn: u8,
 }
 
@@ -51,7 +51,8 @@ impl Reader<BufReader<File>> {
     /// Opens a regular file and reads its header.
     ///
     /// # Errors
-    /// [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown type.
+    /// Returns [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown
+    /// type.
     pub fn open(path: &Path) -> Result<Self, PtuError> {
         let failed = |e| PtuError::io(path, 0, &e);
         let file = base::input::open(path).map_err(failed)?;
@@ -64,13 +65,13 @@ impl<R: Read> Reader<R> {
     /// Reads the header from a source of `length` bytes. Errors name `file`.
     ///
     /// # Errors
-    /// Same as [`Reader::open`].
+    /// Returns the same errors as [`Reader::open`].
     pub fn new(mut source: R, length: u64, file: &Path) -> Result<Self, PtuError> {
         let (header, begin) = header::read(&mut source, length, file)?;
         let record = header.record_type(file)?;
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
-        // An interrupted measurement states zero records: read all that the file contains.
+        // If the header states zero records (an interrupted measurement), read all records of the file.
         let stated =
             header.number("TTResult_NumberOfRecords").filter(|n| *n > 0.0).map_or(found, |n| n as u64);
         Ok(Self {
@@ -103,7 +104,7 @@ impl<R: Read> Reader<R> {
         self.records
     }
 
-    /// Returns the mismatch between header and file length, which deserves a warning.
+    /// Returns the mismatch between header and file length, if any, for a warning to the user.
     pub fn mismatch(&self) -> Option<Mismatch> {
         self.mismatch
     }
@@ -111,7 +112,7 @@ impl<R: Read> Reader<R> {
     /// Returns the next raw records, or an empty slice at the end.
     ///
     /// # Errors
-    /// [`PtuError`] if the system cannot read the file.
+    /// Returns [`PtuError`] if the system cannot read the file.
     pub fn block(&mut self) -> Result<&[[u8; 4]], PtuError> {
         let count = (self.records - self.read).min(BLOCK as u64);
         self.block.resize(count as usize * 4, 0);
@@ -124,7 +125,7 @@ impl<R: Read> Reader<R> {
     /// Calls a function with every event, in order.
     ///
     /// # Errors
-    /// Same as [`Self::block`].
+    /// Returns the same errors as [`Self::block`].
     pub fn events(&mut self, mut take: impl FnMut(Event)) -> Result<(), PtuError> {
         let mut decoder = Decoder::new(self.record);
         loop {

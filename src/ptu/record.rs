@@ -7,10 +7,10 @@
 //! | all others T3 | sync 10, dtime 15, channel 6, special 1 | special | channel 63: 1024 · sync | channel 1 to 15 |
 //! | all others T2 | time 25, channel 6, special 1 | special | channel 63: 33554432 · time | channel 1 to 15; 0 is a sync |
 //!
-//! In the first version of the HydraHarp each overflow record means one overflow (of 33552000 in T2). In
-//! later versions a count of 0 also means one overflow.
+//! In the first version of the HydraHarp, each overflow record represents one overflow (of 33552000 counts
+//! in T2). In later versions, a count of 0 also represents one overflow.
 
-/// How photons are timed: T2 or T3.
+/// Timing mode of photons: T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Photons are timed by one clock. Sync pulses are separate events.
@@ -183,7 +183,7 @@ impl Layout for PicoT3 {
     }
 }
 
-/// Decodes a special record of any device but the PicoHarp 300.
+/// Decodes a special record of any device except the PicoHarp 300.
 #[inline(always)]
 fn special(time: u32, channel: u32, period: u64, old: bool) -> Parts {
     match channel {
@@ -253,7 +253,7 @@ pub enum Event {
     },
     /// A sync pulse (T2).
     Sync { time: u64 },
-    /// One or more of the four marker inputs.
+    /// A signal at one or more of the four marker inputs.
     Marker {
         time: u64,
         /// Marker inputs; bit 0 is the first.

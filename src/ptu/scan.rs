@@ -5,7 +5,7 @@ use super::header::Header;
 /// Motion of the beam along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); with [`Self::sine`], the mean.
+    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); the mean with [`Self::sine`].
     pub pixel_time: u64,
     /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
     ///
@@ -23,12 +23,11 @@ impl Sweep {
         };
         let place = 2.0 * x as f64 / width as f64 - 1.0;
         let phase = (sine * place).asin() / sine.asin();
-        // Rounding of `asin` must not move an edge that falls on a whole count.
+        // Subtract a margin, so that rounding of `asin` does not move an edge that falls on a whole count.
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the start of the line, and its time range; `None` after
-    /// the line.
+    /// Returns the column at a time since the start of the line, and its time range; `None` after the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {
@@ -52,23 +51,21 @@ impl Sweep {
     }
 }
 
-/// Meaning of the markers. Markers are bits: 1 is the first input, 8 the fourth, 0 none.
+/// Meaning of the markers. A marker is a bit: 1 for the first input, 8 for the fourth, 0 for none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     /// Marker that begins the next line or, without a sweep, the next pixel.
     pub begin: u8,
-    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker
-    /// ends it.
+    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker ends it.
     pub end: u8,
-    /// Marker that restarts at the first line or pixel.
+    /// Marker that restarts the scan at the first line or pixel.
     pub frame: u8,
-    /// Motion of the beam along a line. Without a sweep, the beam rests at one point, then moves to
-    /// the next point.
+    /// Motion of the beam along a line. Without a sweep, the beam stays at one point and then moves to the
+    /// next point.
     pub sweep: Option<Sweep>,
 }
 
-/// Returns whether the header states that every second row is scanned backwards
-/// (`ImgHdr_BiDirect`).
+/// Returns whether the header states that every second row is scanned backwards (`ImgHdr_BiDirect`).
 pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }
@@ -76,9 +73,8 @@ pub fn is_bidirectional(header: &Header) -> bool {
 /// A scan by rows, from the upper left pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scan {
-    /// Pixels per row.
+    /// Number of pixels per row.
     pub width: usize,
-    /// Number of rows.
     pub height: usize,
     /// Whether every second row of a frame is scanned from its last pixel to its first.
     pub bidirectional: bool,
@@ -91,7 +87,7 @@ impl Scan {
     /// A line scan (`ImgHdr_Dimensions` 2) has one row, in which all lines are accumulated.
     ///
     /// # Errors
-    /// A message that names the missing or invalid tag.
+    /// Returns a message that names the missing or invalid tag.
     pub fn of_header(header: &Header) -> Result<Self, String> {
         let missing = |name: &str| format!("the header does not describe a scan: {name} is missing");
         let marker = |name: &str| match header.number(name) {
@@ -175,9 +171,9 @@ impl Scan {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beam {
     scan: Option<Scan>,
-    /// Pixels or lines that have begun in this frame.
+    /// Number of pixels or lines that have begun in this frame.
     begun: usize,
-    /// Pixel of the present photons, or `None` outside all pixels.
+    /// Pixel of the current photons, or `None` outside all pixels.
     pub pixel: Option<usize>,
     /// Time range in which [`Self::pixel`] is valid (scans by lines only).
     pub during: [u64; 2],
@@ -189,7 +185,7 @@ pub(super) struct Beam {
     pub beyond: u64,
     /// Number of frame markers.
     pub frames: u64,
-    /// Pixels or lines that are missing in the last frame.
+    /// Number of pixels or lines that are missing in the last frame.
     pub missing: usize,
     /// Whether the first frame marker has just ended a frame whose beginning is missing.
     pub torn: bool,
@@ -198,7 +194,7 @@ pub(super) struct Beam {
 const NEVER: [u64; 2] = [u64::MAX, 0];
 
 impl Beam {
-    /// Creates the state before the first marker. Without a scan, everything belongs to pixel 0.
+    /// Creates the state before the first marker. Without a scan, all photons belong to pixel 0.
     pub fn new(scan: Option<Scan>) -> Self {
         Self {
             scan,
@@ -219,7 +215,7 @@ impl Beam {
         self.scan.is_some_and(|s| s.clock.sweep.is_some())
     }
 
-    /// Handles a marker. For simultaneous markers the order is end, frame, begin.
+    /// Updates the state for a marker. Simultaneous markers are processed in the order end, frame, begin.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
         let Clock { begin, end, frame, .. } = scan.clock;
@@ -229,7 +225,7 @@ impl Beam {
         let steps = scan.steps();
         if bits & frame != 0 {
             self.frames += 1;
-            // `ptufile` also leaves out a first frame in which more than one line is missing.
+            // `ptufile` also excludes a first frame in which more than one line is missing.
             self.torn = self.frames == 1 && self.begun > 0 && self.begun + 1 < steps;
             self.begun = 0;
         }
@@ -262,8 +258,8 @@ impl Beam {
         let Some(since) = time.checked_sub(begin).filter(|since| *since < duration) else {
             return;
         };
-        // A backward line is a forward line in reversed time, as in `ptufile`: a count across an edge of a
-        // sinusoidal sweep goes to the same pixel.
+        // As in `ptufile`, a backward line is a forward line in reversed time, so a count across an edge of
+        // a sinusoidal sweep belongs to the same pixel.
         let back = scan.is_backwards(line);
         let along = if back { duration - 1 - since } else { since };
         if let Some((x, [from, to])) = sweep.column(along, width) {
@@ -278,8 +274,8 @@ impl Beam {
 mod tests {
     use super::*;
 
-    /// Column edges of a sinusoidal sweep are the arcsines of their positions, for every fraction of the
-    /// amplitude (closed form).
+    /// Tests that column edges of a sinusoidal sweep are the arcsines of their positions (closed form), for
+    /// every fraction of the amplitude.
     #[test]
     fn column_edges_of_a_sine_sweep_are_arcsines() {
         for (percent, width, pixel_time) in [(80.0, 8, 100), (100.0, 5, 37), (1.0, 16, 3), (50.0, 2, 1000)] {

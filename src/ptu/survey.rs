@@ -9,9 +9,9 @@ use std::io::Read;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Survey {
     pub photons: [u64; 64],
-    /// Markers by input. A record of two markers counts for both.
+    /// Number of markers by input. A record of two markers counts for both inputs.
     pub markers: [u64; 4],
-    /// Sync pulses (T2).
+    /// Number of sync pulses (T2).
     pub syncs: u64,
     pub overflows: u64,
     pub unknown: u64,
@@ -31,7 +31,7 @@ impl Survey {
 /// Counts a file's records from the reader's position to the end.
 ///
 /// # Errors
-/// [`PtuError`] if the system cannot read the file.
+/// Returns [`PtuError`] if the system cannot read the file.
 pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
     let mut survey = Survey {
         photons: [0; 64],

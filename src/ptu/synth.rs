@@ -1,13 +1,12 @@
-//! Synthesizes time stamps from the bin counts of a simulated diode.
+//! Synthesizes time stamps from the bin counts of a simulated single-photon avalanche diode.
 //!
 //! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are
-//! equivalent. Given the counts of all bins, every assignment to distinct pulses is equally likely.
-//! A random assignment of the counts of a simulated diode therefore has exactly the distribution of
-//! a loop over pulses. The cost is proportional to the number of detections.
+//! equivalent. Given the counts of all bins, every assignment to distinct pulses is equally likely. A
+//! random assignment of the counts of a simulated diode therefore has exactly the same distribution as a
+//! simulation of each pulse. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighboring detections. The counts of such a
-//! diode are assigned to pulses independently. This assignment preserves histograms but not the
-//! correlation.
+//! The dead time of a free-running diode correlates neighboring detections. The counts of such a diode are
+//! assigned to pulses independently. This assignment preserves histograms but not the correlation.
 
 use optics::sampling::stream::Stream;
 
@@ -20,16 +19,16 @@ pub struct Stamp {
     pub bin: u32,
 }
 
-/// Returns a uniform integer in [0, `below`). `below` must be positive.
+/// Returns a uniform random integer in [0, `below`). `below` must be positive.
 fn draw(stream: &mut Stream, below: u64) -> u64 {
-    // 64 random bits make the bias too small for any test.
+    // With 64 random bits, the bias is too small to be detected.
     let word = [0; 3].map(|_: u8| u128::from((stream.uniform() * 16_777_216.0) as u32));
     let word = word[0] << 48 | word[1] << 24 | word[2];
     (((word >> 8) * u128::from(below)) >> 64) as u64
 }
 
-/// Assigns the counts of bins to pulses at random and returns the stamps in order of time. With `alone`, each
-/// pulse has at most one detection, and excess detections are dropped.
+/// Assigns the counts of bins to pulses at random and returns the time stamps in order of time. With
+/// `alone`, each pulse has at most one detection, and excess detections are dropped.
 pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Vec<Stamp> {
     if pulses == 0 {
         return vec![];

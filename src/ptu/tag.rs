@@ -50,7 +50,7 @@ pub(super) fn is_long(kind: u32) -> bool {
     matches!(kind, code::FLOATS | code::TEXT | code::WIDE | code::BLOB)
 }
 
-/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the equal code points.
+/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the code points of equal value.
 const ANSI: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}',
     '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
@@ -64,7 +64,7 @@ fn from_ansi(bytes: &[u8]) -> String {
     bytes.iter().map(character).collect()
 }
 
-/// Encodes a text in Windows-1252, or returns `None` if a character is missing there.
+/// Encodes a text in Windows-1252, or returns `None` if a character is missing from that code page.
 fn to_ansi(text: &str) -> Option<Vec<u8>> {
     let byte = |c: char| match ANSI.iter().position(|a| *a == c) {
         Some(i) => Some(0x80 + i as u8),
@@ -82,7 +82,8 @@ impl Value {
         }
     }
 
-    /// Decodes the 8 bytes of a tag or the value that follows it. Returns a message if they are invalid.
+    /// Decodes a value from the 8 bytes of a tag or from the bytes that follow the tag. Returns a message
+    /// if the bytes are invalid.
     pub(super) fn read(kind: u32, word: [u8; 8], long: Vec<u8>) -> Result<Self, String> {
         let (int, float) = (u64::from_le_bytes(word), f64::from_le_bytes(word));
         let until_zeros = |bytes: &[u8]| {
@@ -120,7 +121,7 @@ impl Value {
         })
     }
 
-    /// Returns the type, the 8 bytes and the value that follows, or a message if it cannot be encoded.
+    /// Returns the type, the 8 bytes and the bytes after the tag, or a message if encoding is not possible.
     fn write(&self) -> Result<(u32, [u8; 8], Vec<u8>), String> {
         // Texts end with a zero byte. All values are padded to multiples of 8 bytes.
         let long = |kind, mut bytes: Vec<u8>| {
@@ -166,7 +167,7 @@ impl Tag {
         Self { name: name.to_owned(), index: -1, value }
     }
 
-    /// Appends the encoded tag, or returns a message if it cannot be encoded.
+    /// Appends the encoded tag to `out`, or returns a message if the tag cannot be encoded.
     pub(super) fn write(&self, out: &mut Vec<u8>) -> Result<(), String> {
         let Self { name, index, value } = self;
         if name.is_empty() || name.len() > LONGEST_NAME || !name.bytes().all(|b| b.is_ascii_graphic()) {

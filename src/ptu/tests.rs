@@ -77,7 +77,7 @@ fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
             0 => {
                 let bits = channel % 15 + 1;
                 if pico_t2 {
-                    // Markers overwrite the last bits of the time.
+                    // PicoHarp T2 markers overwrite the last bits of the time.
                     let at = time.next_multiple_of(16);
                     time = at + 15;
                     return Event::Marker { time: at + u64::from(bits), bits };
@@ -139,7 +139,7 @@ proptest! {
     }
 }
 
-/// Single records decode as PicoQuant's description states.
+/// Tests that single records are decoded as PicoQuant's format description states.
 #[test]
 fn records_decode_as_published() {
     let decode = |record, words: &[u32]| {
@@ -185,7 +185,8 @@ pub(super) fn counted(bytes: &[u8], plan: &Plan) -> Histograms {
     histogram(&mut open(bytes).expect("opens"), plan).expect("counts")
 }
 
-/// Histograms equal those of a simple loop over decoded events, for all types, bins and channels.
+/// Tests that histograms equal those of a simple loop over decoded events, for all record types, bin widths
+/// and channels.
 #[test]
 fn histograms_equal_a_simple_loop() {
     let mut stream = Stream::new(5, 0, 0);
@@ -248,7 +249,7 @@ fn damaged_files_are_refused_with_a_message() {
     assert!(refusal(b"").contains("too short"));
     assert!(refusal(&[b'x'; 64]).starts_with("f.ptu: byte 0: the file does not begin with PQTTTR; pass"));
     assert!(refusal(&whole[..100]).contains("byte 80: the file ends within the header"));
-    // The second tag's type.
+    // Change the type of the second tag.
     let mut wrong = whole.clone();
     wrong[16 + 36] = 9;
     assert!(
@@ -256,7 +257,7 @@ fn damaged_files_are_refused_with_a_message() {
         "{}",
         refusal(&wrong)
     );
-    // A text of 2^60 bytes.
+    // Declare a text of 2^60 bytes.
     let mut wrong = whole.clone();
     wrong[16 + 47] = 16;
     assert!(refusal(&wrong).contains("exceeds the file"), "{}", refusal(&wrong));
@@ -265,7 +266,7 @@ fn damaged_files_are_refused_with_a_message() {
     let int = |v| vec![Tag::new("TTResultFormat_TTTRRecType", Value::Int(v))];
     let header = Header { version: String::new(), tags: int(0x0001_0399) };
     assert!(refusal(&header.write().expect("writes")).contains("0x10399; supported types: PicoHarp 300 T2"));
-    // Truncated within the last record.
+    // Truncate the file within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
     assert_eq!(cut.records(), 8);
     let message = cut.mismatch().expect("a mismatch").to_string();
@@ -303,7 +304,8 @@ fn writers_refuse_values_out_of_range() {
     assert_eq!((n, Reader::open(&path).expect("opens").records()), (2, 2));
 }
 
-/// 10,000 damaged, truncated or random files are read to the end or rejected with a message, quickly.
+/// Tests that 10,000 damaged, truncated or random files are quickly read to the end or refused with a
+/// message.
 #[test]
 fn damaged_files_are_read_or_refused() {
     let mut state = 7;
@@ -369,7 +371,8 @@ fn damaged_files_are_read_or_refused() {
     assert!(read > 2000 && refused > 2000, "{read} read, {refused} refused");
 }
 
-/// Returns chi-squared of counts against expectations, in standard deviations above its mean.
+/// Returns chi-squared of counts against expected counts, in standard deviations above the mean of its
+/// distribution.
 fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     let used: Vec<_> = counts.iter().zip(expected).filter(|(_, e)| **e >= 10.0).collect();
     let sum: f64 = used.iter().map(|(c, e)| (*c - *e).powi(2) / *e).sum();
@@ -377,7 +380,8 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     (sum - used.len() as f64) / (2.0 * used.len() as f64).sqrt()
 }
 
-/// Histograms of a simulated diode match the theory of first detections. No pulse has two detections.
+/// Tests that histograms of a simulated diode match the theory of first detections and that no pulse has
+/// two detections.
 #[test]
 fn time_stamps_match_a_simulated_diode() {
     let spad = Spad { bins: 100, bin_ps: 25.0, period_ps: 2500.0, pulses: 200_000, ..Spad::default() };
@@ -421,17 +425,18 @@ fn time_stamps_match_a_simulated_diode() {
     assert!(z.abs() < 5.0, "{z}");
     let z = chi_squared(&early, &expected(4e5));
     assert!(z.abs() < 5.0, "{z}");
-    // The statistic detects counts that are shifted by one bin.
+    // As a control, the statistic detects counts that are shifted by one bin.
     let mut wrong = total.clone();
     wrong.rotate_left(1);
     assert!(chi_squared(&wrong, &expected(4e6)) > 5.0);
-    // Dense pulses: all sets of pulses are equally likely.
+    // If most pulses have a detection, all sets of pulses are still equally likely.
     let mut first = 0;
     for seed in 0..2000 {
         let dealt = synth::deal(&[3, 4], 10, true, &mut Stream::new(seed, 0, 0));
         assert!(dealt.len() == 7 && dealt.windows(2).all(|w| w[0].sync < w[1].sync));
         first += u32::from(dealt[0].sync == 0 && dealt[0].bin == 0);
     }
-    // 0.7 × 3/7 of 2000, five standard deviations of √(2000 · 0.3 · 0.7) = 20.5.
+    // The expected count is 2000 · 0.7 · 3/7 = 600, and five standard deviations are 5 √(2000 · 0.3 · 0.7)
+    // = 5 · 20.5.
     assert!(first.abs_diff(600) < 103, "{first}");
 }

@@ -1,4 +1,4 @@
-//! Writes a file: header, records in order of time, and finally the number of records.
+//! Writes a `.ptu` file: the header, the records in order of time, and finally the number of records.
 
 use super::header::Header;
 use super::record::{Family, Layout, Mode, RecordType, with_layout};
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Maximum number of consecutive overflow records. A longer pause is an error.
+/// Maximum number of consecutive overflow records. A longer gap between events is an error.
 const LONGEST_PAUSE: u64 = 1 << 24;
 
 const RECORDS: &str = "TTResult_NumberOfRecords";
@@ -67,13 +67,13 @@ fn refused(what: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidInput, what.into())
 }
 
-/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since
-/// the start of the file: sync pulses in T3.
+/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since the
+/// start of the file. In T3, the counts are sync pulses.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
     record: RecordType,
-    /// Offset of the number of records in the file.
+    /// Byte offset at which the file stores the number of records.
     number_at: u64,
     records: u64,
     period: u64,
@@ -85,7 +85,8 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the header.
     ///
     /// # Errors
-    /// Errors of the system; of kind `InvalidInput` for tags that cannot be encoded.
+    /// Returns errors of the operating system, and errors of kind `InvalidInput` for tags that cannot be
+    /// encoded.
     pub fn begin(mut out: W, description: &Description) -> io::Result<Self> {
         let header = description.header().write().map_err(refused)?;
         let name = header.windows(RECORDS.len()).position(|w| w == RECORDS.as_bytes());
@@ -112,17 +113,17 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&record.to_le_bytes())
     }
 
-    /// Writes the overflow records before a time and returns the remaining count.
+    /// Writes the overflow records before a time and returns the remaining time count for the event's record.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!("time {time} follows {}; sort the events by time", self.last)));
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
-        // Overflows per record.
+        // Maximum number of overflows per overflow record.
         let most = match self.record.family() {
             Family::HydraT3 => (1 << 10) - 1,
-            // Records can represent more, but `ptufile` multiplies in 32 bits, which overflow at 128.
+            // Records can represent more overflows, but the 32-bit product in `ptufile` overflows at 128.
             Family::HydraT2 => 127,
             _ => 1,
         };
@@ -148,7 +149,8 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a photon. `dtime` is for T3 only.
     ///
     /// # Errors
-    /// Errors of the system; `InvalidInput` for an invalid channel or `dtime`, and for decreasing times.
+    /// Returns errors of the operating system, and `InvalidInput` for an invalid channel or `dtime`, and
+    /// for decreasing times.
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         let family = self.record.family();
         let first = u8::from(family == Family::PicoT2);
@@ -178,7 +180,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a sync pulse (T2).
     ///
     /// # Errors
-    /// Same as [`Self::photon`]; also in T3, which has no sync records.
+    /// Returns the same errors as [`Self::photon`], and an error in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
             return Err(refused("T3 has no sync records"));
@@ -194,7 +196,8 @@ impl<W: Write + Seek> Writer<W> {
     /// the last four bits of the time with the marker bits.
     ///
     /// # Errors
-    /// Same as [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
+    /// Returns the same errors as [`Self::photon`], and an error if no marker, or one beyond the fourth, is
+    /// set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!("markers {bits:#b}: expected at least one of the four markers")));
@@ -210,7 +213,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the number of records into the header and returns that number.
     ///
     /// # Errors
-    /// Errors of the system.
+    /// Returns errors of the operating system.
     pub fn end(mut self) -> io::Result<u64> {
         self.out.seek(SeekFrom::Start(self.number_at))?;
         self.out.write_all(&self.records.to_le_bytes())?;
@@ -219,7 +222,7 @@ impl<W: Write + Seek> Writer<W> {
     }
 }
 
-/// T2 or T3 records in memory without a file, as a card sends them.
+/// T2 or T3 records in memory without a file, in the form in which a photon counter sends them.
 #[derive(Debug)]
 pub struct Records(Writer<std::io::Cursor<Vec<u8>>>);
 
@@ -228,10 +231,10 @@ impl Records {
         Self(Writer::over(std::io::Cursor::new(vec![]), record, 0))
     }
 
-    /// Appends a photon like [`Writer::photon`].
+    /// Appends a photon as [`Writer::photon`] does.
     ///
     /// # Errors
-    /// Same as [`Writer::photon`].
+    /// Returns the same errors as [`Writer::photon`].
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         self.0.photon(time, dtime, channel)
     }
@@ -245,7 +248,7 @@ impl Records {
 /// Writes a file atomically and returns its number of records. `fill` writes the records.
 ///
 /// # Errors
-/// Same as [`Writer::begin`] and [`Writer::photon`], and those that `fill` returns.
+/// Returns the same errors as [`Writer::begin`] and [`Writer::photon`], and the errors of `fill`.
 pub fn write(
     path: &Path,
     description: &Description,

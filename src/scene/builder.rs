@@ -62,7 +62,7 @@ pub struct SceneBuilder {
     /// Files that exist in memory only, by the names that the scene uses.
     memory: BTreeMap<String, Vec<u8>>,
     folder: PathBuf,
-    /// The first error in a call; [`Self::build`] returns this error.
+    /// The first error of a builder call; [`Self::build`] returns this error.
     fault: Option<InputError>,
 }
 
@@ -85,7 +85,7 @@ impl SceneBuilder {
         Self { has_camera: false, ..Self::from(SceneFile::new(PinholeFile::look_at([0.0; 3], [0.0; 3]))) }
     }
 
-    /// Sets the short name, used in titles.
+    /// Sets the short name of the scene, used in titles.
     pub fn name(mut self, name: impl Into<String>) -> Self {
         self.file.name = Some(name.into());
         self
@@ -221,7 +221,6 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the seed of the random streams.
     pub fn seed(mut self, seed: u64) -> Self {
         self.file.render.seed = seed;
         self
@@ -236,7 +235,7 @@ impl SceneBuilder {
     /// Builds the scene.
     ///
     /// # Errors
-    /// [`InputError`] as for a scene file. The field `file` of the error names the argument instead
+    /// Returns [`InputError`] as for a scene file. The field `file` of the error names the argument instead
     /// of line and column: `scene in code: objects[0].material`.
     pub fn build(self) -> Result<Scene, InputError> {
         if let Some(fault) = self.fault {
@@ -280,7 +279,7 @@ impl SceneBuilder {
     }
 }
 
-/// Returns an error located at an argument.
+/// Returns an error located at an argument of the builder.
 fn fault(place: &str, message: String, fix: &str) -> InputError {
     InputError::new(format!("{IN_CODE}: {place}"), "", None, message, fix)
 }

@@ -1,8 +1,8 @@
 //! Parser for IES LM-63 files of photometric type C: measured intensity profiles of luminaires.
 //!
-//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about that axis. A
-//! file covers half of the vertical angles or all. The horizontal angles in degrees depend on the
-//! luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
+//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about that axis. The
+//! vertical angles cover the lower hemisphere, the upper hemisphere or both. The horizontal angles in
+//! degrees depend on the luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
 
 /// A luminaire's intensity profile, divided by its maximum.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,13 +15,13 @@ pub struct Ies {
     pub values: Vec<f32>,
 }
 
-/// Maximum number of angles per axis; no luminaire is measured at more angles.
+/// Maximum number of angles per axis. Photometric files have fewer angles.
 const MOST: usize = 4096;
 
 /// Parses an IES file.
 ///
 /// # Errors
-/// A message with the line number of the error.
+/// Returns a message with the line number of the error.
 pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();

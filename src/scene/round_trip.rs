@@ -46,7 +46,7 @@ fn shipped_scenes_round_trip() {
         let second: SceneFile = toml::from_str(&written).unwrap_or_else(|e| panic!("{e}\n{written}"));
         assert_eq!(first, second, "{written}");
         assert_eq!(written, second.to_toml().expect("a text"));
-        // Some scenes need generated files.
+        // Scenes that need generated files cannot be built here.
         if let Ok(a) = crate::from_text(path, &text) {
             let b = crate::from_text(path, &written).unwrap_or_else(|e| panic!("{e}\n{written}"));
             assert_eq!(tables(&a), tables(&b), "{}", path.display());
@@ -63,8 +63,8 @@ fn defaults_are_not_written() {
     assert_eq!(scene.to_toml().expect("a text"), text);
 }
 
-/// Source of random choices, from numbers that proptest can shrink. When the numbers are used up, the
-/// simplest choice is made.
+/// Source of random choices, from numbers that proptest can shrink. After the last number, the simplest
+/// choice is made.
 struct Choices<'a> {
     words: std::slice::Iter<'a, u64>,
     /// Schemas to which `$ref` refers, by name.

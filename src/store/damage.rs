@@ -1,4 +1,4 @@
-//! Tests that every reader of a damaged store succeeds or reports an error, within bounds of time and memory.
+//! Tests that every reader of a damaged store succeeds or reports an error, within limits on time and memory.
 
 use crate::exr::{ExrOptions, export};
 use crate::merge::merge;
@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Maximum size of one allocation, in bytes: the size of the coordinates of the longest valid axis.
+/// Maximum size of one allocation, in bytes. The longest valid axis has coordinates of this size.
 const MEMORY: usize = 1 << 27;
 /// Maximum time for the readers of one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -48,7 +48,7 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
 
-/// Creates a store with all kinds of axes and with sample counts.
+/// Creates a store with axes of all kinds and with sample counts.
 fn make(path: &Path, seed: u64) {
     let extents = Extents {
         camera: [6, 5],
@@ -244,7 +244,7 @@ impl Damage {
             Self::Coordinates(axis, list) => {
                 let axes = ["image", "timed"].map(|slice| AxisKind::ALL.map(|k| (slice, k))).concat();
                 let (slice, kind) = pick(&axes, *axis);
-                // In random order, with some random replacements.
+                // Write the coordinates in random order, with some random replacements.
                 let mut order: Vec<(f64, usize)> = list.iter().enumerate().map(|(i, l)| (l.1, i)).collect();
                 order.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let bytes: Vec<u8> =
@@ -279,7 +279,7 @@ impl Damage {
     }
 }
 
-/// Runs all readers on a store; returns the numbers of successes and errors.
+/// Runs all readers on a store and returns the number of successes and the number of errors.
 fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let mut counts = [0, 0];
     let mut note = |fault: Option<String>| {
@@ -353,7 +353,7 @@ fn damaged_stores_give_results_or_errors() {
         path
     });
     let [answers, errors] = read_all(whole.path(), &a, &b);
-    // The image has no axes t, v, u, and no overflow.
+    // Readers of the axes t, v, u and of the overflow report errors for the image, which lacks them.
     assert!(answers > 25 && errors < 8, "{answers} answers, {errors} errors");
     let config = Config { cases: 40, failure_persistence: None, max_shrink_iters: 100, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[5; 32]));
@@ -367,8 +367,8 @@ fn damaged_stores_give_results_or_errors() {
         let damaged = folder.path().join("damaged");
         copy(if in_shards { &sharded } else { &a }, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
-        // Half of the cases get a new manifest after the damage, so that the readers beyond the manifest
-        // check see it.
+        // Half of the cases get a new manifest after the damage, so that the damage passes the manifest
+        // check and reaches the readers.
         if list.len() % 2 == 0 {
             crate::zarr::reseal(&damaged);
         }

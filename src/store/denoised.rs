@@ -1,4 +1,5 @@
-//! The mark of denoised stores. Values of such stores are images for figures, not estimates of radiance.
+//! The root attribute that marks denoised stores. The values of such stores are images for figures, not
+//! unbiased estimates of radiance.
 //!
 //! Every function that uses a store as ground truth, or adds samples to a store, refuses denoised stores.
 
@@ -10,7 +11,7 @@ pub const ATTRIBUTE: &str = "denoised";
 
 /// Error: a denoised store was given where a render is required.
 #[derive(Debug, thiserror::Error)]
-#[error("{path} is denoised, which is only for figures; use the original render{of}")]
+#[error("{path} is denoised, and denoised values are only for figures; use the original render{of}")]
 pub struct Denoised {
     pub path: PathBuf,
     /// The sources of the denoised store, as text.
@@ -24,7 +25,7 @@ pub fn is_denoised(store: &TensorStore) -> bool {
 /// Refuses a denoised store.
 ///
 /// # Errors
-/// [`Denoised`].
+/// Returns [`Denoised`] if the store is denoised.
 pub fn refuse(store: &TensorStore) -> Result<(), Denoised> {
     let Some(mark) = store.attributes().remove(ATTRIBUTE) else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Unreliable error estimates of a stored slice: see [`tensor::doubt`].
+//! Counts pixels of a stored slice whose error estimates are unreliable, as defined in [`tensor::doubt`].
 
 use crate::zarr::{AccessError, StoredSlice};
 use serde_json::Value;
@@ -12,16 +12,16 @@ use tensor::field::Field;
 /// of totals, or no errors per pixel.
 ///
 /// # Errors
-/// If the errors of totals cannot be read.
+/// Returns an error if the errors of totals cannot be read.
 pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
 /// Returns the region (first index and shape) of the errors of totals that is needed for a box of pixels:
-/// these pixels and their neighbours. Returns `None` as [`of`] does.
+/// the pixels of the box and their neighbours. Returns `None` in the same cases as [`of`].
 ///
 /// # Errors
-/// As [`of`].
+/// Returns the same errors as [`of`].
 pub fn around(
     slice: &StoredSlice,
     pixels: Option<[Range<usize>; 2]>,
@@ -43,7 +43,7 @@ pub fn around(
 /// Returns the same number as [`of`] for the pixels in a box of rows and columns.
 ///
 /// # Errors
-/// As [`of`].
+/// Returns the same errors as [`of`].
 pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<Option<Doubt>, AccessError> {
     let Some([start, shape]) = around(slice, pixels.clone())? else {
         return Ok(None);

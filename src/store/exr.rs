@@ -3,10 +3,10 @@
 //! `stokes.S0.R … stokes.S3.B` are the Stokes vector under unpolarized light, that is, column 0 of the
 //! Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the complete matrix, if
 //! requested. With three wavelengths, R is the longest and B the shortest wavelength. With any other number
-//! of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels are f32. Frames are
-//! those of the stored tensor: projector frame in, camera frame out. Mitsuba's `stokes` integrator uses
-//! another frame in each pixel (see CONVENTIONS.md), so the channels do not have Mitsuba's names `S0.R …
-//! S3.B`.
+//! of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels are f32. Stokes
+//! frames are those of the stored tensor: the projector frame for incoming light, the camera frame for
+//! outgoing light. Mitsuba's `stokes` integrator uses another frame in each pixel (see CONVENTIONS.md), so
+//! the channels do not have Mitsuba's names `S0.R … S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub enum ExrError {
     #[error("`{name}` {reason}")]
     NoImage {
         name: String,
-        /// The fault, and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
     #[error(transparent)]
@@ -42,14 +42,15 @@ pub struct ExrOptions {
     pub select: Vec<Selection>,
     /// Axes to expand into separate channels instead of summing them.
     pub expand: Vec<AxisKind>,
-    /// Whether to write also all 16 matrix elements (`mueller.M00` …).
+    /// Whether to also write all 16 elements of the Mueller matrix (`mueller.M00` …).
     pub mueller: bool,
 }
 
 /// Exports a slice as one OpenEXR file at `path`. An existing file is replaced.
 ///
 /// # Errors
-/// If the selection does not fit the slice, the result has no image axes, or reading or writing fails.
+/// Returns an error if the selection does not fit the slice, the result has no image axes, or reading or
+/// writing fails.
 pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<(), ExrError> {
     use AxisKind::{Bounces, Component, T, U, V};
     let sum = [V, U, T, Bounces, Component].into_iter().filter(|k| !options.expand.contains(k)).collect();
@@ -61,16 +62,17 @@ pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<
 /// channels of each entry get a prefix such as `t1250ps.` or `component1.`.
 ///
 /// # Errors
-/// If the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot be written.
+/// Returns an error if the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot
+/// be written.
 pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrError> {
     let fault = |reason: &str| ExrError::NoImage { name: tensor.name.clone(), reason: reason.into() };
     let (Some(_), Some(_)) = (tensor.find(AxisKind::Y), tensor.find(AxisKind::X)) else {
-        return Err(fault("has no image axes y and x: keep both"));
+        return Err(fault("has no image axes y and x: keep both axes"));
     };
     let has = |kind| tensor.find(kind).is_some();
     if has(AxisKind::StokesIn) && !has(AxisKind::StokesOut) {
         return Err(fault(
-            "has stokes_in without stokes_out: keep both, or contract stokes_in with a Stokes state",
+            "has stokes_in without stokes_out: keep both axes, or contract stokes_in with a Stokes state",
         ));
     }
     if mueller && !has(AxisKind::StokesIn) {
@@ -203,7 +205,7 @@ mod tests {
         write_exr(&t, true, &path).unwrap();
         let channels = read_back(&path);
         assert_eq!(channels.len(), 3 + 12 + 48);
-        // Such names would mean the frames of Mitsuba's sensor, which differ from ours.
+        // Such names would imply the Stokes frames of Mitsuba's sensor, which differ from Sunstone's.
         assert!(!channels.keys().any(|name| name.starts_with(['S', 'M'])));
         for (w, colour) in ["R", "B", "G"].into_iter().enumerate() {
             for (out, inn) in (0..4).flat_map(|o| (0..4).map(move |i| (o, i))) {

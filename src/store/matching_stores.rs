@@ -12,10 +12,10 @@ pub struct MatchingStores {
 }
 
 impl MatchingStores {
-    /// Opens the stores. A single store needs only slices, not the attributes for merging.
+    /// Opens the stores. A single store needs slices, but not the attributes that merging requires.
     ///
     /// # Errors
-    /// The errors of [`merge::merge`] for inputs, and [`MergeError::Denoised`].
+    /// Returns the errors of [`merge::merge`] for inputs, and [`MergeError::Denoised`].
     pub fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
         if let [only] = paths {
             let store = TensorStore::open(only)?;
@@ -58,7 +58,7 @@ impl MatchingStores {
     /// Writes the sample counts, summed over all stores, if `out` has sample counts.
     ///
     /// # Errors
-    /// [`AccessError`].
+    /// Returns [`AccessError`] if sample counts cannot be read or written.
     pub fn write_samples(&self, out: &TensorStore) -> Result<(), AccessError> {
         merge::merge_samples(&self.inputs, out)
     }

@@ -1,23 +1,23 @@
-//! Merges renders of one scene with different seeds, as if one render had taken all samples.
+//! Merges renders of one scene with different seeds. The result equals that of one render with all samples.
 //!
-//! Let an element belong to one camera pixel (`pixels_per_element` = 1). N samples with mean m and standard
-//! error e have the sum of squared deviations M = e²·N(N−1). The pooled values are exact (Chan, Golub &
-//! LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M /
-//! (N(N−1)) with N = ΣNᵢ.
+//! If an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples with mean m and
+//! standard error e have the sum of squared deviations M = e²·N(N−1). The pooled values are exact (Chan,
+//! Golub & LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e²
+//! = M / (N(N−1)) with N = ΣNᵢ.
 //!
 //! A group of samples that are stratified together counts as one sample: N is then the number of groups
 //! (`replicates_per_pixel`).
 //!
-//! Errors of totals (`total_std_error`) are pooled in the same way, by the totals of the means. The merged
-//! store has no errors of totals if an input, written by an earlier version, lacks them.
+//! Errors of totals (`total_std_error`) are pooled in the same way, with the totals of the means as m. The
+//! merged store has no errors of totals if an input, written by an earlier version, lacks them.
 //!
 //! Sums are computed in f64; the remaining error is the rounding of the stored f32 values.
 //!
 //! If an element averages several pixels, the samples are not identically distributed and only their means
 //! are known: m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
-//! Parts of one render ([`tensor::part`]) share no samples, so they are joined instead; the result equals the
-//! whole render byte for byte.
+//! Parts of one render ([`tensor::part`]) share no samples, so they are joined and not pooled. The result
+//! equals the whole render byte for byte.
 
 mod error;
 mod join;
@@ -83,7 +83,7 @@ struct Part<'a> {
 /// One slice of all inputs.
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
-    /// Whether each element belongs to a single camera pixel.
+    /// Whether each element belongs to one camera pixel, so that its samples are identically distributed.
     equal: bool,
 }
 
@@ -98,8 +98,8 @@ pub(crate) struct Parts<'a> {
 /// `wall_time_s`, which is the sum.
 ///
 /// # Errors
-/// If the inputs are neither renders of one scene (`scene_sha256`) with the same slices and different `seeds`
-/// nor all parts of one render, or if reading or writing fails.
+/// Returns an error if the inputs are neither renders of one scene (`scene_sha256`) with the same slices
+/// and different `seeds` nor all parts of one render, or if reading or writing fails.
 pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     let is_out = |input: &&PathBuf| whole_file::is_same(input, out) || *input == out;
     if let Some(input) = inputs.iter().find(is_out) {
@@ -108,12 +108,11 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     at_once(inputs, out, || merge_all(inputs, out, options))
 }
 
-/// Number of chunks that are merged concurrently. Each needs the memory of one chunk of every input, about
-/// 100 MB at most.
+/// Number of chunks that are merged concurrently. Each needs one chunk of every input in memory, at most
+/// about 100 MB.
 const THREADS: usize = 8;
 
-/// Runs `work` (a merge). If a store is at an address, uses enough threads for the bandwidth to object
-/// stores.
+/// Runs `work` (a merge). If a store is at an address, uses more threads, to saturate the bandwidth.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
@@ -186,12 +185,10 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
     .map(drop)
 }
 
-/// Options of [`merge()`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Whether to replace an existing store.
     pub replace: bool,
-    /// Whether to accept unfinished renders. Values that all of them lack are NaN.
+    /// Whether to accept unfinished renders. Values that all inputs lack are NaN.
     pub partial: bool,
 }
 
@@ -370,7 +367,7 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     }
     let from: Vec<String> = inputs.iter().map(|i| i.store.path().display().to_string()).collect();
     attributes.insert("merged_from".into(), json!(from));
-    // The target of one render does not apply to several.
+    // The target error of one render does not apply to a merged store.
     attributes.remove(ATTRIBUTE);
     attributes
 }
@@ -411,7 +408,7 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
     Ok(())
 }
 
-/// Writes the standard errors of totals of all samples, if the merged slice has them.
+/// Writes the pooled standard errors of totals, if the merged slice has errors of totals.
 fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let field = Field::TotalStdError;
     if !merged.has(field) {

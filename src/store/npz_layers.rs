@@ -12,8 +12,8 @@ use tensor::layers::{LayerSet, LayerValues};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Writes texts as a `.npy` array, version 1.0, of little-endian UCS-4 texts of one width
-/// (numpy.lib.format).
+/// Writes texts as a `.npy` array (format version 1.0) of little-endian UCS-4 texts of equal width (see
+/// numpy.lib.format).
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
     let mut header =
@@ -38,7 +38,7 @@ fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
 /// Writes layers to a `.npz` file, atomically.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);

@@ -33,21 +33,13 @@ pub enum NumpyError {
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
     #[error("{}: the elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
-    Elements {
-        path: PathBuf,
-        /// The element type that was found.
-        found: String,
-    },
+    Elements { path: PathBuf, found: String },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: the elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
     /// The file is shorter than its header states.
     #[error("{}: the file ends before the end of the array of shape {shape:?}; save the array again", path.display())]
-    Short {
-        path: PathBuf,
-        /// Shape of the array in the header.
-        shape: Vec<usize>,
-    },
+    Short { path: PathBuf, shape: Vec<usize> },
 }
 
 /// An open `.npy` file of real numbers that is read in parts.
@@ -89,12 +81,12 @@ impl NumpyReader {
     /// Opens a `.npy` file and checks its header and size.
     ///
     /// # Errors
-    /// If the file is not a `.npy` file of real numbers, or is truncated.
+    /// Returns an error if the file is not a `.npy` file of real numbers, or is truncated.
     pub fn open(path: &Path) -> Result<Self, NumpyError> {
         let failed = |cause| NumpyError::Read { path: path.to_owned(), cause };
         let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        // Elements are read in pieces at arbitrary positions, for which a buffer would read too much.
+        // Elements are read at arbitrary positions, and a buffered reader would read more bytes than needed.
         let mut buffered = BufReader::new(file);
         let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
@@ -159,7 +151,7 @@ impl NumpyReader {
     /// Reads `out.len()` elements from element `first`. Several threads may call this concurrently.
     ///
     /// # Errors
-    /// If the file cannot be read, or is too short.
+    /// Returns an error if the file cannot be read, or is too short.
     pub fn read<T: Number>(&self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
         self.try_read(first, out).map_err(|cause| {
             if cause.kind() == io::ErrorKind::UnexpectedEof {
@@ -187,7 +179,7 @@ impl NumpyReader {
             let bytes = &mut buffer[..part.len() * size];
             self.bytes.read_at(at + ((i * size) << 14) as u64, bytes)?;
             for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
-                // Little-endian, in the low bytes of the word.
+                // The element is little-endian and occupies the low bytes of the word.
                 let mut word = [0_u8; 8];
                 word[..size].copy_from_slice(bytes);
                 if self.big_endian {
@@ -213,7 +205,7 @@ impl NumpyArray {
     /// `f32`, larger integers as `f64`.
     ///
     /// # Errors
-    /// If the file is not a `.npy` file of real numbers, or is truncated.
+    /// Returns an error if the file is not a `.npy` file of real numbers, or is truncated.
     pub fn read(path: &Path) -> Result<Self, NumpyError> {
         let reader = NumpyReader::open(path)?;
         let count = reader.len();
@@ -240,14 +232,14 @@ impl NumpyArray {
 /// Writes values in `.npy` format, row-major.
 ///
 /// # Errors
-/// If the writer fails, or the number of values does not match the shape.
+/// Returns an error if the writer fails, or the number of values does not match the shape.
 pub fn write<T: npyz::AutoSerialize>(
     writer: impl Write,
     shape: &[usize],
     values: impl IntoIterator<Item = T>,
 ) -> io::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    // The iterator yields elements one by one, so they are buffered.
+    // The iterator yields elements one by one, so the output is buffered.
     let mut buffered = BufWriter::with_capacity(1 << 20, writer);
     let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
     let mut npy = options.writer(&mut buffered).begin_nd()?;
@@ -260,18 +252,18 @@ pub fn write<T: npyz::AutoSerialize>(
 /// Writes the header of an array. [`append`] then writes the elements in row-major order.
 ///
 /// # Errors
-/// If the writer fails.
+/// Returns an error if the writer fails.
 pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
-    // Dropped unfinished: npyz has written the header, but writes elements one by one, which is slow.
+    // Drop the unfinished writer after the header, because npyz writes elements one by one, which is slow.
     options.writer(writer).begin_nd().map(drop)
 }
 
 /// Appends elements to an array that [`begin`] has started.
 ///
 /// # Errors
-/// If the writer fails.
+/// Returns an error if the writer fails.
 pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Result<()> {
     writer.write_all(bytemuck::cast_slice(values))
 }
@@ -280,7 +272,7 @@ pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Re
 /// Several threads may call this concurrently.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_at<T: bytemuck::Pod>(file: &File, start: u64, first: usize, values: &[T]) -> io::Result<()> {
     let at = start + first as u64 * size_of::<T>() as u64;
     positioned::write_all_at(file, bytemuck::cast_slice(values), at)
@@ -289,7 +281,7 @@ pub fn write_at<T: bytemuck::Pod>(file: &File, start: u64, first: usize, values:
 /// Writes an array as `.npy`, atomically.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
     path: &Path,
     shape: &[usize],
@@ -304,7 +296,7 @@ pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
 /// Writes named arrays as an uncompressed `.npz` file, as numpy.savez does, atomically.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_npz(path: &Path, arrays: &[(String, NumpyArray)]) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);

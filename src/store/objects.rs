@@ -1,8 +1,9 @@
-//! The interface to object stores: clients implement [`ObjectClient`], and [`install`] registers one.
+//! The interface to object stores. Clients implement [`ObjectClient`], and [`install`] registers the
+//! function that opens a client.
 //!
 //! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
-//! because they have more dependencies than all other input and output together. Without a client, every
-//! address is refused.
+//! because they have more dependencies than the rest of the program's input and output. Without a client,
+//! every address is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -44,13 +45,12 @@ impl Ask {
 /// The version of an object, used to make a put conditional.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
-    /// Entity tag of the object.
     pub e_tag: Option<String>,
     /// Version number, in stores that number versions.
     pub version: Option<String>,
 }
 
-/// The condition of a put.
+/// The condition of a conditional put.
 #[derive(Clone, Debug)]
 pub enum Condition {
     /// The object does not exist (`If-None-Match: *`).
@@ -62,7 +62,7 @@ pub enum Condition {
 /// The result of a conditional put.
 #[derive(Debug)]
 pub enum Put {
-    /// The object was written, and now has this version.
+    /// The object was written and now has this version.
     Done(Version),
     /// The condition does not hold. The object may still be the result of the same put, if the response to
     /// an earlier request was lost.
@@ -76,50 +76,43 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// or `None` for an object that does not exist.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal>;
 
     /// Lists the keys and sizes of all objects, sorted by key.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
 
     /// Returns an error if the store is read-only.
     ///
     /// # Errors
-    ///
-    /// If the store is read-only.
+    /// Returns an error if the store is read-only.
     fn may_be_written(&self) -> Result<(), Refusal>;
 
     /// Writes objects, and replaces existing objects. Each object is written atomically.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal>;
 
     /// Writes an object if `condition` holds.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
     /// Reads an object and its version; returns `None` if there is no object.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal>;
 
     /// Removes objects. Objects that do not exist are ignored.
     ///
     /// # Errors
-    ///
-    /// If the store refuses or cannot be reached.
+    /// Returns an error if the store refuses or cannot be reached.
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
 }
 
@@ -128,8 +121,7 @@ pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Registers the function that opens clients of object stores, for this process. Later calls have no
-/// effect.
+/// Registers the function that opens clients of object stores, for this process. Later calls have no effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
@@ -148,7 +140,7 @@ impl Objects {
         let open = OPEN.get().ok_or_else(|| {
             Refusal::new(
                 format!("this program was built without support for object stores and cannot open {scheme}://"),
-                "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
+                "build the program with `cargo build --release --features object-stores`, or copy the store to a folder",
             )
         })?;
         open(scheme, address).map(Self)

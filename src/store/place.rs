@@ -1,8 +1,8 @@
 //! The location of a store: a folder, or an address of an object store (`s3://`, `gs://`, `az://`,
 //! `http(s)://`).
 //!
-//! A path that begins with a scheme is an address; every other path is a folder. Errors of object stores are
-//! a [`Refusal`].
+//! A path that begins with a scheme is an address; every other path is a folder. Object stores report
+//! errors as a [`Refusal`].
 
 use crate::refusal::Refusal;
 use bytes::Bytes;

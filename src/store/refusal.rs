@@ -1,5 +1,4 @@
-//! Errors of object stores. Code that handles only files passes them on as the inner error of an
-//! [`io::Error`].
+//! Errors of object stores. Code that handles only files returns them as the inner error of an [`io::Error`].
 
 use std::io;
 

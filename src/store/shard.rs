@@ -1,8 +1,8 @@
-//! Copies stores into shards: the same values in few large files. The profile of a pixel is a small byte
-//! range of such a file.
+//! Copies stores into shards, which contain the same values in few large files. All values of a pixel are a
+//! small byte range of a shard.
 //!
 //! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
-//! object stores work best with few large objects and reads of byte ranges ([`crate::zarr`]).
+//! object stores are most efficient with few large objects and reads of byte ranges ([`crate::zarr`]).
 
 use crate::merge::at_once;
 use crate::zarr::{AccessError, CreateError, Limits, OpenError, TensorStore};
@@ -13,13 +13,13 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum ShardError {
     /// The output path is also the input path.
-    #[error("{path} is both the input and the output: choose another `-o`")]
+    #[error("{path} is both the input and the output: choose another output with `-o`")]
     Itself { path: PathBuf },
     /// The input is only a part of a render.
     #[error("{path} is {part} of a render: join all parts first (`sunstone merge PART.. -o WHOLE`)")]
     Part { path: PathBuf, part: Part },
     /// The input is already sharded.
-    #[error("{path} is already sharded: copy it instead")]
+    #[error("{path} is already sharded: copy the store instead")]
     Already { path: PathBuf },
     /// The input contains no slices.
     #[error("{path} has no slices, so it cannot be sharded: use a store made by `sunstone render`")]
@@ -49,8 +49,8 @@ impl ShardError {
 /// resumes the copy. The copy needs memory for eight shards, about 400 MB at most.
 ///
 /// # Errors
-/// If the input is not a finished store of a whole render, is already in shards, or if reading or writing
-/// fails.
+/// Returns an error if the input is not a finished store of a whole render, is already in shards, or if
+/// reading or writing fails.
 pub fn shard(input: &Path, out: &Path, replace: bool) -> Result<(), ShardError> {
     shard_to(input, out, replace, Limits::default())
 }

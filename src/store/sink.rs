@@ -45,7 +45,6 @@ pub enum SinkError {
     )]
     NoSlice {
         path: PathBuf,
-        /// Number of slices that the render has.
         slices: usize,
         /// Index of the slice for which values were passed.
         slice: usize,
@@ -56,7 +55,7 @@ pub enum SinkError {
     /// The store to resume contains another render.
     #[error(
         "{path} contains another render: {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
-         --force to replace it"
+         --force to replace the store"
     )]
     Mismatch {
         path: PathBuf,
@@ -154,7 +153,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
             return mismatch(what, show(a), show(b));
         }
     }
-    // Finished tiles of the journal are finished for these slices only.
+    // Tiles in the journal are finished only for the slices of the store, so the slices must be the same.
     let ours: Vec<&str> = job.slices.iter().map(|s| s.layout.name.as_str()).collect();
     if store.slice_names() != ours {
         return mismatch("list of slices", store.slice_names().join(", "), ours.join(", "));
@@ -316,7 +315,7 @@ mod tests {
         assert_eq!(second.begin(&job(1, 4)).unwrap(), [record(0)]);
         second.end(&done(true)).unwrap();
         assert!(is_finished(&path));
-        // The render is complete: all tiles are known, and nothing is written.
+        // The render is complete, so all tiles are known and no values are written.
         let mut third = sink(&path, true, false);
         assert_eq!(third.begin(&job(1, 4)).unwrap().len(), 2);
         third.tile_done(&record(1)).unwrap();
@@ -349,7 +348,7 @@ mod tests {
         assert!(other.contains("slice 3") && other.contains("from 0"), "{other}");
         let short = message(sound.put(&piece(0, &[0.0; 3])));
         assert!(short.contains("one value per element"), "{short}");
-        // A list of touched elements that is too short to be valid is ignored.
+        // A list of touched elements is ignored if it is too short.
         let unsure = Piece { touched: &[], ..piece(0, &[1.0, 0.0, 0.0, 0.0]) };
         sound.put(&unsure).unwrap();
         drop(sound);

@@ -18,7 +18,7 @@ pub struct PinholeFile {
     /// Width and height in pixels. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: Located<[u32; 2]>,
-    /// Horizontal field of view in degrees. Sets fy = fx and the principal point to the image centre.
+    /// Horizontal field of view in degrees. Pixels are square, and the principal point is the centre.
     pub fov_x_deg: Option<Located<f64>>,
     /// Vertical field of view in degrees, instead of fov_x_deg.
     pub fov_y_deg: Option<Located<f64>>,
@@ -45,16 +45,15 @@ pub struct PinholeFile {
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A thin lens of finite aperture. Default: a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
-    /// Width of the image in metres of an orthographic camera. All rays are parallel to the optical
-    /// axis and start on the plane of the pose. Paths are traced from the camera only. Default: a
-    /// pinhole camera.
+    /// Width of the image in metres of an orthographic camera. All rays are parallel to the optical axis and
+    /// start on the plane of the pose. Paths are traced from the camera only. Default: a pinhole camera.
     pub orthographic_width: Option<Located<f64>>,
     /// Position and orientation. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub pose: Located<PoseFile>,
 }
 
-/// A thin lens.
+/// A thin lens of finite aperture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ApertureFile {
@@ -72,8 +71,8 @@ pub struct ProjectorFile {
     /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub irradiance: Located<SpectrumFile>,
-    /// The projector illuminates through the camera's pinhole: it has the pose, pixels and lens of
-    /// the camera. The coaxial slice has s' = s. Default: false.
+    /// Whether the projector illuminates through the camera's pinhole, with the pose, pixels and lens of
+    /// the camera. A `coaxial` slice keeps s' = s. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub coaxial: bool,
     /// Path of a `sunstone calibrate` file, relative to the scene file. The file's `[projector]`
@@ -231,7 +230,7 @@ pub struct PointFile {
 }
 
 /// An emitter that projects an image. Unlike the pixels of `[projector]`, the pixels of this image are not
-/// the axis s' of T.
+/// resolved by T (axis s').
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SlideFile {
@@ -342,7 +341,7 @@ impl PinholeFile {
         self
     }
 
-    /// Sets the lens distortion from coefficients with names.
+    /// Sets the lens distortion from OpenCV's coefficients by name.
     pub fn distortion(mut self, distortion: DistortionFile) -> Self {
         self.distortion = Some(distortion.into());
         self

@@ -56,7 +56,7 @@ pub struct EnvironmentFile {
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of a linear polarizer, as for `emission`. Requires an image.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Axis that defines the horizontal of the emitted Stokes vectors, as for `emission`. Default: [1, 0, 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for `emission`. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
@@ -82,7 +82,7 @@ pub struct SpotFile {
     pub image: Option<Located<ImageAlbedo>>,
     /// World direction that points up in the image. Requires an image. Default: [0, 1, 0].
     pub up: Option<[f64; 3]>,
-    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
@@ -104,7 +104,7 @@ pub struct IesFile {
     pub zero: [f64; 3],
     /// Radiant intensity in W/(sr nm) at the maximum of the profile.
     pub intensity: Located<SpectrumFile>,
-    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
@@ -117,14 +117,14 @@ pub struct DirectionalFile {
     pub direction: [f64; 3],
     /// Irradiance at normal incidence in W/(m² nm).
     pub irradiance: Located<SpectrumFile>,
-    /// Point, in metres, on the plane where the light starts and the travel time is 0. There is no
-    /// light on the source side of the plane. Default: no plane and no travel time.
+    /// Point, in metres, on the plane at which the light starts with travel time 0. There is no light
+    /// behind this plane. Default: no plane and no travel time.
     pub origin: Option<[f64; 3]>,
     /// Stokes vector of the emitted light, as for `emission`.
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of a linear polarizer, as for `emission`.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
@@ -153,7 +153,7 @@ pub struct BeamFile {
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of a linear polarizer, as for `emission`.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
+    /// Direction of the horizontal axis of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }

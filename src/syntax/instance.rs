@@ -7,7 +7,7 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A group of objects that is visible only through its instances. Memory holds the objects once for
+/// A group of objects that is visible only through its instances. The objects are stored in memory once for
 /// any number of instances.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -25,9 +25,9 @@ pub struct InstanceFile {
     pub name: Option<String>,
     /// Name of the group.
     pub group: Located<String>,
-    /// File with the transforms of many copies, relative to the scene file. Each line of a text file has the
-    /// 12 numbers of a 3×4 matrix or the 16 numbers of a 4×4 matrix, row by row, separated by commas or
-    /// spaces; `#` starts a comment. A `.npy` file contains an array of n such matrices.
+    /// File with the transforms of many copies, relative to the scene file. Each line of a text file has
+    /// the 12 numbers of a 3×4 matrix or the 16 numbers of a 4×4 matrix in row-major order, separated by
+    /// commas or spaces; `#` starts a comment. A `.npy` file contains an array of n such matrices.
     pub places: Option<Located<String>>,
     /// Transform of the copy: scale, then rotate, then translate. With `places`, the transform applies to all
     /// copies.

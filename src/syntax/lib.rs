@@ -34,7 +34,7 @@ pub trait Syntax: Sized {
     /// Parses the text of a file; `path` names the file in messages.
     ///
     /// # Errors
-    /// [`InputError`] with a location if the text is not valid TOML or does not match the syntax.
+    /// Returns [`InputError`] with a location if the text is not valid TOML or does not match the syntax.
     fn read(path: &Path, text: &str) -> Result<Self, InputError>;
 }
 

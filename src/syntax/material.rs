@@ -51,7 +51,7 @@ pub enum MaterialFile {
     BumpMap(BumpMapFile),
     /// A material that depolarizes a fraction of the scattered light.
     PartialDepolarizer(PartialDepolarizerFile),
-    /// A mirror under thin films.
+    /// A metal mirror coated with thin films.
     CoatedConductor(CoatedConductorFile),
     /// A polarizer: a thin sheet that transmits one polarization.
     Polarizer(PolarizerFile),
@@ -229,7 +229,7 @@ pub struct PartialDepolarizerFile {
     pub fraction: Located<ScalarFile>,
 }
 
-/// A mirror under thin films.
+/// A metal mirror coated with thin films.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductorFile {
@@ -300,7 +300,7 @@ pub struct RetarderFile {
     pub ior: Option<Located<f64>>,
 }
 
-/// Dependence of a retarder's retardance on the angle of incidence.
+/// Dependence of a wave plate's retardance on the angle of incidence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TiltFile {

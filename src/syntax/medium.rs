@@ -88,8 +88,8 @@ pub struct HeterogeneousFile {
 pub struct GridFile {
     /// Grid file in Mitsuba's format (`.vol`), relative to the scene file.
     pub file: Located<String>,
-    /// Lowest and highest corner of the grid's box in metres. Grid points are half a step inside the box.
-    /// Default: the box in the file.
+    /// Lowest and highest corner of the grid's box in metres. The outermost grid points are half a grid
+    /// step inside the box. Default: the box in the file.
     #[serde(rename = "box")]
     pub corners: Option<[[f64; 3]; 2]>,
     /// Scale, rotation and translation of the grid's box.
@@ -156,7 +156,7 @@ pub struct HenyeyGreensteinFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MieFile {
-    /// Kinds of particles that scatter.
+    /// Kinds of spheres that scatter.
     pub kinds: Located<Vec<Located<KindFile>>>,
 }
 
@@ -168,7 +168,7 @@ pub struct ParticlesFile {
     /// Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub host: Located<IndexFile>,
-    /// Absorption coefficient of the host, 1/m. Default: water's for `host = "water"`, otherwise 0.
+    /// Absorption coefficient of the host, 1/m. Default: that of water for `host = "water"`, otherwise 0.
     pub host_absorption: Option<Located<SpectrumFile>>,
     /// Kinds of particles in the host.
     pub kinds: Located<Vec<Located<KindFile>>>,
@@ -179,7 +179,7 @@ pub struct ParticlesFile {
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
     /// Refractive index: a number, one per wavelength, or a name of the optical constants. A name also sets
-    /// k.
+    /// the extinction coefficient k.
     pub index: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0.
     pub k: Option<Located<SpectrumFile>>,
@@ -316,8 +316,8 @@ pub struct PolystyreneFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarbleFile {
-    /// Mean cosine of the scattering angle, -0.999..0.999. The measured reduced scattering does not
-    /// determine this value. Default: 0.
+    /// Mean cosine of the scattering angle, -0.999..0.999. The measured reduced scattering coefficient does
+    /// not determine this value. Default: 0.
     #[serde(skip_serializing_if = "is_default")]
     pub g: Located<f64>,
 }

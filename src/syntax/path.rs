@@ -1,5 +1,5 @@
-//! Handles paths in a TOML document. A path consists of dotted keys; list elements are addressed by name, or
-//! by index from 0.
+//! Resolves paths in a TOML document. A path consists of dotted keys. List elements are addressed by name,
+//! or by index from 0.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -21,7 +21,7 @@ pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
         keys.push(key.into_inner().into_owned());
         here = value.into_inner();
     }
-    // Refuse a path that contains anything but keys, such as a comment or a value.
+    // Refuse a path that contains anything other than keys, such as a comment or a value.
     (here.as_integer().is_some_and(|n| n.as_str() == "0") && end == path.trim_end().len()).then_some(keys)
 }
 

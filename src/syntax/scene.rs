@@ -44,7 +44,7 @@ pub struct SceneFile {
     /// Objects of the scene.
     #[serde(default, skip_serializing_if = "is_default")]
     pub objects: Vec<Located<ObjectFile>>,
-    /// Groups of objects by name. Memory holds a group once for any number of instances.
+    /// Groups of objects by name. A group is stored in memory once for any number of instances.
     #[serde(default, skip_serializing_if = "is_default")]
     pub groups: BTreeMap<String, Located<GroupFile>>,
     /// Instances of groups.
@@ -154,7 +154,7 @@ impl SceneFile {
     /// Returns the text of the scene file. Keys with default values are omitted.
     ///
     /// # Errors
-    /// [`toml::ser::Error`] if an integer is larger than TOML allows (2^63 - 1).
+    /// Returns [`toml::ser::Error`] if an integer is larger than TOML allows (2^63 - 1).
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

@@ -63,8 +63,7 @@ pub struct ImageAlbedo {
     /// Whether the colours are linear, not sRGB-encoded. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
-    /// Whether a number is the luminance of the decoded colours instead of the first channel.
-    /// Default: false.
+    /// Whether a number is the luminance of the decoded colours instead of the first channel. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub luminance: bool,
     /// Layer of an OpenEXR file, such as `ViewLayer.Combined`. Default: the unnamed layer, or the only colour

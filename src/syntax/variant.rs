@@ -38,7 +38,7 @@ pub struct Variant {
 /// Parses a scene file and returns one of its variants; `path` names the file in messages.
 ///
 /// # Errors
-/// [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
+/// Returns [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
 /// values have locations in `[vary]`.
 pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
     let file = SceneFile::read(path, text)?;
@@ -62,7 +62,7 @@ pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError>
 /// Checks `[vary]` and returns the number of variants, or `None` if the number is unlimited.
 ///
 /// # Errors
-/// [`InputError`] with a location in `[vary]` if the table is invalid.
+/// Returns [`InputError`] with a location in `[vary]` if the table is invalid.
 pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, InputError> {
     if file.vary.is_empty() {
         return Ok(Some(0));
@@ -260,7 +260,7 @@ impl<'a> Vary<'a> {
                 let message = format!(
                     "vary.{other} covers {n} variants, vary.{name} {most}: the larger number must be a multiple of the smaller"
                 );
-                let help = "give lists of equal length, or choose `every` so that the longer one covers a multiple of the shorter";
+                let help = "give lists of equal length, or choose `every` so that the larger number of variants is a multiple of the smaller";
                 return Err(self.error(values, message, help));
             }
         }
@@ -269,7 +269,7 @@ impl<'a> Vary<'a> {
 
     fn variant(&self, number: u64) -> Result<Variant, InputError> {
         let index = |p: &ParameterFile| number / *p.every;
-        // Text of drawn values, to which the document refers.
+        // TOML text of the drawn values. The parsed document borrows from these texts.
         let mut drawn = BTreeMap::new();
         for (name, p) in &self.file.vary {
             if let Some(range) = &p.range {
@@ -315,7 +315,7 @@ impl<'a> Vary<'a> {
     }
 }
 
-/// Gives a drawn value the location of its range in the file.
+/// Attaches to a drawn value the location of its range in the file.
 fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     let value = match value {
         DeValue::Array(list) => {

@@ -11,9 +11,9 @@
 //! every = 3
 //! ```
 //!
-//! Variant k uses the list entry ⌊k / every⌋, cyclically. For a range, one value is drawn uniformly
-//! for each ⌊k / every⌋. Equal k give equal values, regardless of the rest of the file.
-//! [`crate::variant`] substitutes them.
+//! Variant k uses the list entry ⌊k / every⌋, cyclically. For a range, one value is drawn uniformly for
+//! each ⌊k / every⌋. The values of variant k do not depend on the rest of the file. [`crate::variant`]
+//! substitutes the values.
 
 use super::values::{any_of, schema};
 use base::locate::Located;

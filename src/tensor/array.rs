@@ -1,4 +1,4 @@
-//! A dense part of a stored slice in memory with its axes: the result of a probe and the input of figures.
+//! A dense array in memory with named axes, such as a part of a stored slice or the result of a probe.
 
 use super::axes::{Axis, AxisKind};
 
@@ -67,7 +67,7 @@ impl Tensor {
         }
     }
 
-    /// Returns (elements before, length, elements after) of an axis, for loops over it.
+    /// Returns the number of elements before an axis, its length, and the number of elements after it.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())

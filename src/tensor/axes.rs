@@ -1,4 +1,4 @@
-//! Named axes with units of a stored slice, in one fixed order.
+//! The named axes of a stored slice, with their units, in a fixed order.
 //!
 //! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
 //! only if the slice resolves it. `wavelength` is always last, so that one tensor element fills the lanes of
@@ -7,8 +7,7 @@
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Maximum number of elements in a chunk: 8 MiB of f32. With this limit, the tile size bounds the memory
-/// used.
+/// Maximum number of elements in a chunk (8 MiB of f32), so that memory use depends only on the tile size.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
 /// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix elements
@@ -16,7 +15,7 @@ pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 /// 15.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
-/// Dimension of T that an axis resolves.
+/// Dimension of the transport tensor T that an axis resolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisKind {
     /// Camera row.
@@ -130,18 +129,16 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Returns the number of coordinates.
     pub fn len(&self) -> u64 {
         self.coords.len() as u64
     }
 
-    /// Returns whether the axis has no coordinates.
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
 
-    /// Returns the index of the coordinate nearest to `coordinate`; of two equally near, the first; 0 for
-    /// an empty axis.
+    /// Returns the index of the coordinate nearest to `coordinate`: the first of two equally near
+    /// coordinates, or 0 for an empty axis.
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
         (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -158,7 +155,7 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // Also false for NaN.
+        // This condition also refuses NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }
@@ -175,7 +172,6 @@ pub struct Extents {
     pub camera: [u32; 2],
     /// Projector width and height, in pixels; `None` if the scene has no projector.
     pub projector: Option<[u32; 2]>,
-    /// Wavelengths in nanometres.
     pub wavelengths_nm: Vec<f64>,
     /// Maximum path length: bounces range from 0 to `max_depth - 1`.
     pub max_depth: u32,
@@ -343,8 +339,7 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole
-/// matrices.
+/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole matrices.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {

@@ -1,10 +1,9 @@
 //! Detection of unreliable error estimates.
 //!
 //! If few samples contribute most of the light, a pixel without such samples underestimates both its light
-//! and its error. The pixel's own samples do not show the fault, and neither does the fourth moment of the
-//! samples. Neighbouring pixels receive similar light, and some of them have such samples. A pixel is
-//! therefore marked as unreliable if its error is less than half of the root mean square of the errors
-//! around it.
+//! and its error. The pixel's own samples, and their fourth moment, do not reveal this underestimation.
+//! Neighbouring pixels receive similar light, and some of them have such samples. A pixel is therefore
+//! marked as unreliable if its error is less than half of the root mean square of the errors around it.
 
 use super::array::Tensor;
 use super::axes::Axis;
@@ -89,7 +88,8 @@ mod tests {
 
     #[test]
     fn errors_much_smaller_than_their_neighbours_are_doubtful() {
-        // The centre of 3 × 3 pixels: 9 · 1² < ¼ · Σ e², less than half of the root mean square.
+        // The centre of 3 × 3 pixels is unreliable if 9 · 1² < ¼ · Σ e², that is, if its error is less than
+        // half of the root mean square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
         let marks = doubtful(&errors(&[0.0, 1.0, 2.0], &data), true);
@@ -113,7 +113,7 @@ mod tests {
     fn distant_rows_are_not_neighbours() {
         let data = [0.1, 0.1, 0.1, 9.0, 9.0, 9.0];
         assert_eq!(doubtful(&errors(&[1.0, 5.0], &data), true), [false; 6]);
-        // Boxes of pixels are neighbours at this distance.
+        // Boxes of several pixels are neighbours at this distance.
         let marks = doubtful(&errors(&[1.5, 5.5], &data), false);
         assert_eq!(marks, [true, true, true, false, false, false]);
     }

@@ -1,4 +1,4 @@
-//! The arrays of a slice.
+//! The arrays (fields) of a stored slice.
 
 use crate::axes::SliceLayout;
 

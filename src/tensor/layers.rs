@@ -11,7 +11,7 @@ pub enum Parts {
     Wavelengths,
 }
 
-/// Values of a layer: rows from the top of the image, the values of a pixel contiguous.
+/// Values of a layer, row by row from the top of the image. The values of a pixel are contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerValues {
     /// Real numbers; NaN marks missing values.
@@ -27,7 +27,7 @@ pub struct Layer {
     /// Unit of the values; `1` for values without a unit.
     pub units: &'static str,
     pub long_name: &'static str,
-    /// Number of values per pixel, which are the axes after y and x.
+    /// Number of values per pixel, which defines the axis after y and x.
     pub parts: Parts,
     pub values: LayerValues,
     /// Names of the objects or materials, indexed by the values of the layer.
@@ -39,13 +39,12 @@ pub struct Layer {
 pub struct LayerSet {
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Vacuum wavelengths of the layers with one number per wavelength, in nanometres.
+    /// Vacuum wavelengths, in nanometres, of the layers that have one number per wavelength.
     pub wavelengths_nm: Vec<f64>,
     pub layers: Vec<Layer>,
 }
 
 impl LayerSet {
-    /// Returns the layer with this name.
     pub fn get(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|l| l.name == name)
     }

@@ -1,4 +1,4 @@
-//! A sink that keeps a render as arrays in memory, with the same numbers as a store on disk.
+//! A sink that stores a render as arrays in memory, with the same numbers as a store on disk.
 
 use crate::array::Tensor;
 use crate::field::Field;

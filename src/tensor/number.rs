@@ -1,4 +1,4 @@
-//! A common trait for single and double precision numbers.
+//! A trait that single- and double-precision numbers implement.
 
 use bytemuck::Pod;
 

@@ -30,8 +30,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Returns an error message if this part is invalid for a render of `tiles` tiles. A share may be
-    /// empty.
+    /// Returns an error message if this part is invalid for a render of `tiles` tiles. A share may be empty.
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
             Self::Share { number, of } if number == 0 || number > of => {
@@ -99,8 +98,7 @@ impl fmt::Display for Part {
 mod tests {
     use super::*;
 
-    /// Verifies that every tile is in exactly one share, and that sizes of shares differ by at most one
-    /// tile.
+    /// Verifies that every tile is in exactly one share, and that sizes of shares differ by at most one tile.
     #[test]
     fn every_tile_is_in_exactly_one_share() {
         for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {

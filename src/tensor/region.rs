@@ -1,4 +1,4 @@
-//! Boxes of row-major arrays: indices of the chunks that a box intersects, and copies between boxes.
+//! Boxes of row-major arrays: iterates over indices and chunks, and copies between boxes.
 //!
 //! The functions compute with `u64` indices and row-major shapes (last axis fastest).
 

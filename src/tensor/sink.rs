@@ -86,7 +86,6 @@ pub struct Summary {
     pub complete: bool,
     /// Number of finished tiles, including those of earlier runs.
     pub tiles_done: u32,
-    /// Total number of tiles.
     pub tiles: u32,
     /// Number of discarded samples, including those of earlier runs.
     pub discarded: u64,
@@ -111,30 +110,30 @@ pub trait Sink: Sync {
     /// Prepares for a render and returns the tiles that are already finished.
     ///
     /// # Errors
-    /// If the destination cannot be created or opened.
+    /// Returns an error if the destination cannot be created or opened.
     fn begin(&mut self, job: &Job) -> Result<Vec<TileRecord>, Self::Error>;
 
     /// Stores a piece of values.
     ///
     /// # Errors
-    /// If the values cannot be stored; the render stops.
+    /// Returns an error if the values cannot be stored; the render stops.
     fn put(&self, piece: &Piece) -> Result<(), Self::Error>;
 
     /// Stores the sample counts of a tile.
     ///
     /// # Errors
-    /// If the counts cannot be stored; the render stops.
+    /// Returns an error if the counts cannot be stored; the render stops.
     fn put_samples(&self, samples: &SampleCounts) -> Result<(), Self::Error>;
 
     /// Marks a tile as finished, after all values of the tile have been stored.
     ///
     /// # Errors
-    /// If the tile cannot be recorded; the render stops.
+    /// Returns an error if the tile cannot be recorded; the render stops.
     fn tile_done(&self, record: &TileRecord) -> Result<(), Self::Error>;
 
     /// Ends the render, complete or interrupted.
     ///
     /// # Errors
-    /// If the output cannot be completed.
+    /// Returns an error if the output cannot be completed.
     fn end(&mut self, summary: &Summary) -> Result<(), Self::Error>;
 }

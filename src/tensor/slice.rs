@@ -1,6 +1,6 @@
 //! Selection of the parts of T(s, s', p, p', t) to keep, with one independent choice per axis.
 //!
-//! A [`Slice`] is plain data, already resolved against the scene. One rendering pass fills all slices.
+//! A [`Slice`] contains only data whose references to the scene are resolved. One render fills all slices.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub enum CameraSelect {
 /// Selection of projector pixels s' (axes `v` for rows and `u` for columns).
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProjectorSelect {
-    /// Sum over all s', including light without an s', such as that of a point emitter. No axis.
+    /// Sum over all s', including light without an s', such as light from a point emitter. Adds no axis.
     Sum,
     /// All projector pixels.
     All,
@@ -42,34 +42,34 @@ pub enum ProjectorSelect {
         /// Rows per box.
         ny: u32,
     },
-    /// Weighted sum over s', with one weight per projector pixel: a drive image in 0..1, or a coordinate.
-    /// No axis.
+    /// Weighted sum over s' with one weight per projector pixel: a drive image (0..1) or a coordinate. Adds
+    /// no axis.
     Mask {
         /// Name of the drive image or coordinate.
         name: String,
         /// One weight per projector pixel, row-major.
         weights: Vec<f32>,
     },
-    /// Sum over the s' whose centres are within the half width of the epipolar line of s. No axis.
+    /// Sum over the s' whose centres are within the half width of the epipolar line of s. Adds no axis.
     Epipolar {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
     },
-    /// The s' of [`Self::Epipolar`], summed by projector column or row. One axis, `u` or `v`.
+    /// The s' of [`Self::Epipolar`], summed by projector column or row. Adds one axis, `u` or `v`.
     EpipolarAlong {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
         /// Projector axis that the slice resolves.
         along: ProjectorAxis,
     },
-    /// Sum over all s' outside the strip around the epipolar line of s. No axis.
+    /// Sum over all s' outside the strip around the epipolar line of s. Adds no axis.
     NonEpipolar {
         /// Half width of the excluded strip, in projector pixels.
         half_width_px: f32,
     },
-    /// Only s' = s (camera and projector have the same resolution). No axis.
+    /// Only s' = s (camera and projector have the same resolution). Adds no axis.
     Coaxial,
-    /// Only light without an s', from emitters other than the projector. No axis.
+    /// Only light without an s', from emitters other than the projector. Adds no axis.
     Ambient,
 }
 
@@ -94,7 +94,7 @@ pub struct Block {
 /// Selection of the travel time t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TimeSelect {
-    /// Steady state: sum over all t. No axis.
+    /// Steady state: sum over all t. Adds no axis.
     Sum,
     /// Time bins of equal width. The overflow array stores the light outside the bins.
     Bins {
@@ -102,7 +102,6 @@ pub enum TimeSelect {
         start_ps: f64,
         /// Width of a bin, in picoseconds.
         bin_ps: f64,
-        /// Number of bins.
         bins: u32,
     },
 }
@@ -112,11 +111,11 @@ pub enum TimeSelect {
 pub enum Polarization {
     /// All 16 Mueller elements: axes `stokes_out`, `stokes_in`.
     Mueller,
-    /// M00 only: unpolarized light in, intensity out. No axis.
+    /// M00 only: the response in intensity to unpolarized light. Adds no axis.
     Intensity,
 }
 
-/// One slice of the tensor: a choice for every axis, and optional axes that no real camera can measure.
+/// One slice of the tensor: a choice for every dimension, and optional axes that no real camera can measure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slice {
     /// Name of the group in the store.

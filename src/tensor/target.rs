@@ -1,11 +1,11 @@
 //! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
 //!
 //! Samples are added in rounds. After each round, a lit pixel with relative error e after n samples needs n
-//! (e / goal)² samples. The slice reaches the goal when a given share of its lit pixels does; a share of
-//! 0.5 is the median. Samples are therefore assigned first to the tiles where they move most pixels to the
-//! goal. Tiles whose pixels have reached the goal, or would need many samples to reach it, get fewer
-//! samples. No tile gets less than half of the uniform number of samples that would reach the goal, so that
-//! no error exceeds √2 times the uniform one.
+//! (e / goal)² samples. The slice reaches the goal when a given share of its lit pixels has reached the
+//! goal. A share of 0.5 is the median. Samples are therefore assigned first to the tiles in which they make
+//! the most pixels reach the goal. Tiles whose pixels have reached the goal, or would need many samples to
+//! reach it, get fewer samples. No tile gets less than half of the uniform number of samples that would
+//! reach the goal, so that no error exceeds √2 times the error of uniform sampling.
 //!
 //! If the noise of a pixel determined its sample count, the mean would be biased, because sampling would
 //! stop where the first samples are dim. Therefore at least [`LEAST_LIT`] pixels determine the samples of a
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 /// Name of the root attribute of a store that was rendered to a target error.
 pub const ATTRIBUTE: &str = "target";
 
-/// Name of the root attribute of a round's store: the number of the round, and the render.
+/// Name of the root attribute of a round's store that identifies the round and the render.
 pub const ROUND: &str = "round";
 
 /// Name of the root attribute of a store whose tiles have different numbers of samples.
@@ -35,16 +35,16 @@ const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 /// samples are less reliable.
 const GROWTH: f64 = 4.0;
 
-/// Ratio of a round's target error to the goal; the last round then does not narrowly miss the goal.
+/// Ratio of a round's target error to the goal, so that the last round does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half is skipped.
+/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half of it is skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
 const GROUPS: u32 = 32;
 
-/// Target of the sampling.
+/// Goal of adaptive sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     /// Name of the slice whose error is measured.
@@ -60,7 +60,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names.
+    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names (`--`).
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
@@ -163,12 +163,12 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
 struct Needs {
     /// Samples that the tile's own lit pixels need.
     own: Vec<f64>,
-    /// Samples that the pixels that determine the tile's count need, sorted.
+    /// Sorted numbers of samples that the pixels need that determine the tile's count.
     samples: Vec<f64>,
 }
 
 impl Needs {
-    /// Returns how many of the tile's lit pixels reach the goal with `n` samples.
+    /// Returns the number of the tile's lit pixels that reach the goal with `n` samples.
     fn there(&self, n: f64) -> f64 {
         let there = self.samples.partition_point(|need| *need <= n);
         (self.own.len() * there) as f64 / self.samples.len().max(1) as f64
@@ -176,7 +176,7 @@ impl Needs {
 }
 
 impl Tile {
-    /// Returns the larger of `samples` and the tile's present samples; the present samples if the slice
+    /// Returns the larger of `samples` and the tile's current samples, or the current samples if the slice
     /// keeps no pixel of the tile.
     fn at_least(&self, samples: f64) -> f64 {
         let had = f64::from(self.samples);
@@ -271,10 +271,11 @@ impl Survey {
     }
 
     /// Returns the samples per pixel for each tile, chosen from the increasing `counts`, with which
-    /// `wanted` lit pixels reach the goal. Each tile maximizes its pixels at the goal minus a price per
-    /// sample; the price is as high as possible. Returns `None` if no price is low enough.
+    /// `wanted` lit pixels reach the goal. Each tile maximizes the number of its pixels at the goal minus a
+    /// price per sample (a Lagrange multiplier). The price is the highest with which `wanted` pixels reach
+    /// the goal. Returns `None` if no price is low enough.
     fn plan(&self, needs: &[Needs], counts: &[f64], wanted: f64) -> Option<Vec<f64>> {
-        // Per tile and choice: samples per pixel, and pixels at the goal.
+        // For each tile and choice: the samples per pixel, and the number of pixels at the goal.
         let choices: Vec<Vec<[f64; 2]>> = self
             .tiles
             .iter()
@@ -287,14 +288,14 @@ impl Survey {
         let best = |price: f64| -> Vec<[f64; 2]> {
             let of = |(tile, choices): (&Tile, &Vec<[f64; 2]>)| {
                 let worth = |[n, there]: &[f64; 2]| there - price * f64::from(tile.pixels) * n;
-                // Of equal choices the first, which is cheapest.
+                // Of equally good choices, use the first, which has the fewest samples.
                 let better = |a: [f64; 2], b: &[f64; 2]| if worth(b) > worth(&a) { *b } else { a };
                 choices.iter().fold(choices[0], better)
             };
             self.tiles.iter().zip(&choices).map(of).collect()
         };
         let enough = |price: f64| best(price).iter().map(|c| c[1]).sum::<f64>() >= wanted;
-        // Price: pixels per sample, searched on a logarithmic scale.
+        // The price in pixels per sample is searched on a logarithmic scale.
         let (mut low, mut high) = (-40.0_f64, 5.0);
         if counts.is_empty() || !enough(low.exp()) {
             return None;

@@ -106,7 +106,7 @@ const CASES: &[Case] = &[
     ("a huge resolution", "resolution = [16, 16]", "resolution = [40000, 16]", "^[40000, 16]", "40000"),
     ("an unknown integrator", "spp = 1", "spp = 1\nintegrator = \"photon\"", "^\"photon\"", "one of `auto`, `path`, `caustics`, `bidirectional`"),
     ("a medium that is not there", "material = \"gold\"", "material = \"gold\"\ninterior = \"milk\"", "^\"milk\"", "unknown medium `milk`"),
-    ("an aperture in focus nowhere", "fov_x_deg = 50", "fov_x_deg = 50\naperture = { radius = 0.01, focus = 0 }", "^{ radius = 0.01", "focus of the aperture in metres is 0"),
+    ("an aperture in focus nowhere", "fov_x_deg = 50", "fov_x_deg = 50\naperture = { radius = 0.01, focus = 0 }", "^{ radius = 0.01", "the focus distance in metres is 0"),
     ("a null material with keys", "glass.dielectric = { ior = 1.5 }", "glass.null = { ior = 1.5 }", "^ior", "unknown field `ior`"),
     ("spp of 0", "spp = 1", "spp = 0", "^0\ntile", "spp is 0"),
     ("no bounce", "max_depth = 3", "max_depth = 0", "^0\n\n[camera]", "max_depth is 0"),

@@ -49,7 +49,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     let mut layers: BTreeMap<String, Part> = BTreeMap::new();
     for part in &image.layer_data {
         let own = part.attributes.layer_name.as_ref().map(ToString::to_string);
-        // Ignore the name of a single part: many writers give a meaningless one.
+        // Ignore the name of a single part, because many programs write a meaningless name.
         let own = own.filter(|_| image.layer_data.len() > 1).unwrap_or_default();
         let (origin, display) = (part.attributes.layer_position, image.attributes.display_window);
         if (origin, part.size) != (display.position, display.size) {
@@ -84,7 +84,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
         .map(|c| [c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]));
     let to_rgb = primaries::conversion(is_xyz, given)
         .map_err(|NoGamut| PictureError::damaged("OpenEXR", "the chromaticities are degenerate"))?;
-    // Grey has no primaries.
+    // A single grey channel has no primaries.
     let to_rgb = to_rgb.filter(|_| channels.len() == 3);
     let [width, height] = chosen.size;
     let mut values = vec![[0.0; 3]; width * height];
@@ -163,7 +163,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
         })
 }
 
-/// Returns the one or three image channels of a layer, and whether they are CIE XYZ.
+/// Returns the one or three image channels of a layer, and whether the channels are CIE XYZ.
 fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, bool), PictureError> {
     let all = |names: &[&str]| names.iter().map(|n| layer.get(*n).copied()).collect::<Option<Vec<_>>>();
     if let Some(rgb) = all(&["R", "G", "B"]) {

@@ -5,7 +5,7 @@ use super::pixels::{PictureError, Pixels, pixel_count};
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |what: &str| PictureError::damaged("PFM", what);
-    // Three tokens after the signature, each terminated by one white-space character.
+    // Read the three tokens after the signature. One white-space character terminates each token.
     let mut at = 2;
     let mut token = || {
         let start = at + bytes[at..].iter().position(|b| !b.is_ascii_whitespace())?;

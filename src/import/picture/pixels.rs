@@ -1,4 +1,4 @@
-//! Defines a decoded image file and decoding errors.
+//! Types of a decoded image and of decoding errors.
 
 const MOST_PIXELS: usize = 1 << 28;
 
@@ -6,8 +6,8 @@ const MOST_PIXELS: usize = 1 << 28;
 pub struct Pixels {
     pub width: usize,
     pub height: usize,
-    /// Three channels per pixel, top row first. Integers map to 0..1, a single channel is repeated, and alpha
-    /// is dropped.
+    /// Three channels per pixel, top row first. Integers map to 0..1, a single channel is repeated three
+    /// times, and alpha is omitted.
     pub values: Vec<[f32; 3]>,
     pub encoded: bool,
     /// Rows of the matrix from the channels to linear red, green and blue of ITU-R BT.709; `None`

@@ -1,4 +1,4 @@
-//! Converts colours of other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
+//! Converts colours with other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
 //!
 //! The conversion uses CIE XYZ without chromatic adaptation, as in the OpenEXR library and in Mitsuba.
 
@@ -26,7 +26,7 @@ fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
 /// the given primaries. Returns `None` for BT.709 and for files without primaries.
 ///
 /// # Errors
-/// [`NoGamut`] if the primaries span no gamut.
+/// Returns [`NoGamut`] if the primaries span no gamut.
 pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Option<[[f32; 3]; 3]>, NoGamut> {
     match given.filter(|p| !is_bt709(p)) {
         _ if is_xyz => Ok(Some(rows(xyz_to_bt709()))),

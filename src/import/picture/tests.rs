@@ -1,4 +1,4 @@
-//! Tests the decoders with files of known pixels, written by these tests or by other encoders.
+//! Tests the decoders with files of known pixel values, which these tests or other encoders write.
 
 use super::*;
 use exr::prelude::*;
@@ -165,7 +165,7 @@ fn colours_of_other_primaries_are_converted_to_srgb() {
             assert!((got - want).abs() < 2e-3, "{got}, {want}");
         }
     }
-    // In Rec. 2020, with the same white, grey does not change and green is outside BT.709's gamut.
+    // Rec. 2020 has the same white point, so grey does not change. Its green is outside the gamut of BT.709.
     let mut image = Image::from_layer(layer(
         &["R", "G", "B"].into_iter().zip([0.5, 0.5, 0.5].map(constant)).collect::<Vec<_>>(),
         Encoding::UNCOMPRESSED,
@@ -222,7 +222,7 @@ fn radiance_headers_and_orientations_are_read() {
         assert_eq!(pixels.values, want, "{head}");
         assert!(pixels.notes.is_empty(), "{head}: {:?}", pixels.notes);
     }
-    // The same image in each of the eight pixel orders.
+    // All eight pixel orders give the same image.
     for (resolution, order) in [
         ("-Y 3 +X 2", [0, 1, 2, 3, 4, 5]),
         ("-Y 3 -X 2", [1, 0, 3, 2, 5, 4]),
@@ -252,14 +252,14 @@ fn radiance_exposures_are_divided_out() {
 
 #[test]
 fn radiance_scan_lines_are_read_in_all_encodings() {
-    // Runs by channel: a run of 9, and 1 + 8 literal values.
+    // The line is run-length encoded per channel: a run of 9, and 1 + 8 literal values.
     let mut runs = b"#?RGBE\n\n-Y 1 +X 9\n\x02\x02\x00\x09".to_vec();
     runs.extend([128 + 9, 64, 1, 5, 8, 1, 2, 3, 4, 5, 6, 7, 8, 128 + 9, 32, 128 + 9, 129]);
     let pixels = decode("a.hdr", &runs, None).expect("read");
     let green = [5, 1, 2, 3, 4, 5, 6, 7, 8];
     let want: Vec<_> = green.iter().map(|g| radiance_value([64, *g, 32, 129])).collect();
     assert_eq!(pixels.values, want);
-    // The old encoding: a pixel repeated 3 + 256 times.
+    // In the old encoding, the pixel is repeated 3 + 256 times.
     let mut old = b"#?RGBE\n\n-Y 1 +X 260\n".to_vec();
     old.extend([9, 8, 7, 128, 1, 1, 1, 3, 1, 1, 1, 1]);
     let pixels = decode("a.hdr", &old, None).expect("read");
@@ -343,7 +343,7 @@ fn gamma_chunks_are_noted() {
     let image = DynamicImage::from(GrayImage::new(2, 2));
     let mut bytes = encoded(&image, ImageFormat::Png).expect("written");
     assert!(decode("a.png", &bytes, None).expect("read").notes.is_empty());
-    // gAMA 1.0, with its checksum, after the header chunk of 33 bytes.
+    // Insert gAMA 1.0, with its checksum, after the signature and the header chunk (33 bytes).
     let chunk: [u8; 16] = [0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xa0, 0x31, 0xe8, 0x96, 0x5f];
     bytes.splice(33..33, chunk);
     let notes = decode("a.png", &bytes, None).expect("read").notes;

@@ -3,8 +3,8 @@
 
 use glam::DVec2;
 
-/// The largest angle to the axis at which the lens is invertible, radians. Normalized coordinates are on
-/// the plane z = 1, which a ray at 90° does not intersect.
+/// Largest angle from the optical axis, in radians, at which the lens is inverted. Normalized coordinates
+/// are on the plane z = 1, which a ray at 90° does not intersect.
 pub const WIDEST: f64 = 1.565;
 
 /// Coefficients k1 to k4 of a fisheye lens. A point p on the plane z = 1, with r = |p| and θ = atan r, is
@@ -28,7 +28,7 @@ impl Fisheye {
         [value, slope]
     }
 
-    /// Maps ideal normalized coordinates to distorted ones.
+    /// Maps ideal normalized coordinates to distorted normalized coordinates.
     #[inline]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let r = p.length();
@@ -77,7 +77,7 @@ impl Fisheye {
         if self.radius(high)[0].partial_cmp(&want).is_none_or(std::cmp::Ordering::is_lt) {
             return None;
         }
-        // Newton's method, with bisection where it leaves the bracket.
+        // Use Newton's method, with bisection where a Newton step leaves the bracket.
         let mut theta = want.min(high);
         for _ in 0..100 {
             let [value, slope] = self.radius(theta);

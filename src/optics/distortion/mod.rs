@@ -14,7 +14,7 @@ pub enum Distortion {
     /// No distortion.
     #[default]
     None,
-    /// OpenCV's model for planar images, which includes Brown–Conrady.
+    /// OpenCV's model for planar images, which includes the Brown–Conrady model.
     Opencv(Opencv),
     /// OpenCV's fisheye model.
     Fisheye(Fisheye),
@@ -71,7 +71,7 @@ impl Distortion {
                 if lens.radius(WIDEST)[0] < q.length()
                     && (0..64).all(|i| lens.radius(WIDEST * f64::from(i) / 63.0)[1] > 0.0) =>
             {
-                "the point is 90° or more off the axis, outside the field of a device with a planar image"
+                "the point is 90° or more from the optical axis, outside the field of view of a device with a planar image"
             }
             _ => "the distortion folds the image",
         }
@@ -179,8 +179,8 @@ mod tests {
         near(with(|l| l.s2 = 1.0), 0.5625, 0.0);
         near(with(|l| l.s3 = 1.0), 0.5, 0.25);
         near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
-        // A sensor tilted by τ about y: x cos τ... over the depth of the point on it, times the cosine of its
-        // normal.
+        // For a sensor tilted by τ about y, divide the rotated coordinate by the depth of the point on the
+        // sensor, and multiply by the cosine of the sensor's normal.
         let t: f64 = 0.1;
         let (s, c) = t.sin_cos();
         let (x, z) = (0.5 * c - s, 0.5 * s + c);

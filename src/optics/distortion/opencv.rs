@@ -49,7 +49,7 @@ impl Opencv {
         }
     }
 
-    /// Maps ideal normalized coordinates to distorted ones.
+    /// Maps ideal normalized coordinates to distorted normalized coordinates.
     #[inline]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let bent = self.bend(p);
@@ -165,8 +165,8 @@ impl Opencv {
         None
     }
 
-    /// Implements [`Self::undistort`] for points at which Newton's method diverges, by continuation along
-    /// the line from the centre.
+    /// Implements [`Self::undistort`] for points at which Newton's method diverges, by numerical
+    /// continuation along the line from the image centre.
     #[cold]
     fn follow(&self, q: DVec2) -> Option<DVec2> {
         const STEPS: i32 = 32;

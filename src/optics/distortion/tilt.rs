@@ -5,10 +5,10 @@ use glam::{DMat3, DVec2, DVec3};
 /// The homography of a tilted sensor behind the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tilt {
-    /// Angles of rotation about x, then about y, radians.
+    /// Rotation angles about x and then about y, in radians.
     pub tau: [f64; 2],
-    /// Matrix that maps distorted normalized coordinates (x, y, 1) to those on the tilted sensor, up to a
-    /// factor.
+    /// Matrix from distorted normalized coordinates (x, y, 1) to homogeneous coordinates on the tilted
+    /// sensor.
     forward: DMat3,
 }
 

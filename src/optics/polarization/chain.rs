@@ -1,9 +1,9 @@
-//! The Mueller product along a path, in the cheapest exact form.
+//! The product of the Mueller matrices along a path, in the most compact exact form.
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
-//! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After such an interaction, the product is the
-//! outer product of a column (camera side) and a row (projector side), which have 8 numbers instead of 16.
-//! Usually only 2 of these are non-zero.
+//! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ. After such an interaction, the product
+//! is the outer product of a column (camera side) and a row (projector side), which have 8 numbers instead
+//! of 16. Usually only two of the 8 numbers are non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -16,7 +16,7 @@ use glam::Vec3A;
 /// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// A factor times a frame rotation (cos 2θ, sin 2θ), before any polarizing or depolarizing interaction.
+    /// A factor times a frame rotation (cos 2θ, sin 2θ), while no interaction was polarizing or depolarizing.
     Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// A general Mueller matrix.
     Full(Mueller),
@@ -241,7 +241,7 @@ impl Chain {
         max_lane(self.m00())
     }
 
-    /// Returns true if no light passes at any wavelength.
+    /// Returns true if M00 is 0 at all wavelengths.
     #[inline(always)]
     pub fn is_dark(&self) -> bool {
         self.m00().simd_eq(Spectral::ZERO).all()
@@ -296,7 +296,7 @@ mod tests {
         Scatter::Full { mueller, frame_out: at(40.0), frame_in: at(-65.0) }
     }
 
-    /// Verifies that every form of the chain equals the product of 4×4 matrices.
+    /// Verifies that a chain in every form equals the product of 4×4 matrices.
     #[test]
     fn chain_equals_plain_products() {
         let d = Vec3A::Z;

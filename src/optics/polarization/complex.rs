@@ -35,7 +35,8 @@ impl Complex {
     /// is positive, as evanescent waves require.
     #[inline]
     pub fn sqrt(self) -> Self {
-        // The larger part by a root, the other by division: a difference would cancel for weak absorbers.
+        // Compute the larger part by a square root and the other part by division, because a difference
+        // would cancel for weak absorbers.
         let large = ((self.norm2().sqrt() + self.re.abs()) * Spectral::HALF).sqrt();
         let small = self.im * Spectral::HALF / large.max(Spectral::splat(f32::MIN_POSITIVE));
         let minus = self.im.simd_lt(Spectral::ZERO);

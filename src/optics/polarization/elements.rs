@@ -14,22 +14,22 @@ pub fn turned(element: Mueller, theta: f32) -> Mueller {
     rotator(-theta) * element * rotator(theta)
 }
 
-/// Returns the ideal linear polarizer L(θ) with the transmitting axis at θ.
+/// Returns the ideal linear polarizer L(θ) with the transmission axis at θ.
 pub fn polarizer(theta: f32) -> Mueller {
     let p = Mueller::splat([[0.5, 0.5, 0., 0.], [0.5, 0.5, 0., 0.], [0., 0., 0., 0.], [0., 0., 0., 0.]]);
     turned(p, theta)
 }
 
-/// Returns the linear retarder with the fast axis at θ and the retardance δ by which the slow axis lags. δ
-/// = π/2 is the paper's Q(θ).
+/// Returns the linear retarder with the fast axis at θ and the retardance δ by which the slow axis lags.
+/// With δ = π/2, the retarder is the quarter-wave plate Q(θ).
 pub fn retarder(theta: f32, delta: f32) -> Mueller {
     let (s, c) = delta.sin_cos();
     let r = Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., c, s], [0., 0., -s, c]]);
     turned(r, theta)
 }
 
-/// Returns the ideal mirror at normal incidence, with the s-frame on both sides. The mirror swaps
-/// handedness and ±45°.
+/// Returns the Mueller matrix of an ideal mirror at normal incidence, with s-frames for incident and
+/// reflected light. The mirror exchanges right and left circular polarization, and +45° and −45°.
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }

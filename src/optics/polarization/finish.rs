@@ -1,4 +1,4 @@
-//! Ends of paths: appends the elements of a finished [`Chain`] that can be non-zero.
+//! Ends paths: appends the elements of a finished [`Chain`] that can be non-zero to a list.
 
 use super::chain::{Chain, rotate_row, row_times_block};
 use super::extent::Extent;

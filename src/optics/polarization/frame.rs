@@ -1,4 +1,4 @@
-//! Frames of Stokes vectors: a unit vector x perpendicular to the direction of travel d.
+//! Frames of Stokes vectors. A frame is a unit vector x perpendicular to the direction of propagation d.
 
 use glam::{Mat3A, Vec3A};
 
@@ -19,7 +19,7 @@ pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
 /// `d` and `axis`.
 ///
 /// If `axis` and `d` are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if
-/// `d` is within 25.8° of z. An arbitrary perpendicular would depend on the rounding errors of `d`.
+/// `d` is within 25.8° of z. An arbitrary perpendicular vector would depend on the rounding errors of `d`.
 #[inline]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     let x = axis - d * axis.dot(d);
@@ -74,8 +74,8 @@ mod tests {
         assert!((c - 1.0_f32.cos()).abs() < 1e-6 && (s - 1.0_f32.sin()).abs() < 1e-6);
     }
 
-    /// Verifies that an axis along the light gives the frame that CONVENTIONS.md defines, independent of
-    /// rounding.
+    /// Verifies that an axis parallel to the ray gives the frame that CONVENTIONS.md defines, independent
+    /// of rounding.
     #[test]
     fn a_parallel_axis_has_the_stated_frame() {
         for (axis, want) in [

@@ -1,8 +1,8 @@
-//! Fresnel's equations as Mueller matrices, with s-polarization as the first basis axis on both sides.
+//! Fresnel's equations as Mueller matrices. The s direction is the first basis axis of all light.
 //!
 //! In that basis, reflection and refraction at a smooth isotropic interface have block form (Collett 2005,
-//! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs are
-//! those of Mitsuba 3; the tests compare with its numbers.
+//! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs
+//! are those of Mitsuba 3, and the tests compare with numbers from Mitsuba 3.
 
 use super::complex::Complex;
 use super::mueller::Mueller;
@@ -55,9 +55,9 @@ impl FresnelBlock {
     }
 }
 
-/// Returns the block of reflection by a conductor with the complex relative index `n + i·k` (k ≥ 0
-/// absorbs). `cos_i` is the cosine of incidence in 0..1. The block maps the incoming s-frame to the
-/// outgoing s-frame.
+/// Returns the Mueller block for reflection by a conductor with the complex relative index `n + i·k` (k ≥ 0
+/// absorbs). `cos_i` is the cosine of the angle of incidence, in 0..1. The block maps the incoming s-frame
+/// to the outgoing s-frame.
 #[inline]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
@@ -78,12 +78,13 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
 pub struct DielectricFresnel {
     /// Mueller block of reflection.
     pub reflection: FresnelBlock,
-    /// Mueller block of *power* transmission (no radiance scaling); zero in lanes with total reflection.
+    /// Mueller block of *power* transmission (without radiance scaling); zero under total internal
+    /// reflection.
     pub transmission: FresnelBlock,
 }
 
-/// Returns the blocks of a smooth dielectric interface. `eta` is the index on the far side over the index
-/// on the side of incidence; `cos_i` is the cosine of incidence in 0..1.
+/// Returns the Mueller blocks of a smooth dielectric interface. `eta` is the index on the far side divided
+/// by the index on the side of incidence. `cos_i` is the cosine of the angle of incidence, in 0..1.
 #[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
     dielectric_per_lane(Spectral::splat(cos_i), eta)
@@ -95,7 +96,7 @@ pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel 
     let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);
     let eta2 = eta * eta;
     let sin2 = Spectral::ONE - ci * ci;
-    // Under total reflection the radicand is negative: the root is imaginary and the wave is evanescent.
+    // Under total internal reflection, the root is imaginary and the wave is evanescent.
     let root = Complex::real(eta2 - sin2).sqrt();
     let ci_c = Complex::real(ci);
     let r_s = (ci_c - root) / (ci_c + root);
@@ -104,7 +105,7 @@ pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel 
     let two = Spectral::splat(2.0);
     let t_s = Complex::real(two * ci / (ci + root.re));
     let t_p = Complex::real(two * eta * ci / (eta2 * ci + root.re));
-    // Power: n_t cosθ_t / (n_i cosθ_i) = root / cosθ_i; root.re is zero under total reflection.
+    // The power factor is n_t cosθ_t / (n_i cosθ_i) = root / cosθ_i. Under total reflection, root.re is zero.
     let factor = root.re / ci.max(Spectral::splat(1e-12));
     let transmission = FresnelBlock::from_amplitudes(t_s, t_p, factor);
     DielectricFresnel { reflection, transmission }
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn total_reflection_has_the_textbook_retardance() {
-        // tan(δ/2) = cosθ √(sin²θ - n²) / sin²θ (Born & Wolf 1.5.4), δ between s and p.
+        // The phase δ between s and p is given by tan(δ/2) = cosθ √(sin²θ - n²) / sin²θ (Born & Wolf 1.5.4).
         for deg in [45.0_f32, 51.3, 60.0, 75.0] {
             let n = 1.0 / 1.5_f32;
             let (s, c) = deg.to_radians().sin_cos();

@@ -57,7 +57,7 @@ impl Mueller {
     #[inline]
     pub fn scaled(&self, f: Spectral) -> Self {
         let mut out = *self;
-        // A loop, because the compiler does not inline closures of nested array maps.
+        // Use a loop, because the compiler does not inline closures of nested array maps.
         for e in out.m.as_flattened_mut() {
             *e *= f;
         }
@@ -104,7 +104,7 @@ impl Mueller {
 
 impl Mul for Mueller {
     type Output = Self;
-    /// Multiplies two matrices; light passes the right factor first.
+    /// Multiplies two matrices; light interacts with the right factor first.
     #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self { m: self.m.map(|row| rhs.row_times(&row)) }

@@ -1,4 +1,4 @@
-//! A single interaction as a Mueller matrix in the cheapest exact form.
+//! The Mueller matrix of a single interaction, in the most compact exact form.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -7,11 +7,11 @@ use crate::spectrum::Spectral;
 use glam::Vec3A;
 
 /// A single interaction that maps light travelling along `-wi` to light travelling along `wo`.
-// A box would allocate at every bounce; small variants are written without touching the rest.
+// A box would allocate memory at every bounce. Writing a small variant does not write the unused bytes.
 #[expect(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Scatter {
-    /// Complete depolarization f·e₀e₀ᵀ, for which frames are irrelevant.
+    /// Complete depolarization, f·e₀e₀ᵀ, which is the same in all frames.
     Depolarize(Spectral),
     /// A Fresnel block whose frame on both sides is the unit vector `s` perpendicular to the plane of
     /// incidence. Wave plates and polarizers that do not deflect light also have this form, in the frame `s`
@@ -96,7 +96,7 @@ impl Scatter {
     #[inline]
     pub fn reversed(&self) -> Self {
         match self {
-            // Transposition and D change the signs of the same two elements.
+            // Transposition and D change the signs of the same two elements, so the changes cancel.
             Self::Depolarize(_) | Self::Fresnel { .. } => *self,
             Self::Full { .. } => {
                 let mut turned = self.transposed();

@@ -31,7 +31,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// The absence of a film: no reflection and no phase.
+    /// A film of zero thickness and index 1, which has no effect.
     pub const NONE: Self = Self { n: Spectral::ONE, k: Spectral::ZERO, waves: Spectral::ZERO };
 }
 
@@ -64,18 +64,18 @@ impl Layer {
     fn round_trip(&self, waves: Spectral) -> Complex {
         let twice = Spectral::splat(2.0) * waves;
         let turns = self.q.re * twice;
-        // Remove whole turns first: sine and cosine are most accurate near zero.
+        // Remove whole periods first, because sine and cosine are most accurate near zero.
         let (sin, cos) = ((turns - turns.round()) * Spectral::splat(TAU)).sin_cos();
         let decay = (self.q.im * twice * Spectral::splat(-TAU)).exp();
         Complex { re: cos, im: sin }.scale(decay)
     }
 }
 
-/// Returns the block of reflection by `films`, listed from the outside in, on a substrate of index n + i·k.
+/// Returns the Mueller block for reflection by `films` (outermost first) on a substrate of index n + i·k.
 ///
-/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of
-/// incidence in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are accurate to
-/// 10⁻⁶ of a turn per 10 waves of optical thickness.
+/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of the
+/// angle of incidence, in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are
+/// accurate to 10⁻⁶ of a period per 10 wavelengths of optical thickness.
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
     let sin2 = Spectral::ONE - ci * ci;
@@ -127,7 +127,7 @@ mod tests {
                 let what = format!("{n} + {k}i at {i}°");
                 let thin = [film(1.38, 0.0, 0.0, 550.0), film(2.2, 0.1, 0.0, 550.0)];
                 close(lane0(reflection(c, &thin, ns, ks)), lane0(bare), &what);
-                // Half a wave across a film is a full turn of round-trip phase.
+                // An optical thickness of half a wavelength gives a round-trip phase of 2π.
                 let cos_t = (1.0 - (1.0 - c * c) / (1.38 * 1.38)).sqrt();
                 let half = [film(1.38, 0.0, 550.0 / 2.0 / (1.38 * cos_t), 550.0)];
                 close(lane0(reflection(c, &half, ns, ks)), lane0(bare), &what);
@@ -147,8 +147,8 @@ mod tests {
         }
     }
 
-    /// Verifies that each wavelength lane has a separate thickness in waves: a quarter wave in one lane,
-    /// none in another.
+    /// Verifies that each wavelength lane has a separate thickness in wavelengths: a quarter wavelength in
+    /// one lane, zero in another.
     #[test]
     fn lanes_are_independent() {
         let at = |lambda: f32| {

@@ -75,7 +75,7 @@ pub fn d(h: Vec3A, alpha: f32) -> f32 {
 pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     let tan = (w.x * w.x + w.y * w.y).sqrt() / w.z.abs().max(f32::MIN_POSITIVE);
     let a = 1.0 / (alpha * tan).max(f32::MIN_POSITIVE);
-    // Beyond, Λ < 1e-8.
+    // For larger a, Λ < 1e-8.
     if a > 4.0 {
         return 0.0;
     }
@@ -95,14 +95,14 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
     let top = erf(cot).min(1.0 - f32::EPSILON);
     let all = 1.0 + top + t * (-cot * cot).exp();
     let bottom = -1.0 + f32::EPSILON;
-    // The solution at grazing incidence, where the function is least linear.
+    // Start with the solution at grazing incidence, where the function is least linear.
     let mut x = top - (1.0 + top) * erf((-u.ln()).sqrt());
     let mut s = 0.0;
     for _ in 0..6 {
         x = x.clamp(bottom, top);
         s = erf_inv(x);
         let excess = 1.0 + x + t * (-s * s).exp() - u * all;
-        // Rarely more than three steps; the limit of f32 accuracy.
+        // This is the limit of f32 accuracy, which is rarely reached in more than three steps.
         if excess.abs() < 1e-6 * all {
             break;
         }
@@ -115,9 +115,9 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
 /// wo.z.
 #[inline]
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
-    // Uniforms have 24 bits; at 0 and 1 slopes are infinite.
+    // Uniform random numbers have 24 bits. At 0 and 1, slopes would be infinite.
     let [u, v] = u.map(|u| u.clamp(3e-8, 1.0 - f32::EPSILON));
-    // Stretched to α = 1, and rotated so that `wo` is in the xz plane.
+    // Stretch `wo` to α = 1, and rotate it into the xz plane.
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z.max(1e-6)).normalize();
     let sin = (w.x * w.x + w.y * w.y).sqrt();
     let (c, s) = if sin > 0.0 { (w.x / sin, w.y / sin) } else { (1.0, 0.0) };
@@ -163,8 +163,8 @@ mod tests {
         for alpha in [0.05_f32, 0.3, 1.0] {
             for cos in [1.0_f32, 0.7, 0.2, 0.02] {
                 let w = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                // Slopes across the plane of w integrate out; D cosθ_h dω_h is Gaussian in the slope along
-                // it.
+                // The slope perpendicular to the plane of w integrates to 1. D cosθ_h dω_h is Gaussian in
+                // the slope along the plane.
                 const N: u32 = 20_000;
                 let mut sum = 0.0_f64;
                 for k in 0..N {

@@ -5,9 +5,8 @@
 //! that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
 //!
 //! - correlated by the facet's height (Heitz 2014, eq. 99): for reflection, G2 = 1/(1 + Λo + Λi). For
-//!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with
-//!   Euler's beta function (Heitz et al. 2016, "Multiple-scattering microfacet BSDFs with the Smith model",
-//!   §5.2);
+//!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with Euler's
+//!   beta function (Heitz et al. 2016, "Multiple-scattering microfacet BSDFs with the Smith model", §5.2);
 //! - separable (Walter et al. 2007; Mitsuba 3): G2 = G1(o)·G1(i).
 
 use super::{beckmann, gamma::ln_gamma, warp};
@@ -20,10 +19,10 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
-    /// Trowbridge & Reitz (GGX): long tails, as for ground surfaces.
+    /// Trowbridge & Reitz (GGX), with long tails, as measured on ground surfaces.
     #[default]
     Ggx,
-    /// Beckmann: Gaussian slopes.
+    /// Beckmann, with Gaussian slopes.
     Beckmann,
 }
 
@@ -58,8 +57,7 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either
-    /// side.
+    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -68,13 +66,13 @@ impl Microfacet {
         }
     }
 
-    /// Returns the masking G1(w).
+    /// Returns Smith's masking function G1(w).
     #[inline]
     pub fn g1(&self, w: Vec3A) -> f32 {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns the joint masking and shadowing G2(wo, wi) of reflection (`wo` and `wi` on the same side) or
+    /// Returns the masking-shadowing function G2(wo, wi) of reflection (both directions on one side) or
     /// transmission.
     #[inline]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -108,7 +106,7 @@ fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
         return 0.0;
     }
     let a2 = alpha * alpha;
-    // (1 - cos²) + a² cos² without cancellation: x² + y² is accurate where cos² is near 1.
+    // Compute (1 - cos²) + a² cos² without cancellation, because x² + y² is accurate where cos² is near 1.
     let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
     a2 * FRAC_1_PI / (t * t)
 }

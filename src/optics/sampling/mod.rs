@@ -1,4 +1,4 @@
-//! Random numbers that depend only on (seed, pixel, sample), and warps with their densities.
+//! Random numbers that depend only on (seed, pixel, sample), and warps with their probability densities.
 
 pub mod beckmann;
 pub mod gamma;

@@ -1,11 +1,10 @@
 //! Low-discrepancy point sets in the unit square: scrambled (0, m, 2)-nets in base 2.
 //!
-//! Such a net has 2^m points. Every box of area 2^-m whose sides are powers of two contains exactly one
-//! point (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at
-//! least one direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit
-//! (Owen 1995) and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers
-//! and applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of
-//! nets.
+//! Such a net has 2^m points. Every box of area 2^-m whose sides are powers of two contains exactly one point
+//! (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at least one
+//! direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
+//! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and applies a
+//! random digital shift, so that the numbers are uniform and estimates are unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -53,14 +52,14 @@ fn make(bits: u32) -> Nets {
 /// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. These are the
 /// reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
-    // Digit `row` of the result counts from the most significant one.
+    // Digit 0 of the result is the most significant digit.
     let digit = |row: u32| {
         let chosen = |column: u32| {
             let entry = if axis == 0 {
                 u32::from(row == column)
             } else {
-                // A binomial coefficient is odd if the digits of the lower number are a subset of the upper
-                // one's (Lucas).
+                // A binomial coefficient is odd if the binary digits of its lower number are a subset of
+                // those of its upper number (Lucas).
                 u32::from(row & !column == 0)
             };
             entry & j >> column

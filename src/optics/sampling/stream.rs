@@ -1,10 +1,11 @@
 //! Counter-based random streams: one for each camera sample, keyed by (seed, pixel, sample).
 //!
-//! The samples of a pixel are independent. With stratification, groups of them are independent instead: the
-//! first numbers of a group's samples are in the strata of nets ([`super::nets`]) that are selected anew
-//! for every group. The variance of the mean is estimated without bias from the independent samples or
-//! groups. Error estimates are therefore valid for any number of samples, and renders with different seeds
-//! merge exactly. No state is shared, so results do not depend on threads, tiles or resumption.
+//! Without stratification, the samples of a pixel are independent. With stratification, groups of samples
+//! are independent. The first numbers of a group's samples are in the strata of nets ([`super::nets`]),
+//! which are selected at random for every group. The variance of the mean is estimated without bias from
+//! the independent samples or groups. Error estimates are therefore valid for any number of samples, and
+//! renders with different seeds merge exactly. No state is shared, so results do not depend on threads,
+//! tiles or resumption.
 
 use super::mix::mix;
 use super::nets::{MOST_BITS, Nets, POINTS, nets};
@@ -50,7 +51,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Group of a single sample: unstratified, independent samples.
+    /// Groups of a single sample, so that samples are independent and not stratified.
     pub const ALONE: Self = Self { bits: 0 };
 
     /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates` groups.
@@ -86,7 +87,7 @@ impl Strata {
         u32::from(self.nets[at]) ^ (drawn >> 32) as u32
     }
 
-    /// Returns a random number in the stratum that one byte of a point selects.
+    /// Returns a uniform random number in the stratum that one byte of a point selects.
     #[inline]
     fn within(&self, byte: u32, raw: u32) -> u32 {
         byte << (32 - self.bits) | raw >> self.bits
@@ -126,13 +127,14 @@ impl Stream {
         }
     }
 
-    /// Returns the stream of a sample whose first numbers are stratified over the sample's group. These are
-    /// the first two numbers, and several numbers after each call of [`Self::vertex`].
+    /// Returns the stream of a sample whose first numbers are stratified over the sample's group. The
+    /// stratified numbers are the first two, and several after each call of [`Self::vertex`].
     #[inline]
     pub fn stratified(seed: u64, pixel: u32, sample: u32, group: Group) -> Self {
         let mut stream = Self::new(seed, pixel, sample);
         if group.bits > 0 {
-            // A different constant than in [`Self::new`], so that the key is independent of those of streams.
+            // This constant differs from that in [`Self::new`], so that the group's key is independent of
+            // the keys of streams.
             let key = mix(seed.wrapping_add(0x3c79_ac49_2ba7_b653)) ^ (u64::from(pixel) << 32);
             stream.strata = Strata {
                 nets: nets(group.bits),
@@ -146,7 +148,7 @@ impl Stream {
         stream
     }
 
-    /// Returns an independent stream, keyed by the next numbers of this one.
+    /// Returns an independent stream, keyed by the next numbers of this stream.
     #[inline]
     pub fn fork(&mut self) -> Self {
         let [a, b, c, d] = [(); 4].map(|()| self.random.next_u32());
@@ -162,7 +164,7 @@ impl Stream {
         strata.end = if stratified { strata.next + PER_VERTEX } else { 0 };
     }
 
-    /// Returns a uniform number in [0, 1).
+    /// Returns a uniform random number in [0, 1).
     #[inline]
     pub fn uniform(&mut self) -> f32 {
         let raw = self.random.next_u32();
@@ -172,8 +174,8 @@ impl Stream {
         unit(raw)
     }
 
-    /// Returns two independent uniform numbers in [0, 1). In a stratified stream, both are from the same
-    /// net.
+    /// Returns two independent uniform random numbers in [0, 1). In a stratified stream, both are from the
+    /// same net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
@@ -214,8 +216,8 @@ mod tests {
     use super::*;
 
     /// Verifies that forks of equal streams are equal, and independent of the further numbers of the
-    /// original stream: the covariance of 100,000 pairs of numbers is 0 within 5 sigma, where a cloned
-    /// stream has 1/12.
+    /// original stream: the covariance of 100,000 pairs of numbers is 0 within 5 sigma. A cloned stream
+    /// would have a covariance of 1/12.
     #[test]
     fn forks_are_independent() {
         const N: u32 = 100_000;
@@ -274,7 +276,7 @@ mod tests {
                 // The other number of the pair is skipped.
                 [out[at + 3], out[at + 4]] = stream.uniform2();
                 [out[at + 5], out[at + 6]] = [stream.uniform(), stream.uniform()];
-                // Unstratified from here on.
+                // All further numbers are unstratified.
                 [out[at + 7], out[at + 8]] = stream.uniform2();
             }
             out
@@ -294,7 +296,7 @@ mod tests {
                 all.into_iter().eq(0..group.size())
             };
             assert!((0..9).chain(11..18).all(strata), "{bits}");
-            // 64 independent numbers almost never fall into one stratum each.
+            // 64 independent numbers almost never fall into 64 different strata.
             assert!(bits < 4 || !(strata(9) || strata(10) || strata(18)), "{bits}");
             for pair in [0, 2, 5, 11, 14] {
                 for across in 0..=bits {
@@ -368,8 +370,8 @@ mod tests {
         assert_eq!([of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)], [8, 64, 64, 64]);
     }
 
-    /// Verifies that raw numbers are those from which uniform numbers are computed, and that every bit is
-    /// set half of the time (5 sigma).
+    /// Verifies that raw bits are those from which uniform numbers are computed, and that every bit is set
+    /// half of the time (5 sigma).
     #[test]
     fn raw_numbers_match_uniforms_and_are_unbiased() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));

@@ -4,8 +4,8 @@ use crate::polarization::frame::perpendiculars;
 use glam::{Vec2, Vec3A};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
-/// Returns sin x and cos x for |x| ≤ π/4 (radians), accurate to the last place (minimax polynomials;
-/// Moshier's Cephes, `sinf` and `cosf`). The library function takes five times as long.
+/// Returns sin x and cos x for |x| ≤ π/4 (radians), accurate to about one unit in the last place (minimax
+/// polynomials; Moshier's Cephes, `sinf` and `cosf`). The library function takes five times as long.
 #[inline]
 fn sin_cos_octant(x: f32) -> (f32, f32) {
     let x2 = x * x;
@@ -23,11 +23,11 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     if quarters & 2 == 2 { (-s, -c) } else { (s, c) }
 }
 
-/// Warps uniformly to the unit disk (density 1/π) by the concentric map of Shirley & Chiu (1997).
+/// Warps the unit square uniformly to the unit disk (density 1/π) by Shirley & Chiu's concentric map (1997).
 #[inline(always)]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
-    // Selections instead of branches: a branch would be mispredicted half of the time.
+    // Use conditional moves instead of branches, because a branch would be mispredicted half of the time.
     let wide = a.abs() > b.abs();
     let (r, other) = if wide { (a, b) } else { (b, a) };
     let ratio = other / if r == 0.0 { 1.0 } else { r };
@@ -35,7 +35,7 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     if wide { Vec2::new(r * c, r * s) } else { Vec2::new(r * s, r * c) }
 }
 
-/// Warps to directions on the cosine-weighted hemisphere about +z, with the density [`cosine_pdf`].
+/// Warps the unit square to directions on the hemisphere about +z, with the density [`cosine_pdf`].
 #[inline]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     let p = concentric_disk(u);
@@ -43,8 +43,8 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
 }
 
 /// Warps as [`cosine_hemisphere`] does, about several unit vectors `n` (x, y, z arrays), given one pair of
-/// uniform numbers per vector. The result is bit-identical to `basis(n) * cosine_hemisphere(u)`, but the
-/// compiler vectorizes the code.
+/// uniform random numbers per vector. The result is bit-identical to `basis(n) * cosine_hemisphere(u)`, but
+/// the compiler vectorizes the code.
 #[inline(always)]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
     let x = perpendiculars(n);
@@ -53,7 +53,7 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
         let p = concentric_disk([u[0][i], u[1][i]]);
         let height = (1.0 - p.length_squared()).max(0.0).sqrt();
         let [nx, ny, nz] = [n[0][i], n[1][i], n[2][i]];
-        // As in `basis`.
+        // Compute the basis in the same way as `basis`.
         let [xx, xy, xz] = [x[0][i], x[1][i], x[2][i]];
         let [yx, yy, yz] = [ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx];
         out[0][i] = xx * p.x + yx * p.y + nx * height;
@@ -63,13 +63,13 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
     out
 }
 
-/// Returns the density cosθ / π on the upper hemisphere, 0 below, per steradian.
+/// Returns the density per steradian: cosθ / π on the upper hemisphere, 0 below.
 #[inline]
 pub fn cosine_pdf(w: Vec3A) -> f32 {
     w.z.max(0.0) * FRAC_1_PI
 }
 
-/// Warps uniformly to directions on the unit sphere, with the density 1/(4π).
+/// Warps the unit square uniformly to directions on the unit sphere, with the density 1/(4π).
 #[inline]
 pub fn sphere(u: [f32; 2]) -> Vec3A {
     let z = 1.0 - 2.0 * u[0];
@@ -107,8 +107,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Tests 2^18 samples of a sampler against its density by Pearson's chi² on a 20 × 40 grid in (cosθ,
-    /// φ).
+    /// Tests 2^18 samples of a sampler against its density by Pearson's chi² on a 20 × 40 grid in (cosθ, φ).
     pub fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
         const N: usize = 1 << 18;
         const ROWS: usize = 20;
@@ -123,7 +122,7 @@ pub(super) mod tests {
             let column = ((phi * COLUMNS as f32) as usize).min(COLUMNS - 1);
             observed[row * COLUMNS + column] += 1.0;
         }
-        // Expected counts by a 24 × 24 midpoint rule per cell (dω = dcosθ dφ).
+        // Compute expected counts by a 24 × 24 midpoint rule per cell (dω = dcosθ dφ).
         const SUB: usize = 24;
         let (mut chi, mut dof, mut pooled_o, mut pooled_e, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for row in 0..ROWS {
@@ -157,7 +156,7 @@ pub(super) mod tests {
             assert!(pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0, "samples where the density is zero");
         }
         assert!((total / N as f64 - 1.0).abs() < 0.01, "density integrates to {}", total / N as f64);
-        // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+        // By the Wilson–Hilferty transformation, (χ²/k)^(1/3) is nearly normal.
         let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
         assert!(z < 5.0, "chi² = {chi} on {dof} degrees of freedom, z = {z}");
     }

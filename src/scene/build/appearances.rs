@@ -1,8 +1,8 @@
 //! Converts material descriptions of mesh files to the closest Sunstone models.
 //!
-//! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo
-//! gives the same directional albedo at normal incidence as the file's model ([`import::body`]).
-//! Metal gets the refractive indices that reflect the metal's colour ([`import::metal`]).
+//! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo gives the
+//! same directional albedo at normal incidence as the file's model ([`import::body`]). Metal gets
+//! refractive indices whose reflectance at normal incidence is the metal's colour ([`import::metal`]).
 //! Transmissive materials become glass if they refract, otherwise a thin sheet.
 
 use super::context::Context;
@@ -29,7 +29,7 @@ pub(super) struct Table<'a> {
     pub made: Vec<(String, MaterialFile)>,
 }
 
-/// A linear colour, or three numbers.
+/// Texel of an image: a linear colour, or three numbers.
 type Texel = [f32; 3];
 
 struct Texels {
@@ -117,7 +117,7 @@ impl<'a> Table<'a> {
     }
 
     fn plastic(&mut self, a: &Appearance, coat: Coat) -> MaterialFile {
-        // For an image of roughness, use a roughness of 0.5, in the middle of its range: α is its square.
+        // For a roughness image, use roughness 0.5, the middle of the range. α is the squared roughness.
         let alpha = if a.metallic_roughness.is_some() { a.alpha / 4.0 } else { a.alpha };
         let reflected = body::coat_albedo(coat.ior, alpha, Masking::Correlated);
         let albedo = match a.model {
@@ -125,7 +125,7 @@ impl<'a> Table<'a> {
                 let factor = body::gltf(coat.ior, alpha);
                 self.albedo(a, |v| v * factor)
             }
-            // The colour includes both coat and body.
+            // MTL's colour is the albedo of coat and body together.
             Model::Mtl => self.albedo(a, |v| ((v - reflected) / (1.0 - reflected)).max(0.0)),
         };
         let specular = self.colour(coat.colour);
@@ -143,8 +143,8 @@ impl<'a> Table<'a> {
         }))
     }
 
-    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1.
-    /// Each albedo is divided by the share of its part.
+    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1. Each
+    /// albedo is divided by the area share of its material.
     fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
         let rest = (1.0 - share).max(1e-9);
         let base = MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo(a, |v| v / rest) });
@@ -152,7 +152,7 @@ impl<'a> Table<'a> {
         let metal = Some(self.at("mirror".to_owned()));
         let (n, k) = (None, None);
         let reflectance = self.at(reflectance);
-        // For MTL it is a smooth mirror; for glTF it has the material's roughness.
+        // The mirror is smooth for MTL and has the material's roughness for glTF.
         let mirror = if a.model == Model::Mtl {
             MaterialFile::Conductor(ConductorFile { metal, n, k, reflectance })
         } else {
@@ -174,7 +174,8 @@ impl<'a> Table<'a> {
         let reflectance = match &a.image {
             None => 1.0.into(),
             Some(picture) => {
-                // Indices of the brightest texel; the image attenuates the reflectance of the others.
+                // Use the refractive indices of the brightest texel. The image attenuates the reflectance
+                // of all other texels.
                 let most = self.brightest(picture);
                 brightest = std::array::from_fn(|i| a.base[i] * f64::from(most[i]));
                 let reference = most.map(|v| v.max(1e-6));
@@ -282,7 +283,7 @@ impl<'a> Table<'a> {
                 let colour = a.base.map(|v| change(v).min(1.0));
                 self.colour(colour).into()
             }
-            // The image needs no change.
+            // Use the image unmodified.
             Some(picture) if a.base == [1.0; 3] && change(1.0) == 1.0 && change(0.5) == 0.5 => {
                 AlbedoFile::Image(self.reference(picture, false))
             }

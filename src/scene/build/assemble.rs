@@ -21,23 +21,23 @@ use transport::strategy::Strategies;
 /// Reads the text of a scene file.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read.
+/// Returns [`InputError`] if the file cannot be read.
 pub fn read(path: &Path) -> Result<String, InputError> {
     context::read(path, "scene file")
 }
 
-/// Reads and builds a scene file.
+/// Reads a scene file and builds its scene.
 ///
 /// # Errors
-/// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
+/// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
 pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
 
-/// Builds a scene from text. `path` names it in messages and is the base of relative paths.
+/// Builds a scene from text. `path` names the text in messages and is the base of relative paths.
 ///
 /// # Errors
-/// The same errors as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     let file = SceneFile::read(path, text)?;
     variant::count(path, text, &file)?;
@@ -47,8 +47,8 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 /// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` as in [`from_text`].
 ///
 /// # Errors
-/// The same errors as [`load`], or an error if the variant does not exist. For varied values, locations are
-/// in `[vary]`.
+/// Returns the same errors as [`load`], or an error if the variant does not exist. For varied values,
+/// locations are in `[vary]`.
 pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
     from_variant(path, text, &variant::read(path, text, number)?, number)
 }
@@ -56,7 +56,7 @@ pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, 
 /// Builds a variant of a scene with its number; `path` and `text` as in [`from_file`].
 ///
 /// # Errors
-/// The same errors as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_variant(
     path: &Path,
     text: &str,
@@ -74,7 +74,7 @@ pub fn from_variant(
 /// Builds a scene from a parsed file whose locations refer to `text`; `path` as in [`from_text`].
 ///
 /// # Errors
-/// The same errors as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, InputError> {
     let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
     build(&mut ctx, file)
@@ -95,11 +95,11 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 
-/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch are
-/// moved by the distance that single precision needs, unless both refract.
+/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch
+/// are moved by the smallest distance that single precision resolves, unless both refract.
 ///
 /// # Errors
-/// The same errors as [`load`], except for gaps.
+/// Returns the same errors as [`load`], except for gaps.
 pub(crate) fn with_gaps(
     ctx: &mut Context,
     file: &SceneFile,
@@ -237,7 +237,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
              of at least {:.1e} m there; light would be lost",
             gap.width, gap.least
         ),
-        "increase the distance of the surfaces (or let objects with an interior overlap), or move the scene closer to the \
+        "increase the distance between the surfaces (or let objects with an interior overlap), or move the scene closer to the \
          origin; `gaps = \"warn\"` in [render] accepts the loss",
     )
 }
@@ -267,9 +267,10 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Returns the content of the scene as canonical text, for the scene hash. The text is independent
-/// of comments, table order, number formats, explicit defaults, figures and names without effect.
-/// It excludes the settings of the render: samples, replicates, seed and tiles.
+/// Returns the content of the scene as canonical text, for the scene hash. The text does not depend on
+/// comments, table order, number formats, explicit defaults, the tables `figures` and `vary`, or names
+/// without effect. The text excludes these render settings: samples per pixel, replicates, seed and tile
+/// size.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {

@@ -58,7 +58,7 @@ impl Attributes {
         self.of_material.get(&material).is_some_and(|uses| uses.heights)
     }
 
-    /// Returns an attribute that any material uses.
+    /// Returns the first attribute that a material uses, or `None` if no material uses one.
     pub fn first(&self) -> Option<&Asked> {
         self.of_material.values().find_map(|uses| uses.asked.as_ref())
     }

@@ -23,7 +23,7 @@ struct Document {
 /// The scene hash covers the values taken from the file, not the file's bytes.
 ///
 /// # Errors
-/// [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
+/// Returns [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
 /// with other keys. If the calibration file is invalid, the error is located in that file.
 pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file;
@@ -94,7 +94,7 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
 
-/// Reports an error in the calibration file if its device is invalid.
+/// Returns an error located in the calibration file if its device is invalid.
 fn sound(
     within: &Context,
     device: &PinholeFile,
@@ -143,7 +143,7 @@ fn overlaid(
             "remove resolution, or calibrate with images of this size",
         ));
     }
-    // Values of the calibration are valid, so no error is located at them.
+    // The values of the calibration have been checked, so no later error refers to their locations.
     Ok(PinholeFile {
         calibration: None,
         orthographic_width: None,
@@ -188,7 +188,7 @@ mod tests {
         let principal = |s: &Scene| s.projector.as_ref().map(|p| p.pinhole.principal);
         assert_eq!(named.camera.focal, same.camera.focal);
         assert_eq!(principal(&named), principal(&same));
-        // Other tables of the file do not change the hash; the camera does.
+        // A change of another table in the file does not change the hash, but a change of the camera does.
         let other = document().replace("views = 3", "views = 4");
         assert_eq!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
         let other = document().replace("9.25", "9.26");

@@ -24,10 +24,10 @@ pub(crate) struct Context {
     pub folder: PathBuf,
     /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of in-memory files derived from other files; the scene does not list derived files.
+    /// Names of in-memory files that the build derived from other files. The scene does not list these names.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
-    /// Wavelengths to which lists in the file refer. The two fields differ only if a material file
+    /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file
     /// is built for wavelengths other than its own.
     pub listed: Wavelengths,
     pub hash: Sha256,
@@ -118,8 +118,8 @@ impl Context {
         }
     }
 
-    /// Returns the line of a span for messages, such as ` of line 12`, or an empty string for scenes built in
-    /// code.
+    /// Returns the line number of a span for messages, such as ` of line 12`, or an empty string for scenes
+    /// built in code.
     pub fn line(&self, span: Range<usize>) -> String {
         match self.text.get(..span.start) {
             Some(before) if span != (0..0) => format!(" of line {}", before.matches('\n').count() + 1),

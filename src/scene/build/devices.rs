@@ -47,8 +47,8 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     device.parallel = p.orthographic_width.is_some();
     if let Some(aperture) = &p.aperture {
         let ApertureFile { radius, focus } = **aperture;
-        ctx.within(radius, aperture.span(), "the radius of the aperture in metres", &(0.0..=1e3))?;
-        ctx.within(focus, aperture.span(), "the focus of the aperture in metres", &(1e-6..=HUGE))?;
+        ctx.within(radius, aperture.span(), "the aperture radius in metres", &(0.0..=1e3))?;
+        ctx.within(focus, aperture.span(), "the focus distance in metres", &(1e-6..=HUGE))?;
         device.lens = Lens { radius, focus };
     }
     Ok(device)

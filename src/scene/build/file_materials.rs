@@ -14,10 +14,10 @@ use syntax::shape::{MeshFile, ShapeFile};
 /// materials.
 const HEAD: u64 = 1 << 20;
 
-/// Returns the scene after adding the materials that it uses from mesh files.
+/// Returns the scene with the materials that it uses from mesh files.
 ///
 /// # Errors
-/// [`InputError`] at the mesh if a file cannot be read.
+/// Returns [`InputError`] at the mesh if a file cannot be read.
 pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file.clone();
     for place in &mut out.objects {
@@ -31,8 +31,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             continue;
         };
         if !mesh.materials {
-            // Materials that are only names are not worth a note, and neither are those of parts that the
-            // scene overrides.
+            // Add no note if the file's materials are only names, or if the scene sets materials of parts.
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
                 ctx.note(format!(
@@ -91,7 +90,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
         ShapeFile::Obj(_) => {
             let mut list = vec![];
             for ways in mtl::libraries(&bytes) {
-                // Use the first interpretation of the line for which all files exist.
+                // Use the first interpretation of the `mtllib` line for which all files exist.
                 let read = |ctx: &Context, names: &[String]| -> std::io::Result<Vec<Vec<u8>>> {
                     names.iter().map(|n| ctx.peek(&beside(n), library)).collect()
                 };

@@ -29,7 +29,7 @@ use transport::material::texture::Spectrum;
 pub(crate) struct Emitters {
     pub points: Vec<PointEmitter>,
     pub environment: Option<Environment>,
-    /// Lights except surfaces.
+    /// Lights other than emissive surfaces.
     pub lights: Lights,
 }
 
@@ -63,7 +63,8 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
     Ok(all)
 }
 
-/// Adds the images of spots built by [`emitters`], and appends image projectors after all other points.
+/// Adds the images of spots built by [`emitters`], and appends image projectors after all other point
+/// emitters.
 pub(crate) fn slides(
     ctx: &mut Context,
     list: &[Located<EmitterFile>],
@@ -205,8 +206,8 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
     let Some(x) = (zero - z * zero.dot(z)).try_normalize() else {
         return Err(ctx.error(
             at,
-            "zero is parallel to direction",
-            "give a direction of horizontal angle 0 that is not parallel to direction",
+            "`zero` is parallel to direction",
+            "set `zero` (the direction of horizontal angle 0) to a vector that is not parallel to direction",
         ));
     };
     let to_world = Mat3A::from_cols(x, z.cross(x), z);

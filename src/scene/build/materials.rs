@@ -38,18 +38,20 @@ pub struct MaterialSet {
 }
 
 impl MaterialSet {
-    /// Reads and builds a material file: `wavelengths_nm` and `[materials]` as in a scene file.
+    /// Reads a material file (`wavelengths_nm` and `[materials]` as in a scene file) and builds its
+    /// materials.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
+    /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
 
-    /// Builds a material file from text. `path` names it in messages and is the base of relative paths.
+    /// Builds the materials of a material file's text. `path` names the text in messages and is the base of
+    /// relative paths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
@@ -59,7 +61,7 @@ impl MaterialSet {
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
         let file = MaterialSetFile::read(path, text)?;
         let ctx = Context { wavelengths, ..Context::new(path, text, &file.wavelengths_nm)? };
@@ -77,7 +79,7 @@ impl MaterialSet {
     }
 }
 
-/// Reads the pieces of a table's file that identify the table for the scene's hash.
+/// Reads the byte ranges of a table's file that identify the table in the scene's hash.
 fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
     let mut file = base::input::open(path)?;
     let mut out = Vec::new();
@@ -282,8 +284,8 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Memory-maps the table of a measured material. Only the pieces listed by [`Table::pieces`]
-    /// enter the scene's hash, because reading whole tables takes seconds.
+    /// Memory-maps the table of a measured material. Only the byte ranges listed by [`Table::pieces`] enter
+    /// the scene's hash, because reading a whole table takes seconds.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
         let options = Options { even_axes: m.even_axes, wavelengths: Some(self.ctx.wavelengths.clone()) };
@@ -306,7 +308,7 @@ impl<'a> Builder<'_, 'a> {
         textures::spectrum(self.ctx, albedo)
     }
 
-    /// Returns a factor of reflected light per wavelength; unused lanes are 1.
+    /// Returns the factor by which reflected light is multiplied, per wavelength; unused lanes are 1.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
         Ok(Spectrum { value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()), ..spectrum })

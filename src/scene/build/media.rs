@@ -32,14 +32,14 @@ pub struct MediumSet {
 }
 
 impl MediumSet {
-    /// Reads and builds a media file: `wavelengths_nm` and `[media]` as in a scene file.
+    /// Reads a media file (`wavelengths_nm` and `[media]` as in a scene file) and builds its media.
     ///
-    /// With `only`, builds just the medium of that name, because the tables of large particles take seconds.
-    /// With `wavelengths`, builds the media for those wavelengths. Lists are then interpolated between the
-    /// file's own wavelengths.
+    /// With `only`, builds just the medium of that name, because computing the tables of large particles
+    /// takes seconds. With `wavelengths`, builds the media for those wavelengths. Lists are then
+    /// interpolated between the file's own wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
+    /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
     pub fn load(
         path: &Path,
         only: Option<&str>,
@@ -51,7 +51,7 @@ impl MediumSet {
     /// Does the same as [`Self::load`] for a file's text; `path` names the file in messages.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn at(
         path: &Path,
         text: &str,
@@ -78,7 +78,7 @@ impl MediumSet {
 /// Returns the names of the media of a file without building them.
 ///
 /// # Errors
-/// The same errors as [`MediumSet::load`].
+/// Returns the same errors as [`MediumSet::load`].
 pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     names_of_text(path, &read_file(path)?)
 }
@@ -86,7 +86,7 @@ pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
 /// Does the same as [`names`] for a file's text.
 ///
 /// # Errors
-/// The same errors as [`MediumSet::load`].
+/// Returns the same errors as [`MediumSet::load`].
 pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError> {
     Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
 }
@@ -94,7 +94,7 @@ pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError>
 /// Returns the text of a media file.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read.
+/// Returns [`InputError`] if the file cannot be read.
 pub fn read_file(path: &Path) -> Result<String, InputError> {
     read(path, "file of media")
 }
@@ -345,7 +345,7 @@ fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result
     let sizes = if spread < 1e-3 {
         SizeDistribution::Single { radius: mean }
     } else {
-        // Log-normal distribution with this mean and standard deviation.
+        // Compute the parameters of the log-normal distribution with this mean and standard deviation.
         let variance = (spread * spread).ln_1p();
         SizeDistribution::LogNormal { median: mean * (-0.5 * variance).exp(), sigma: variance.sqrt() }
     };

@@ -67,7 +67,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
                 ));
             }
             let origin = vector(ctx, column(3).to_array(), span, "the position of the pose matrix")?;
-            // Orthonormalize, so that calibration rounding does not scale directions.
+            // Orthonormalize, so that rounding in a calibration file does not scale directions.
             let x = x.normalize();
             let y = (y - x * x.dot(y)).normalize();
             Ok((origin, Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a())))
@@ -120,7 +120,7 @@ const PRINTED: f64 = 1e-3;
 /// Returns the rotation closest to a matrix (given by rows) that was printed with limited precision.
 ///
 /// # Errors
-/// A message that says why the matrix is not a rotation.
+/// Returns a message that says why the matrix is not a rotation.
 pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     let mut r = DMat3::from_cols_array_2d(&rows).transpose();
     let off = r.transpose() * r - DMat3::IDENTITY;

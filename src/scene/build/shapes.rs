@@ -17,7 +17,7 @@ use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 
-/// A shape with its transform, before conversion to the renderer's primitives.
+/// A shape with its transform, before the conversion to the renderer's primitives.
 #[derive(Clone)]
 pub(crate) struct Placed {
     pub form: Form,
@@ -297,7 +297,7 @@ pub(crate) fn moved(
 }
 
 fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputError> {
-    // 0 and infinity are reported later, for any shape.
+    // A radius of 0 or infinity is reported later by the checks for all shapes.
     if radius >= 0.0 {
         return Ok(());
     }
@@ -314,8 +314,8 @@ fn affine(a: DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// Returns the map of the unit disk or cylinder to a disk or cylinder of `radius` and `length`
-/// (metres) at `origin`. The map turns the z axis to `axis`.
+/// Returns the map of the unit disk or cylinder to a disk or cylinder of `radius` and `length` (metres) at
+/// `origin`. The map rotates the z axis to `axis`.
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
     let m = optics::polarization::frame::basis(z);

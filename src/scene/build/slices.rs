@@ -21,12 +21,12 @@ const MAX_ELEMENTS: u128 = 1 << 40;
 /// Maximum number of elements of a chunk in memory: 2^28 is 1 GiB of f32.
 const MAX_CHUNK: u128 = 1 << 28;
 
-/// Minimum width of a time bin relative to its time. f64 distinguishes bin centres down to a relative
-/// difference of 2^-53.
+/// Minimum width of a time bin relative to the latest time of the bins. f64 distinguishes bin centres down
+/// to a relative difference of 2^-53.
 const LEAST_BIN: f64 = 1e-12;
 
-/// Maximum projector size with epipolar slices, in pixels: 4096 × 4096. Epipolar slices need 24 bytes per
-/// pixel.
+/// Maximum number of projector pixels with epipolar slices: 4096 × 4096. Epipolar slices need 24 bytes of
+/// memory per pixel.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
 pub(crate) fn build(
@@ -259,7 +259,7 @@ fn projector_select(
     })
 }
 
-/// Returns a projector mask that weights every pixel by its own column or row coordinate.
+/// Returns a projector mask that weights each pixel by the pixel's column or row coordinate.
 fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     let pixels = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
     let (name, weights) = match of {
@@ -317,8 +317,8 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     if !(1..=1 << 20).contains(&*b.bins) {
         return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
     }
-    // The bin width must be representable next to the time. Then edges are finite and increasing, and centres
-    // differ.
+    // The bin width must be representable next to the latest time. Bin edges are then finite and
+    // increasing, and bin centres differ.
     let end = b.start_ps + f64::from(*b.bins) * *b.bin_ps;
     let latest = b.start_ps.abs().max(end.abs());
     if !(latest.is_finite() && latest * LEAST_BIN < *b.bin_ps) {

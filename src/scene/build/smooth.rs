@@ -18,7 +18,7 @@ pub(crate) fn smooth(parts: &mut [Mesh]) {
     }
     for (part, sums) in parts.iter_mut().zip(sums) {
         if part.normals.is_empty() {
-            // If adjacent faces cancel, use the x axis as in Mitsuba.
+            // If the normals of adjacent faces cancel, use the x axis as in Mitsuba.
             part.normals = sums.into_iter().map(|n| n.normalize_or(DVec3::X).as_vec3()).collect();
         }
     }

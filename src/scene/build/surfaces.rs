@@ -17,7 +17,7 @@ use transport::material::Materials;
 use transport::medium::nesting::Boundary;
 use transport::names::Names;
 
-/// Maximum number of copies. A larger number is assumed to be a mistake.
+/// Maximum number of copies. A larger number is probably a mistake.
 const MOST_COPIES: usize = 1 << 26;
 
 pub(crate) struct Surfaces<'a> {
@@ -76,9 +76,9 @@ impl<'a> Surfaces<'a> {
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {
                 if filling.is_some() || object.emission.is_some() {
-                    // A separate index distinguishes this object's surfaces from others of the same material.
-                    // Copies of an object share the index: light that exits one of them exits the one that it
-                    // entered last.
+                    // A separate index distinguishes this object's surfaces from others of the same
+                    // material. Copies of an object share this index. Light that exits a copy is assumed to
+                    // exit the copy that it entered last.
                     let material = self.materials.list[placed.material as usize];
                     self.materials.list.push(material);
                     self.boundaries.push(filling.unwrap_or(Boundary::NONE));

@@ -17,14 +17,14 @@ use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spect
 /// Key of stored texels: file, layer and meaning of the channels.
 type ImageKey = (PathBuf, Option<String>, Channels);
 
-/// Images that have been read, with the width and height in pixels and the index of the first texel.
+/// Images that have been read, each with its width and height in pixels and the index of its first texel.
 #[derive(Default)]
 pub(crate) struct Images(BTreeMap<ImageKey, ([u32; 2], u32)>);
 
 /// Largest factor by which an albedo image can be multiplied.
 const BRIGHTEST: f64 = 2.0;
 
-/// Creates a copy of an image. Its texels are multiplied by a factor above 1 and clamped to 1.
+/// Creates a copy of an image with texels multiplied by a factor above 1 and clamped to 1.
 fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> u32 {
     let image = ctx.textures.images[texture as usize];
     let first = image.first as usize;

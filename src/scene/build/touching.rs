@@ -1,4 +1,4 @@
-//! Separates or overlaps objects that touch within rounding. The surface of one object is moved by
+//! Separates or overlaps objects that touch within rounding errors. The surface of one object is moved by
 //! the smallest distance that single precision resolves.
 //!
 //! Glass on an opaque object is extended into the object. Light in the glass then reaches the object without
@@ -28,7 +28,7 @@ const MOST_CHANGE: f64 = 0.01;
 /// be moved.
 pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
     let (width, enough) = (f64::from(gap.width), ENOUGH * f64::from(gap.least));
-    // The object to move, and its displacement away from the other one.
+    // The object to move, and its displacement in metres away from the other object.
     let (side, off) = match gap.contact {
         Contact::Air(side) => (side, enough - width),
         Contact::Touch => (0, -enough - width),
@@ -45,7 +45,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     let map = if high - low < FLAT * off.abs() {
         DAffine3::from_translation(away * off)
     } else {
-        // Scale factor relative to the distance from the opposite side.
+        // Relative change of the object's thickness if the opposite side stays fixed.
         let share = off / (high - gap.at.as_dvec3().dot(away));
         if share.is_nan() || share.abs() >= MOST_CHANGE {
             return None;

@@ -7,7 +7,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Maximum size of a text file in bytes; calibrations are kilobytes.
+/// Maximum size of a text file in bytes. Calibration files usually have a few kilobytes.
 const LARGEST: u64 = 64 << 20;
 
 const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";

@@ -113,7 +113,7 @@ fn pose(
         notes.push("The rotation matrix was transposed (MATLAB uses row vectors).".into());
         return Ok(found(transposed(r.matrix::<3>()?), t.vector::<3>()?));
     }
-    // A single view is a table, several views are a list of tables.
+    // MATLAB writes a single view as a table, and several views as a list of tables.
     let views = camera.get("PatternExtrinsics");
     let count = match (&views, camera.get("TranslationVectors")) {
         (Some(list), _) => list.value.as_array().map_or(1, Vec::len),

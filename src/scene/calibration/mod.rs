@@ -54,7 +54,7 @@ pub fn is_calibration(path: &Path) -> bool {
 /// Reads a calibration file.
 ///
 /// # Errors
-/// [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
+/// Returns [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
 /// has a location if it is known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
@@ -148,7 +148,7 @@ impl Calibration {
     /// assumptions.
     ///
     /// # Errors
-    /// [`toml::ser::Error`] if a number is larger than TOML allows.
+    /// Returns [`toml::ser::Error`] if a number is larger than TOML allows.
     pub fn to_toml(&self, projector: bool) -> Result<String, toml::ser::Error> {
         let comments: String = self.notes.iter().map(|n| format!("# {n}\n")).collect();
         let table = if projector {

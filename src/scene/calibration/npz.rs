@@ -11,7 +11,7 @@ const MOST: u64 = 1 << 16;
 /// Reads a NumPy archive.
 ///
 /// # Errors
-/// A message that says why the archive cannot be read.
+/// Returns a message that says why the archive cannot be read.
 pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("invalid .npz file: {e}"))?;
     let mut out = Map::new();
@@ -21,7 +21,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
         let Some(key) = name.strip_suffix(".npy") else {
             continue;
         };
-        // More than the largest array that is accepted.
+        // Read more bytes than the largest accepted array has.
         let mut bytes = vec![];
         entry.take(16 * MOST).read_to_end(&mut bytes).map_err(|e| format!("cannot read {name}: {e}"))?;
         if let Some(value) = array(&bytes) {

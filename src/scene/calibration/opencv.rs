@@ -236,7 +236,7 @@ fn pose(
     let Some(view) = options.view_of(count, &translation, notes)? else {
         return Ok(None);
     };
-    // With several views, each is an element of the first axis.
+    // For several views, the first axis of each array is the view.
     let part = |node: &Node, size: usize| -> Result<Vec<f64>, InputError> {
         let all = node.array()?.values;
         let one = all.chunks_exact(size).nth(view).map(<[f64]>::to_vec);

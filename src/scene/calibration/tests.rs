@@ -158,7 +158,7 @@ fn matlab_counts_from_one_and_has_row_vectors() {
     let views = serde_json::json!({"Intrinsics": intrinsics, "WorldUnits": "millimeters", "PatternExtrinsics": [
         {"Dimensionality": 3, "R": rotation(), "Translation": millimetres}]});
     same("a.json", &views.to_string(), &Options::default());
-    // 3 × 3 × 2 as jsonencode writes it.
+    // Rotations of two views, of shape 3 × 3 × 2, as jsonencode writes them.
     let r = transposed(rotation());
     let stacked = r.map(|row| row.map(|x| [7.0, x]));
     let old = with(

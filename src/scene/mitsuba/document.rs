@@ -10,7 +10,7 @@ use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Parameters that Sunstone uses even if the file does not refer to them.
+/// Names of parameters that Sunstone reads even if the file does not refer to them.
 const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
 
 pub(super) struct Document {
@@ -18,7 +18,7 @@ pub(super) struct Document {
     pub scene: Node,
     /// Parameter values from `<default>` elements and from the command line.
     pub parameters: BTreeMap<String, String>,
-    /// Additional names of ids.
+    /// Additional ids of elements.
     pub aliases: Vec<Alias>,
     pub folders: Folders,
     pub notes: Vec<String>,
@@ -29,7 +29,7 @@ impl Document {
     /// Errors inside the scene are recorded in its [`Source`].
     ///
     /// # Errors
-    /// [`InputError`] with a location if the text does not contain a scene.
+    /// Returns [`InputError`] with a location if the text does not contain a scene.
     pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
         let source = Source::new(file, text);
         let folders = Folders::of(file);

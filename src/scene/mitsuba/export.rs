@@ -1,8 +1,8 @@
 //! Exports a scene file to Mitsuba 3's XML, with meshes, images and tables in files next to it.
 //!
-//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths,
-//! frames, filters. A feature that Mitsuba cannot express is an error with its location. A feature
-//! that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
+//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames,
+//! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A
+//! feature that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
 //!
 //! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at these
 //! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A
@@ -48,7 +48,7 @@ pub struct Export {
     pub xml: String,
     /// Names and contents of the files to which the XML refers.
     pub files: Vec<(String, Contents)>,
-    /// Differences between the models of Mitsuba and Sunstone.
+    /// Notes about differences between the models of Mitsuba and Sunstone.
     pub notes: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ impl Export {
     /// Reads and converts a scene file; [`Self::from_text`] describes the options.
     ///
     /// # Errors
-    /// The same errors as [`Self::from_text`], or an error if the file cannot be read.
+    /// Returns the same errors as [`Self::from_text`], or an error if the file cannot be read.
     pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
@@ -65,7 +65,7 @@ impl Export {
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
+    /// Returns [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
     pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         let file = SceneFile::read(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
@@ -76,10 +76,11 @@ impl Export {
         export(&mut ctx, &file)
     }
 
-    /// Writes `scene.xml` and its files into a folder that must be absent or empty, unless `force` is set.
+    /// Writes `scene.xml` and the files to which it refers into `folder`, which must be absent or empty
+    /// unless `force` is set.
     ///
     /// # Errors
-    /// [`WriteError`] if a file cannot be written. No file is then partially written.
+    /// Returns [`WriteError`] if a file cannot be written. No file is then partially written.
     pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
         let mut files = self.files.clone();
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
@@ -239,7 +240,7 @@ fn integrator(settings: &Settings) -> Element {
 }
 
 /// Returns the horizontal field of view in degrees, or an error for a lens that Mitsuba cannot express.
-/// Mitsuba's pinholes have square pixels and no distortion.
+/// Mitsuba's pinhole cameras have square pixels and no distortion.
 fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
         bail!(ctx, span, "Mitsuba cannot express the lens distortion of the {what}", "remove the distortion");
@@ -260,7 +261,7 @@ fn off_centre(p: &Pinhole) -> [f64; 2] {
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
 }
 
-/// Near plane of Mitsuba's rays in metres.
+/// Distance in metres from the device to the near clipping plane, at which Mitsuba's rays start.
 const NEAR: f64 = 1e-3;
 
 fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
@@ -282,7 +283,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
     .float("near_clip", NEAR);
     let mut place = device(camera.origin, camera.axes);
     if camera.parallel {
-        // Its rays start at the near plane, and its image spans -1 to 1 horizontally.
+        // The rays of Mitsuba's camera start at the near plane, and the image spans -1 to 1 horizontally.
         let half = f64::from(camera.resolution[0]) / camera.focal.x / 2.0;
         place.translation -= place.matrix3.z_axis * NEAR;
         place *= DAffine3::from_scale(DVec3::new(half, half, 1.0));
@@ -324,7 +325,7 @@ fn projector_element(
         out.note("the coaxial projector is exported as a separate projector at the camera's position");
     }
     if w == h {
-        // A spectrum counts as an image of one square pixel.
+        // Mitsuba projects a spectrum as an image of one square pixel.
         return Ok(element.float("scale", PI.recip()).child(spectrum(
             &ctx.wavelengths,
             "irradiance",
@@ -361,7 +362,7 @@ fn shape(
         let message = format!("Mitsuba cannot express {what} (object `{name}`)");
         Err(ctx.error(object.shape.span(), message, fix))
     };
-    // A reflection turns Mitsuba's spheres inside out, but not Sunstone's.
+    // A reflection reverses the normals of Mitsuba's spheres, but not of Sunstone's.
     let mut flipped = placed.flipped;
     let element = match &placed.form {
         Form::Quadric(QuadricKind::Sphere, map) => {
@@ -378,8 +379,8 @@ fn shape(
                     "scale x and y equally, or use a mesh",
                 );
             }
-            // Mitsuba samples the light of a mirrored cylinder on its other side. The cylinder is symmetric,
-            // so remove the reflection.
+            // Mitsuba samples the emission of a mirrored cylinder on the wrong side. A cylinder is
+            // symmetric, so remove the reflection.
             let mirrored = map.matrix3.determinant() < 0.0 && needs == Needs::default();
             let map = if mirrored { *map * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)) } else { *map };
             Element::plugin("shape", "cylinder").transform("to_world", &map)
@@ -394,7 +395,7 @@ fn shape(
             Element::plugin("shape", "disk").transform("to_world", map)
         }
         Form::Rectangle(map) => Element::plugin("shape", "rectangle").transform("to_world", map),
-        // The faces of Mitsuba's cube have different texture coordinates.
+        // The texture coordinates of Mitsuba's cube differ, so export a mesh if the material uses them.
         Form::Cube(map) if needs == Needs::default() => {
             Element::plugin("shape", "cube").transform("to_world", map)
         }
@@ -415,7 +416,7 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     out.files.push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
     let shape = Element::plugin("shape", "ply").string("filename", &name);
     if mesh.normals.is_empty() {
-        // Otherwise Mitsuba would compute normals.
+        // Without `face_normals`, Mitsuba would compute vertex normals.
         return shape.boolean("face_normals", true);
     }
     shape

@@ -141,8 +141,8 @@ impl EmitterWriter<'_> {
         self.at_one_wavelength(at.clone(), "an environment image")?;
         let [w, h] = sky.size();
         let at_row = |k: usize, i: usize| sky.texels[k.min(h - 1) * w + i][0];
-        // Mitsuba's rows span pole to pole. Rows at cell centres become the odd rows of 2h + 1, and the rows
-        // between are means.
+        // Mitsuba's rows span from pole to pole. The h rows at cell centres become the odd rows of 2h + 1
+        // rows. Each even row is the mean of its neighbours.
         let value = |k: usize, i: usize| match (sky.rows(), k % 2) {
             (Rows::Poles, _) => at_row(k, i),
             (Rows::Centres, 1) => at_row(k / 2, i),

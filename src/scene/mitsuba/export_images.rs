@@ -38,14 +38,14 @@ impl Images<'_> {
     /// Writes the bitmap of a bump map.
     ///
     /// # Errors
-    /// [`InputError`] if the heights of the bump map are outside the range of a PNG file.
+    /// Returns [`InputError`] if the heights of the bump map are outside the range of a PNG file.
     pub fn heights(self, texture: u32) -> Result<Element, InputError> {
         let fits = |t: &[f32; 4]| (0.0..=1.0).contains(&t[0]);
         if !texels(self.textures, texture).1.iter().all(fits) {
             return Err(self.ctx.error(
                 self.span.clone(),
                 "the height image has values outside 0..1, which cannot be exported",
-                "divide the values by their maximum, and multiply height by it",
+                "divide the values by their maximum, and multiply `height` by the same maximum",
             ));
         }
         self.grey("heights", texture, true, |t| t[0])

@@ -30,9 +30,9 @@ pub(super) struct MaterialWriter<'a> {
     /// Name of each material by its index.
     names: BTreeMap<u32, &'a str>,
     out: &'a mut Output,
-    /// Id of each written BSDF.
+    /// Id of each written BSDF, by material index.
     pub ids: BTreeMap<u32, String>,
-    /// Surface properties that each BSDF requires.
+    /// Surface properties that each BSDF requires, by material index.
     pub needs: BTreeMap<u32, Needs>,
 }
 
@@ -80,8 +80,8 @@ impl<'a> MaterialWriter<'a> {
         Ok(())
     }
 
-    /// Returns the materials to which a material refers in the XML. The materials of a `two_sided` are nested
-    /// instead.
+    /// Returns the materials to which a material refers in the XML. The materials of a `two_sided` are
+    /// nested in its element and excluded here.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -117,7 +117,7 @@ impl<'a> MaterialWriter<'a> {
         Err(self.ctx.error(self.files[name].span(), message, fix))
     }
 
-    /// Returns one element with an id, visible from both sides.
+    /// Returns the BSDF element of a material, with an id. The BSDF is visible from both sides.
     fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, InputError> {
         let open = |kind: &str| Element::plugin("bsdf", kind).with("id", name);
         Ok(match self.table.list[id as usize] {
@@ -155,7 +155,7 @@ impl<'a> MaterialWriter<'a> {
                 if r.tilt != Tilt::Cosine {
                     return self.cannot(
                         id,
-                        "the dependence of the retardance on incidence for tilt = \"plate\" or \"constant\"",
+                        "the dependence of the retardance on the angle of incidence for tilt = \"plate\" or \"constant\"",
                         "use tilt = \"cosine\" without ior (equivalent at normal incidence)",
                     );
                 }
@@ -225,7 +225,7 @@ impl<'a> MaterialWriter<'a> {
         })
     }
 
-    /// Returns a material as seen from its front. The BSDF is black or undefined from behind.
+    /// Returns the BSDF of a material's front side. The BSDF is black or undefined from behind.
     fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, InputError> {
         let open = |kind: &str| {
             let element = Element::plugin("bsdf", kind);
@@ -451,7 +451,7 @@ impl<'a> MaterialWriter<'a> {
 /// Maximum roughness α of a coat that is exported as smooth.
 const SMOOTH_COAT: f32 = 0.001;
 
-/// Converts an angle from radians to degrees, rounded to few digits.
+/// Converts an angle from radians to degrees, rounded to single precision.
 fn degrees(radians: f32) -> f64 {
     shortest((f64::from(radians).to_degrees()) as f32)
 }

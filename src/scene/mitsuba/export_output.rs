@@ -37,9 +37,9 @@ impl Output {
     }
 }
 
-/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair
-/// Mitsuba's spectra are zero, and Sunstone's are constant. The reflectance of a metal with a
-/// refractive index of zero would be undefined.
+/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair, Mitsuba's
+/// spectra are zero and Sunstone's are constant. A refractive index of zero would make the reflectance of a
+/// metal undefined.
 const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
 /// Writes a spectrum as a property. A single value is written as a plain number, which Mitsuba's mono
@@ -88,7 +88,7 @@ pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Elemen
         .with("name", name)
         .string("filename", file)
         .boolean("raw", raw)
-        // Use the variant's precision instead of half precision.
+        // Store texels in the floating-point precision of Mitsuba's variant instead of half precision.
         .string("format", "variant");
     if image.filter == Filter::Nearest {
         out = out.string("filter_type", "nearest");

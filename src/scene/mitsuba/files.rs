@@ -22,12 +22,12 @@ pub enum WriteError {
     Io(PathBuf, io::Error),
 }
 
-/// Writes files into a new folder, which appears only when it is complete. With `force`, writes
-/// into an existing folder. Each file then atomically replaces a file of the same name, in the
-/// order of `files`. The last file refers to the others.
+/// Writes files into a new folder, which is created atomically after all files are written. With `force`,
+/// writes into an existing folder. Each file then atomically replaces a file of the same name, in the order
+/// of `files`. The last file must be the one that refers to the other files.
 ///
 /// # Errors
-/// [`WriteError`] if a file cannot be written. A new folder is then not created.
+/// Returns [`WriteError`] if a file cannot be written. A new folder is then not created.
 pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
     let at = |path: &Path| {
         let path = path.to_owned();
@@ -86,7 +86,7 @@ fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io:
 /// Writes one file atomically.
 ///
 /// # Errors
-/// [`WriteError`] if the file exists and `force` is not set, or if the file system reports an error.
+/// Returns [`WriteError`] if the file exists and `force` is not set, or if the file system reports an error.
 pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result<(), WriteError> {
     if path.exists() && !force {
         return Err(WriteError::Exists(path.to_owned()));

@@ -19,7 +19,7 @@ pub(super) struct Alias {
 pub(super) struct Folders(Vec<PathBuf>);
 
 impl Folders {
-    /// Creates a list that contains the folder of a scene.
+    /// Creates a list that contains only the folder of a scene.
     pub fn of(scene: &Path) -> Self {
         let path = std::path::absolute(scene).unwrap_or_else(|_| scene.to_owned());
         Self(vec![path.parent().unwrap_or(Path::new("")).to_owned()])
@@ -43,10 +43,10 @@ impl Folders {
 pub(super) fn read_text(path: &Path) -> std::io::Result<String> {
     let meta = std::fs::metadata(path)?;
     if !meta.is_file() {
-        return Err(std::io::Error::other("expected a file"));
+        return Err(std::io::Error::other("expected a regular file"));
     }
     if meta.len() > MOST_BYTES {
-        return Err(std::io::Error::other("the file is too large for a scene"));
+        return Err(std::io::Error::other("the file is larger than 256 MiB"));
     }
     std::fs::read_to_string(path)
 }

@@ -1,8 +1,9 @@
-//! Imports Mitsuba 3's XML to a scene file in TOML.
+//! Converts Mitsuba 3's XML to a scene file in TOML.
 //!
-//! The subset is that of [`super::export`]. RGB colours become values at the scene's wavelengths: red above
-//! 590 nm, green from 500 to 590 nm, blue below. The wavelengths are 660, 550 and 450 nm unless the file or
-//! `-D wavelengths_nm=…` sets others. One-sided BSDFs become `two_sided` with a black back.
+//! The supported subset of Mitsuba's format is that of [`super::export`]. RGB colours become values at the
+//! scene's wavelengths: red above 590 nm, green from 500 to 590 nm, blue below. The wavelengths are 660,
+//! 550 and 450 nm unless the file or `-D wavelengths_nm=…` sets others. One-sided BSDFs become `two_sided`
+//! with a black back.
 
 use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
@@ -55,7 +56,7 @@ impl Import {
     /// the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`]: everything that is not supported, with file, line, column and fix.
+    /// [`ImportError`] lists all unsupported elements, each with file, line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),
@@ -73,7 +74,7 @@ impl Import {
     /// relative paths.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn from_text(
         xml: &Path,
         text: &str,
@@ -87,7 +88,7 @@ impl Import {
     /// and the scene file use.
     ///
     /// # Errors
-    /// The same errors as [`Self::load`].
+    /// Returns the same errors as [`Self::load`].
     pub fn with_files(
         xml: &Path,
         text: &str,
@@ -111,7 +112,8 @@ impl Import {
     /// Writes the files that the scene needs and then the scene file, each atomically.
     ///
     /// # Errors
-    /// [`WriteError`] if a file exists and `force` is not set, or if the file system reports an error.
+    /// Returns [`WriteError`] if a file exists and `force` is not set, or if the file system reports an
+    /// error.
     pub fn write(&self, toml: &Path, force: bool) -> Result<(), WriteError> {
         let paths = self.files.keys().map(|name| toml.with_file_name(name));
         if let Some(there) = paths.chain([toml.to_owned()]).find(|path| !force && path.exists()) {
@@ -144,7 +146,7 @@ fn run(
         };
         source.accept(parts.sort(&mut importer, node));
     }
-    // Acceleration structures.
+    // Acceleration structures do not affect the image.
     let search = |name: &str| name.starts_with("kd_") || name.starts_with("embree_");
     let names = scene.properties.iter().map(|p| p.name.as_str());
     let mut ignored: Vec<&str> = names.filter(|name| search(name)).collect();
@@ -200,7 +202,7 @@ fn run(
     file.emitters = emitters.emitters;
     file.projector = emitters.projector;
     if source.any_problem() {
-        // Omitted parts would cause further errors.
+        // Elements omitted because of errors would cause further errors.
         return Ok(None);
     }
     let (mut volumetric, mut thin) = (false, false);
@@ -216,7 +218,7 @@ fn run(
     }
     if importer.spectral.get() {
         importer.note(
-            "spectra are evaluated at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants convert them to colours",
+            "spectra are evaluated at the scene's wavelengths, as in Mitsuba's spectral variants; Mitsuba's RGB variants convert spectra to colours",
         );
     }
     let mut files = files.clone();
@@ -380,11 +382,11 @@ impl<'a> Parts<'a> {
             // Surface emitters are read with the shape that refers to them.
             "emitter" if SURFACE_EMITTERS.contains(&node.kind.as_str()) => {}
             "emitter" => self.emitters.push(node),
-            // Read where another element refers to them.
+            // These elements are read where another element refers to them.
             "texture" | "spectrum" | "medium" | "phase" | "volume" | "film" | "sampler" | "rfilter" => {}
             other => {
-                let message = format!("unsupported element: {other}");
-                return Err(source.error(&node.span, message, "remove it"));
+                let message = format!("unsupported element <{other}>");
+                return Err(source.error(&node.span, message, "remove the element"));
             }
         }
         Ok(())

@@ -62,7 +62,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
                 if let Some(count) = inner.integer(source, "sample_count")? {
                     spp = importer.whole(&inner.span, count, "sample_count")?;
                 }
-                // Sunstone has its own sampler; these affect noise only.
+                // Sunstone has its own sampler. These parameters affect noise only.
                 inner.finish(source, &["seed", "jitter", "pass_index", "dimension"]);
             }
             "film" if given.is_some() => {
@@ -130,7 +130,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     let cropped = window != [0, 0, size[0], size[1]];
     if cropped && !orthographic {
-        // The field of view is that of the whole film.
+        // `fov` is the field of view of the whole film, not of the crop window.
         camera.fov_x_deg = None;
         let fx = w / (2.0 * (fov.to_radians() / 2.0).tan());
         camera.fx = Some(node.at(fx));
@@ -254,14 +254,14 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         if filter.replace(inner.kind.as_str()).is_some() {
             return importer.error(child.span(), "the film has a second rfilter", "keep one rfilter");
         }
-        // Parameters of filters that are not used.
+        // Parameters of reconstruction filters have no effect in Sunstone.
         inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
     }
     if filter != Some("box") {
         importer.note(FILTERED);
     }
     let own: &[&str] = match node.kind.as_str() {
-        // Encoding of the image file.
+        // These parameters control the encoding of the image file.
         "ldrfilm" => &["gamma", "exposure", "tonemap_method", "key", "burn", "label", "fixed_radiance"],
         "transient_hdr_film" => &["laser_scan_width", "laser_scan_height"],
         _ => &[],
@@ -270,7 +270,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         source,
         &[
             &["file_format", "pixel_format", "component_format", "sample_border", "compensate"],
-            // From Mitsuba 0.x.
+            // These parameters exist in Mitsuba 0.x only.
             &["banner", "attach_log", "high_quality_edges"][..],
             own,
         ]
@@ -302,7 +302,7 @@ pub(super) fn integrator<'a>(
             return importer.error(&node.span, "the integrator contains itself", "nest a path integrator");
         }
         seen.push(node);
-        // The integrators of Mitsuba's Python package have a different default.
+        // The integrators of Mitsuba's Python package have a different default depth.
         let differentiable = node.kind.starts_with("prb") || node.kind.starts_with("transient_");
         match node.kind.as_str() {
             "stokes" | "aov" | "moment" => {
@@ -354,7 +354,7 @@ pub(super) fn integrator<'a>(
                 }
             }
             "direct_projective" => max_depth = 2,
-            // From Mitsuba 0.x; all of them compute the same light.
+            // These integrators of Mitsuba 0.x converge to the same image as `volpath`.
             "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
@@ -381,7 +381,7 @@ pub(super) fn integrator<'a>(
         if node.boolean(source, "strict_normals")?.unwrap_or(false) {
             importer.note("strict_normals is not used");
         }
-        // Affect only scheduling and sampling.
+        // These parameters affect only scheduling and sampling.
         let work = ["samples_per_pass", "block_size", "timeout", "use_spectral_mis"];
         let derivatives =
             ["sppc", "sppp", "sppi", "guiding", "guiding_proj", "guiding_rounds", "project_seed"];
@@ -393,7 +393,7 @@ pub(super) fn integrator<'a>(
     }
     Ok(Depth {
         max_depth: importer.whole(&at, max_depth, "max_depth")?,
-        // Mitsuba counts the camera's segment in `rr_depth`.
+        // Mitsuba's `rr_depth` includes the path segment that starts at the camera.
         rr_depth: u32::try_from(rr_depth.max(1) - 1).unwrap_or(u32::MAX),
     })
 }
@@ -414,7 +414,7 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     }
     let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
     if !["", "box"].contains(&filter) {
-        importer.note(format!("temporal_filter `{filter}` is not used: time bins are boxes"));
+        importer.note(format!("temporal_filter `{filter}` is not used: time bins have a box filter"));
     }
     node.get("gaussian_stddev");
     Ok(())

@@ -65,7 +65,7 @@ pub(super) fn add<'a>(
                 environment.radiance = radiance;
             }
             sampling_weight(importer, node)?;
-            // Rotation has no effect.
+            // A rotation does not change a constant environment.
             node.finish(source, &["to_world"]);
             environment
         }
@@ -107,7 +107,7 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
             "use only lookat, rotate and translate",
         );
     }
-    // Mitsuba's image has its up along the spot's +y and its right along +x, as if mirrored.
+    // In Mitsuba, the image's up direction is the spot's +y and its right is +x, so the image is mirrored.
     let up = image.as_ref().map(|_| (-place.matrix3.y_axis).to_array());
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
     let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);
@@ -152,7 +152,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     sampling_weight(importer, node)?;
-    // It affects noise only.
+    // `mis_compensation` affects noise only.
     node.finish(source, &["mis_compensation"]);
     let mut environment = EnvironmentFile::new(scale);
     environment.rows = Rows::Poles;
@@ -243,7 +243,7 @@ fn projected<'a>(
 
 /// Result of converting a Mitsuba projector.
 enum Projected {
-    /// The projector of the scene file, whose pixels are the axis s' of T.
+    /// The projector of the scene file, whose pixels are the axis s' of the transport tensor T.
     Patterns(Box<ProjectorFile>),
     /// An emitter that projects an image.
     Slide(Box<SlideFile>),
@@ -300,7 +300,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
 }
 
 fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
-    // Irradiances are f32 in the scene; rounding here removes the rounding error of the factor.
+    // Irradiances are f32 in the scene. Rounding here removes the rounding error of the factor.
     let times = |v: &f64| f64::from((v * factor) as f32);
     let mut out = spectrum.clone();
     match &mut out {

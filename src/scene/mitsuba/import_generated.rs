@@ -62,7 +62,7 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
         tubes.deviation
     ));
     importer.note(
-        "curves: light inside a tube hits the inner surface in Sunstone; in Mitsuba it passes, because curves are visible only from outside",
+        "curves: light inside a tube hits the inner surface in Sunstone; in Mitsuba the light passes through, because curves are visible only from outside",
     );
     Ok(made(importer, node, &tubes.mesh))
 }

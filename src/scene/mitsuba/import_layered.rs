@@ -67,7 +67,7 @@ pub(super) fn principled<'a>(
     let source = importer.source;
     let base = albedo(importer, node, "base_color", 0.5, uv)?;
     let roughness = scalar(importer, node, "roughness", Some(0.5), uv)?;
-    // Default for images, used for the body's albedo only: the middle of the range.
+    // For a roughness image, the body's albedo is computed at roughness 0.5, the middle of the range.
     let mut middle = 0.5;
     let alpha = if let ScalarFile::Number(v) = &*roughness {
         middle = v.clamp(0.0, 1.0);

@@ -311,7 +311,7 @@ impl MaterialReader {
         both: bool,
         uv: &mut Coordinates,
     ) -> Result<Located<String>, InputError> {
-        // Differences measured with Mitsuba's scene of a tiled ball, `test_bumpmap_path.xml`.
+        // Brightness differences, measured with Mitsuba's scene of a tiled sphere, `test_bumpmap_path.xml`.
         for (name, difference) in
             [("flip_invalid_normals", "1.3 % brighter"), ("use_shadowing_function", "0.8 % darker")]
         {

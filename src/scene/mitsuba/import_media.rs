@@ -93,7 +93,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     if !node.boolean(importer.source, "sample_emitters")?.unwrap_or(true) {
         importer.note("sample_emitters = false of a medium is not used: Sunstone samples emitters in media");
     }
-    // Affects only how distances are sampled.
+    // `has_spectral_extinction` affects only how distances are sampled.
     node.finish(importer.source, &["has_spectral_extinction"]);
     let index = node.at(1.0.into());
     let albedo = match albedo {
@@ -179,7 +179,7 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
         return importer.error(&node.span, what, "use clamp (the default)");
     }
     let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
-    // Conversion to spectra and look-up acceleration.
+    // `raw` controls the conversion to spectra, `accel` the acceleration of look-ups.
     node.finish(source, &["raw", "accel"]);
     Ok(node.at(GridFile {
         file: node.at(importer.file(name)),

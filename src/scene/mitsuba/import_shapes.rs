@@ -14,7 +14,7 @@ use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
 };
 
-/// Readers of the elements to which shapes refer.
+/// Converters of the materials, media and groups to which shapes refer.
 #[derive(Default)]
 pub(super) struct Readers {
     pub materials: MaterialReader,
@@ -91,7 +91,7 @@ fn objects<'a>(
                 turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
             }
             let index = shape_index(importer, node)?;
-            // Without file normals, Mitsuba computes them from the faces, which a reflection reverses.
+            // Mitsuba computes missing normals from the faces. A reflection reverses computed normals.
             let given = !flat && mirrors && has_normals(importer, node)?;
             (inward, swapped) = (flip != mirrors, if given { flip } else { flip != mirrors });
             let mesh = MeshFile { file, index, flat, smooth: !flat, materials: false };
@@ -187,7 +187,7 @@ fn objects<'a>(
     object.name.clone_from(&node.id);
     object.material = Located::at(at(), material);
     object.interior = interior;
-    // The interior defines inside and outside.
+    // An interior medium determines which side is outside.
     object.flip_normals = swapped && object.interior.is_none();
     object.emission = emission.map(|(e, _)| e);
     if place != DAffine3::IDENTITY {

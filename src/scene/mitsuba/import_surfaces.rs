@@ -1,4 +1,5 @@
-//! Common parts of Mitsuba's BSDFs: metals, refractive indices, facets, and values that can be images.
+//! Converts values that several of Mitsuba's BSDFs use: metals, refractive indices, facets, and values that
+//! can be images.
 
 use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
@@ -91,7 +92,7 @@ pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), In
     }
 }
 
-/// Returns a refractive index from a number or from Mitsuba's names.
+/// Returns a refractive index that is given as a number or as one of Mitsuba's material names.
 fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f64, InputError> {
     let Some(p) = node.get(name) else {
         return Ok(missing);

@@ -1,4 +1,4 @@
-//! Materials created by an import, under unique names.
+//! Table of the materials that an import creates, under unique names.
 
 use super::names::{free, plain};
 use super::tree::Node;

@@ -18,7 +18,7 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// Whether a spectrum was read. Mitsuba's RGB variants would convert spectra to colours.
+    /// Whether a spectrum has been read. Mitsuba's RGB variants would convert this spectrum to a colour.
     pub spectral: Cell<bool>,
     /// Files that exist in memory only.
     pub files: &'a BTreeMap<String, Vec<u8>>,
@@ -234,7 +234,7 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Returns only the values if the pairs are at the scene's wavelengths and constant beyond these;
+    /// Returns the values alone if the pairs are at the scene's wavelengths and constant beyond these;
     /// otherwise `None`.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
@@ -384,7 +384,7 @@ pub(super) fn is_spectrum(node: &Node) -> bool {
 
 /// Returns the spectral radiance of a black body by Planck's law, in W/(m² sr nm).
 fn planck(nm: f64, kelvin: f64) -> f64 {
-    // SI values of h, c and k.
+    // Planck constant, speed of light and Boltzmann constant in SI units.
     let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
     let metres = nm * 1e-9;
     2.0 * h * c * c / metres.powi(5) / (h * c / (metres * k * kelvin)).exp_m1() * 1e-9

@@ -18,8 +18,8 @@ const DEEPEST: usize = 32;
 /// Returns the `scene` plugin of a text.
 ///
 /// # Errors
-/// [`InputError`] with a location if the text contains no scene. Errors inside the scene are recorded in
-/// `source`.
+/// Returns [`InputError`] with a location if the text contains no scene. Errors inside the scene are
+/// recorded in `source`.
 pub(super) fn scene(source: &Source, text: &str) -> Result<Node, InputError> {
     let strict = jsonc_parser::ParseOptions {
         allow_comments: true,

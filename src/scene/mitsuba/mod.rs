@@ -12,9 +12,9 @@
 //! | exterior index | 1 | 1.000277 (air) unless given |
 //! | polarizer angle | counter-clockwise | clockwise |
 //! | texture coordinate v | from the lower edge of the image | from the upper edge |
-//! | caps of a tube | part of it | disks of their own |
+//! | caps of a tube | part of the tube | separate disks |
 //! | copies | `[groups]` and `[[instances]]` | `shapegroup` and `instance` |
-//! | light | any Stokes vector in | unpolarized: column 0 of T |
+//! | emitted light | any Stokes vector | unpolarized: column 0 of T |
 //!
 //! [`export`] writes and [`import`] reads the same subset; `xml` and `reader` implement the syntax of
 //! Mitsuba's files.

@@ -5,7 +5,7 @@ pub(super) fn tag(plugin: &str) -> Option<&'static str> {
     found.map(|(tag, _)| *tag)
 }
 
-/// XML tags and the names of their plugins in Mitsuba 3.9.
+/// XML tags, each with the names of its plugins in Mitsuba 3.9.
 const PLUGINS: [(&str, &str); 14] = [
     (
         "shape",

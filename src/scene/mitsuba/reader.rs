@@ -100,7 +100,7 @@ fn any_up(z: DVec3) -> DVec3 {
     DVec3::new(1.0 + sign * z.x * z.x * a, sign * z.x * z.y * a, -sign * z.x)
 }
 
-/// State while an XML file and its included files are read.
+/// State of the parser for an XML file and its included files.
 pub(super) struct Reader<'s> {
     source: &'s Source,
     /// Byte offset of the file's first byte in the concatenated texts.
@@ -108,15 +108,15 @@ pub(super) struct Reader<'s> {
     /// Nesting depth of the current file: 0 for the main file.
     depth: usize,
     pub parameters: BTreeMap<String, String>,
-    /// Names of the parameters that an attribute used.
+    /// Names of the parameters to which attributes have referred so far.
     pub used: Vec<String>,
-    /// Additional names of ids.
+    /// Additional ids of elements.
     pub aliases: Vec<Alias>,
     pub folders: Folders,
     /// Notes for the user about contents that are interpreted in an unexpected way.
     pub notes: Vec<String>,
     folder: PathBuf,
-    /// Whether the current file is of Mitsuba 0.x, so that its names must be upgraded.
+    /// Whether the current file is of Mitsuba 0.x, so that its names must be converted.
     old: bool,
 }
 
@@ -182,7 +182,7 @@ impl<'s> Reader<'s> {
             bail!(self.source, &span, "elements are nested too deeply", "give elements an id, and use <ref>");
         }
         let root = depth == 0;
-        // An included file has its own root.
+        // An included file has its own root element.
         let of_file = xml.parent().is_none_or(|parent| parent.is_root());
         self.only(xml, if of_file { &["version", "type", "id", "name"] } else { &["type", "id", "name"] })?;
         let mut node = Node {
@@ -325,7 +325,7 @@ impl<'s> Reader<'s> {
                 self.property(xml, node)?;
             }
             _ => {
-                bail!(self.source, &span, "unsupported element <{tag}>", "replace it by its contents");
+                bail!(self.source, &span, "unsupported element <{tag}>", "keep only the element's contents");
             }
         }
         Ok(())
@@ -576,7 +576,7 @@ impl<'s> Reader<'s> {
                 return Err(self.source.error(
                     &self.start_tag(xml),
                     format!("`{text}` uses an undefined parameter"),
-                    "define it with -D name=value, or add <default name=\"…\" value=\"…\"/> before this element",
+                    "define the parameter with -D name=value, or add <default name=\"…\" value=\"…\"/> before this element",
                 ));
             };
             out.push_str(value);

@@ -106,8 +106,8 @@ impl Node {
         Some(found)
     }
 
-    /// Returns the value of a property after `convert`. `wanted` describes, for messages, the values that
-    /// `convert` accepts.
+    /// Returns the value of a property, converted by `convert`. `wanted` describes, for messages, the
+    /// values that `convert` accepts.
     fn typed<'a, T>(
         &'a self,
         source: &Source,
@@ -153,7 +153,7 @@ impl Node {
         self.typed(source, name, "a transform", |v| if let Value::Transform(v) = v { Some(*v) } else { None })
     }
 
-    /// Gives a value the location of this plugin.
+    /// Attaches the location of this plugin to a value.
     pub fn at<T>(&self, value: T) -> Located<T> {
         Located::at(self.span.clone(), value)
     }
@@ -192,7 +192,7 @@ impl Node {
         }
     }
 
-    /// Calls `found` for this plugin and then for all plugins inside it.
+    /// Calls `found` for this plugin and then for all plugins nested in it.
     pub fn walk<'a>(&'a self, found: &mut impl FnMut(&'a Self)) {
         found(self);
         for child in &self.children {

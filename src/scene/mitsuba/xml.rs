@@ -70,7 +70,7 @@ impl Element {
         self.property("string", name, value)
     }
 
-    /// Adds a child `<transform>` with the matrix of a map, row by row.
+    /// Adds a child `<transform>` with the row-major matrix of a map.
     pub fn transform(self, name: &str, map: &DAffine3) -> Self {
         let m = map.matrix3;
         let mut value = String::new();

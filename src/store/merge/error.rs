@@ -26,12 +26,12 @@ pub enum MergeError {
     Integrators { first: PathBuf, second: PathBuf },
     /// The coordinates of a camera axis do not identify the pixels of its entries.
     #[error(
-        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of whole pixels, so its sample count is unknown: render it \
-         again, or restore it from a backup"
+        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of a block of whole pixels, so the sample count of this entry is unknown: render the \
+         store again, or restore it from a backup"
     )]
     Pixels { path: PathBuf, axis: &'static str, coordinate: f64 },
     #[error(
-        "seed {seed} of {path} occurs twice, so its samples would be counted twice: render with another `--seed`"
+        "seed {seed} of {path} also occurs in another input, so samples would be counted twice: render one of the inputs with another `--seed`"
     )]
     Seed { path: PathBuf, seed: i128 },
     /// The output path is also an input path.

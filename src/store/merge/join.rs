@@ -1,7 +1,7 @@
 //! Joins the parts of one render tile by tile; the result equals the whole render byte for byte.
 //!
-//! Each tile belongs to one part, so nothing is summed. A chunk that belongs to one part is copied. A chunk
-//! that belongs to several parts (a block of pixels that is not aligned with tiles) is assembled from
+//! Each tile belongs to one part, so no values are summed. A chunk that belongs to one part is copied. A
+//! chunk that belongs to several parts (a block of pixels that is not aligned with tiles) is assembled from
 //! elements, each of which belongs to one part.
 
 mod error;
@@ -48,7 +48,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
-/// Returns the attributes of the whole render: those common to all parts, and sums over the parts.
+/// Returns the attributes of the whole render: the attributes common to all parts, and sums over the parts
+/// of the others.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = all[0].clone();

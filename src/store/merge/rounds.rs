@@ -23,7 +23,7 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
     let open = |path: &PathBuf| -> Result<Input, MergeError> {
         let store = TensorStore::open(path)?;
         denoised::refuse(&store)?;
-        // Weights are sample counts.
+        // With a group size of 1, the weights of the stores are their sample counts.
         Ok(Input { group: 1.0, ..Input::of(store) })
     };
     rounds.iter().map(open).collect()
@@ -55,14 +55,14 @@ fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     Ok(all)
 }
 
-/// Returns the errors and variances of a slice, estimated from all rounds.
+/// Returns the errors and variances of a slice's pixels, estimated from all rounds.
 ///
 /// A pixel is lit if its total (M00 summed over all entries of the slice, averaged over wavelengths) is at
 /// least 1 % of the 99th percentile. The error of the pixel is the standard error of the total divided by
 /// the total.
 ///
 /// # Errors
-/// If the stores are not rounds of one render, lack the slice or cannot be read.
+/// Returns an error if the stores are not rounds of one render, lack the slice or cannot be read.
 pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     let inputs = open(rounds)?;
     let Some(first) = inputs.first() else {
@@ -127,7 +127,7 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
 /// replaced only with `replace`.
 ///
 /// # Errors
-/// If the stores are not rounds of one render, or if reading or writing fails.
+/// Returns an error if the stores are not rounds of one render, or if reading or writing fails.
 pub fn pool(
     rounds: &[PathBuf],
     out: &Path,

@@ -64,7 +64,7 @@ fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool)
         slice.write(mean, &zero, &shape, &m).unwrap();
         slice.write(error, &zero, &shape, &e).unwrap();
     }
-    // 15 elements of 3 bins and 2 wavelengths, with their overflow.
+    // There are 15 camera elements with 3 time bins, overflow and 2 wavelengths.
     let totals: Vec<f32> = (0..15)
         .map(|element| {
             let of = |s| {
@@ -105,7 +105,7 @@ fn parts_merge_to_the_whole() {
                 let tolerance = if matches!(field, Field::Mean | Field::Overflow) {
                     2e-7
                 } else if field == Field::TotalStdError {
-                    // Means of totals are sums of rounded values.
+                    // The tolerance is larger because the means of totals are sums of rounded values.
                     1e-5
                 } else {
                     1e-6
@@ -125,7 +125,7 @@ fn parts_merge_to_the_whole() {
     }
 }
 
-/// Verifies that a merge has no errors of totals if an input of an earlier version has none.
+/// Verifies that a merged store has no errors of totals if an input of an earlier version has none.
 #[test]
 fn fields_missing_in_one_input_are_dropped() {
     let dir = tempfile::tempdir().unwrap();
@@ -190,8 +190,8 @@ fn different_scenes_and_equal_seeds_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// Verifies that a store whose rows are not increasing is refused when its slice is opened, and that the
-/// message names the store.
+/// Verifies that a store whose row coordinates do not increase is refused when its slice is opened, and
+/// that the message names the store.
 #[test]
 fn rows_that_do_not_increase_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -211,7 +211,7 @@ fn rows_that_do_not_increase_are_refused() {
 }
 
 /// Verifies that a merge that is interrupted at any chunk leaves no store, and that the next merge resumes
-/// it and gives the same bytes.
+/// the work and gives the same bytes.
 #[test]
 fn an_interrupted_merge_resumes() {
     let dir = tempfile::tempdir().unwrap();
@@ -243,7 +243,7 @@ fn an_interrupted_merge_resumes() {
     std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
     merge(&inputs, &at("out"), Options { replace: true, ..Options::default() }).unwrap();
     assert_eq!(files(&at("out")), files(&at("whole")));
-    // The output is an input, also through a link.
+    // The output may not be an input, even through a symbolic link.
     std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
     for out in ["a", "link"] {
         let error = merge(&inputs, &at(out), Options { replace: true, ..Options::default() }).unwrap_err();

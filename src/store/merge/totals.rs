@@ -1,4 +1,5 @@
-//! Computes the means of camera elements' totals from stored means, because these means are not stored.
+//! Computes the means of camera elements' totals from the stored means of all entries, because means of
+//! totals are not stored.
 
 use crate::zarr::{AccessError, StoredSlice};
 use rayon::prelude::*;
@@ -30,7 +31,7 @@ pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
                 .collect();
             Ok((start, size, sums))
         });
-        // Summed in the order of the chunks, independent of threads.
+        // Sum in the order of the chunks, so that the result does not depend on the number of threads.
         for (start, size, sums) in sums.collect::<Result<Vec<_>, AccessError>>()? {
             for (row, sums) in (start[0]..).zip(sums.chunks_exact(size[1] as usize)) {
                 let first = (row * shape[1] + start[1]) as usize;

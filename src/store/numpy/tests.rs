@@ -22,7 +22,7 @@ fn example() -> NumpyArray {
     }
 }
 
-/// Verifies reading of a saved transpose, whose first index varies fastest in the file.
+/// Verifies that a saved transpose, whose first index varies fastest in the file, is read correctly.
 #[test]
 fn column_major_arrays_are_read_by_their_indices() {
     let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
@@ -73,7 +73,7 @@ fn number_types_are_converted_or_refused() {
     assert_eq!(is(of(">f4", "False", &big)), Values::Single(vec![1.5, -2.0, 0.0, 4.0]));
     let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
     assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
-    // Column by column.
+    // The elements are stored column by column.
     let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     assert_eq!(is(of("<f4", "True", &columns)), Values::Single(vec![1.0, 2.0, 3.0, 4.0]));
     assert!(message(of("<f4", "False", &[0; 15])).contains("ends before"));

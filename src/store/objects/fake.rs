@@ -1,6 +1,6 @@
 //! Object stores in memory, for tests. `memory://NAME/..` has no faults, `flaky://NAME/..` loses responses
-//! to conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed
-//! process.
+//! to conditional puts, and `mortal://NAME/..` makes a limited number of changes and then fails, like a
+//! killed process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
 use crate::refusal::Refusal;
@@ -22,7 +22,6 @@ pub(crate) struct Bucket {
 
 static BUCKETS: LazyLock<Mutex<HashMap<String, Arc<Bucket>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the bucket with this name.
 pub(crate) fn memory(name: &str) -> Arc<Bucket> {
     let mut all = BUCKETS.lock().unwrap_or_else(PoisonError::into_inner);
     all.entry(name.to_owned()).or_default().clone()
@@ -38,12 +37,10 @@ pub(crate) fn requests(name: &str) -> u64 {
     memory(name).requests.load(Ordering::Relaxed)
 }
 
-/// Writes one object of a bucket.
 pub(crate) fn put(bucket: &Bucket, key: &str, bytes: Vec<u8>) {
     bucket.set(key, bytes.into());
 }
 
-/// Removes one object of a bucket.
 pub(crate) fn remove(bucket: &Bucket, key: &str) {
     bucket.objects().remove(key);
 }

@@ -1,5 +1,4 @@
-//! The lock of a store at an address: an object that only one process can create, and that its holder
-//! renews.
+//! The lock of a store at an address: an object that only one process can create, and that its holder renews.
 //!
 //! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every
 //! third of the lease. A process that finds a lock watches it for one lease. If the lock is not renewed,
@@ -19,16 +18,16 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
-/// Default lease, after which a lock without renewal expires. The environment variable below overrides the
-/// lease, in seconds.
+/// Default lease: the time after which a lock without renewal expires. The environment variable
+/// `SUNSTONE_LEASE_S` overrides it, in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
-/// Minimum and maximum lease, seconds.
+/// Minimum and maximum lease in seconds.
 const LEASES: [f64; 2] = [1.0, 3600.0];
 /// Number of times that a watched lock is read during one lease.
 const LOOKS: u32 = 10;
 
-/// Returns the lease of the locks of this process.
+/// Returns the lease of the locks that this process takes.
 pub(crate) fn lease() -> Duration {
     let given = std::env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
     given.map_or(LEASE, believed)
@@ -109,8 +108,8 @@ impl Owner {
             .into()
     }
 
-    /// Returns whether a lock's object is from this owner. If the response to a put was lost, the repeated
-    /// put finds the object of the first.
+    /// Returns whether this owner wrote a lock's object. If the response to a put was lost, the repeated
+    /// put finds the object of the first put.
     fn wrote(&self, bytes: &[u8]) -> bool {
         parse(bytes)["key"] == self.key.as_str()
     }
@@ -125,7 +124,7 @@ impl ObjectLock {
     pub(crate) fn take(objects: &Objects, lease: Duration) -> Result<Self, NoLock> {
         let owner = Owner::new(lease);
         let (version, held) = acquire(objects, &owner)?;
-        // Some servers ignore the condition of a put.
+        // Repeat the put, because some servers ignore its condition.
         if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
             let _ = objects.delete(vec![FILE.into()]);
             return Err(NoLock::Refused(Refusal::new(
@@ -164,7 +163,8 @@ impl Drop for ObjectLock {
         if let Some(renewal) = self.renewal.take() {
             let _ = renewal.join();
         }
-        // A lock that could expire before the request arrives is left to its lease.
+        // Do not delete a lock that could expire before the request arrives, because another process may
+        // then hold it.
         if self.hold.left() > self.lease / 3 {
             let _ = self.objects.delete(vec![FILE.into()]);
         }

@@ -30,7 +30,7 @@ fn a_lock_is_exclusive_and_ends_with_its_holder() {
     let third = ObjectLock::take(&objects, LEASE).expect("its holder is dead");
     assert!(begun.elapsed() >= LEASE, "the lock of a living process was taken");
     assert!(third.hold().is_sure());
-    // With another process's lock in its place, the lock is lost and is not removed.
+    // After another process has replaced the lock's object, the lock is lost, and the object is not removed.
     put(&memory("locks"), "s.zarr/.sunstone-lock", b"{}".to_vec());
     let hold = third.hold();
     let begun = Instant::now();

@@ -1,5 +1,4 @@
-//! Executes a plan: reads chunks, computes weighted sums in f64, and adds up camera pixels in a fixed
-//! order.
+//! Executes a plan: reads chunks, computes weighted sums in f64, and adds up camera pixels in a fixed order.
 
 use rayon::prelude::*;
 
@@ -11,7 +10,8 @@ use tensor::axes::{Axis, AxisKind};
 use tensor::field::Field;
 use tensor::region;
 
-/// Minimum number of sums for which an allocation is tested first.
+/// Number of sums above which the allocation is tested before it is made, because a failed `vec!` aborts
+/// the process.
 const LARGE: usize = 1 << 25;
 
 /// Maximum number of boxes that are fetched ahead.
@@ -20,15 +20,15 @@ const AHEAD: usize = 64;
 /// Half-open ranges of entries, one per axis.
 type Ranges = Vec<(usize, usize)>;
 
-/// Sums over all axes for the camera pixels of one block.
+/// Weighted sums for the camera pixels of one block.
 struct Partial {
     mean: Vec<f64>,
     /// Bound Σ|w|·se on the standard errors of the sums.
     bound: Vec<f64>,
 }
 
-/// Returns the mean, the standard error and, with a pulse, the light that the pulse moved out of the stored
-/// bins.
+/// Returns the mean, the standard error and, with a pulse, the light that the pulse shifted out of the
+/// stored time bins.
 pub(super) fn run(
     plan: &Plan,
     slice: &StoredSlice,
@@ -74,8 +74,7 @@ pub(super) fn run(
     Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
 }
 
-/// Allocates `pixels` times `rest` sums. Returns an error instead of aborting if the sums do not fit into
-/// memory.
+/// Allocates `pixels` × `rest` sums. Returns an error if the sums do not fit into memory.
 fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
     let refused = || ProbeError::TooLarge { elements: pixels as u128 * rest as u128 };
     let elements = pixels.checked_mul(rest).ok_or_else(refused)?;
@@ -97,7 +96,7 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-/// Iterates over all boxes with one piece per axis, the last axis fastest.
+/// Iterates over all boxes that combine one range per axis; the last axis varies fastest.
 fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
     let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
     region::indices(&vec![0; counts.len()], &counts)
@@ -185,7 +184,7 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     Some((v, (ranges[v].0..ranges[v].1).flat_map(row).copied().collect()))
 }
 
-/// One box of values, and the targets of the values.
+/// One box of values, with the targets of the values in the sums.
 struct Walk {
     /// Targets of the entries of all axes except the trailing axes that form a run.
     targets: Vec<Vec<Vec<Share>>>,
@@ -225,7 +224,8 @@ impl Walk {
     }
 }
 
-/// Removes the extra slot from the time axis and rounds to f32.
+/// Converts the sums to f32 tensors, and splits off the slot for light that the pulse shifted out of the
+/// stored time bins.
 fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
     let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor { name: name.to_owned(), axes, data };
     if !plan.convolved {

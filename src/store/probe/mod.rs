@@ -1,9 +1,8 @@
-//! Probing: slicing, summing, contracting and convolving a stored tensor, chunk by chunk.
+//! Probes a stored tensor: selects, sums, contracts and convolves it, chunk by chunk.
 //!
-//! The operations are those of the tensor theory of Baek & Heide 2021: contraction with an illumination,
-//! I(s,p,t) = Σ_{s',p'} T P (`eq:general_light_transport`), convolution with a pulse along t, and the
-//! classical matrices (`eq:tensor2pol`) T_s = Σ_t T(:,:,0,0,t), T_t = Σ_{s,s'} T(s,s',0,0,:), T_p =
-//! Σ_{s,s',t} T(s,s',:,:,t).
+//! The operations are those that Baek & Heide (2021) define: contraction with an illumination, I(s,p,t) =
+//! Σ_{s',p'} T P (`eq:general_light_transport`), convolution with a pulse along t, and the classical matrices
+//! (`eq:tensor2pol`) T_s = Σ_t T(:,:,0,0,t), T_t = Σ_{s,s'} T(s,s',0,0,:), T_p = Σ_{s,s',t} T(s,s',:,:,t).
 //!
 //! All steps are linear, so a probe is one weighted sum. The sum is computed in f64 in a fixed order, so
 //! the result does not depend on the number of threads. Memory contains the result and, per thread, one row

@@ -10,7 +10,7 @@ use tensor::axes::AxisKind;
 #[error("`{text}`: {reason}")]
 pub struct ParseError {
     pub text: String,
-    /// The fault, and how to fix it.
+    /// The fault and the fix.
     pub reason: String,
 }
 
@@ -100,7 +100,7 @@ impl FromStr for Pulse {
 /// Parses axes separated by commas, such as `t,bounces`.
 ///
 /// # Errors
-/// If a name is not the name of an axis.
+/// Returns an error if a name is not the name of an axis.
 pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
     text.split(',').map(|name| axis(text, name)).collect()
 }
@@ -109,7 +109,7 @@ pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
 /// `plus45`, `minus45`, `right`, `left` (unit power).
 ///
 /// # Errors
-/// If the text has neither form.
+/// Returns an error if the text has neither form.
 pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
     let named = match text.trim() {
         "unpolarized" => Some([1.0, 0.0, 0.0, 0.0]),
@@ -136,7 +136,7 @@ pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
 fn physical(text: &str, stokes: [f32; 4]) -> Result<[f32; 4], ParseError> {
     let [s0, s1, s2, s3] = stokes.map(f64::from);
     let polarized = (s1 * s1 + s2 * s2 + s3 * s3).sqrt();
-    // The tolerance is for rounding in the text.
+    // The tolerance allows for rounding of the numbers in the text.
     if s0 > 0.0 && polarized <= s0 * (1.0 + 1e-4) {
         return Ok(stokes);
     }

@@ -2,7 +2,7 @@
 
 use tensor::axes::boxes;
 
-/// Drive of every projector pixel, 0..1.
+/// A drive image: the drive of every projector pixel, 0..1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
     pub width: u32,
@@ -54,7 +54,7 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
         }
         None => false,
     };
-    let centre = |c: f64| format!("projector coordinate {c} is not the centre of whole pixels");
+    let centre = |c: f64| format!("projector coordinate {c} is not the centre of a block of whole pixels");
     let all = if single {
         if let Some(&bad) = coords.iter().find(|c| !(**c >= 0.0 && c.fract() == 0.0)) {
             return Err(centre(bad));

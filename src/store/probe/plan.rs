@@ -1,5 +1,4 @@
-//! Converts a probe of a slice to one weighted sum, given by the target and the weight of every entry of
-//! every axis.
+//! Converts a probe of a slice to one weighted sum: targets and weights of every entry of every axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -11,7 +10,7 @@ use tensor::field::Field;
 
 /// Maximum number of elements of a result.
 const MAX_ELEMENTS: u128 = 1 << 30;
-/// Maximum number of bins of a pulse.
+/// Maximum number of time bins of a pulse.
 const MAX_KERNEL: f64 = 1e6;
 
 /// Target slot of an entry along an axis of the result, and weight of the entry.
@@ -24,7 +23,7 @@ pub(super) struct AxisPlan {
     pub(super) first: usize,
     /// Index after the last entry to read.
     pub(super) end: usize,
-    /// Targets of each of the entries `first..end`.
+    /// Targets and weights of each of the entries `first..end`.
     pub(super) targets: Vec<Vec<Share>>,
     /// Number of slots along this axis in the result; 1 if the axis is removed. A convolved axis has an
     /// additional last slot for light that leaves the stored bins.
@@ -121,8 +120,8 @@ fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
     AxisPlan { kind, first, end: first + targets.len(), targets, slots: 1 }
 }
 
-/// Returns the plan that distributes every bin over the kernel. Light outside the stored bins is added to
-/// the last slot; light outside the selected bins is ignored.
+/// Returns the plan that convolves time bins with the kernel. Light that leaves the stored bins is added to
+/// the last slot. Light in stored bins that are not selected is ignored.
 fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, keep: bool) -> AxisPlan {
     let slots = if keep { range.len() + 1 } else { 2 };
     let targets = (0..bins)
@@ -153,14 +152,14 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
 fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeError> {
     let fault = |reason: &str| Err(ProbeError::Pulse { slice: layout.name.clone(), reason: reason.into() });
     let Some((_, bin_ps)) = layout.time.filter(|(_, bin)| *bin > 0.0) else {
-        return fault("the slice is not time-resolved: render it with time bins");
+        return fault("the slice is not time-resolved: render the slice with time bins");
     };
     let weights: Vec<(i64, f64)> = match pulse {
         Pulse::Gaussian { fwhm_ps } => {
             let sigma = fwhm_ps / (8.0 * std::f64::consts::LN_2).sqrt() / bin_ps;
             let reach = (6.0 * sigma).ceil();
             if !(0.0..=MAX_KERNEL).contains(&reach) {
-                return fault("the width must be a finite number of bins within the limit");
+                return fault("expected a width of 0 to about 390000 time bins: correct the width");
             }
             let gauss = |k: i64| {
                 if k == 0 { 1.0 } else { (-0.5 * (k as f64 / sigma).powi(2)).exp() }
@@ -171,9 +170,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     };
     let sum: f64 = weights.iter().map(|(_, w)| w).sum();
     if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
-        return fault(
-            "the samples must have a positive, finite sum, and their number must be within the limit",
-        );
+        return fault("expected at most 2000001 samples with a positive, finite sum: correct the samples");
     }
     Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
 }
@@ -188,10 +185,10 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
         let by_stokes = *axis == AxisKind::StokesIn && probe.stokes.is_some();
         if by_pattern || by_stokes {
             return Err(fault(
-                "the axis is already contracted by a pattern or Stokes state: remove one of the two",
+                "the axis is already contracted by a pattern or Stokes state: remove the selection, or the pattern or Stokes state",
             ));
         }
-        // Intensity slices contain M00, so selecting element 0 has no effect.
+        // Intensity slices contain M00 only, so selecting element 0 has no effect.
         let is_m00 = matches!(axis, AxisKind::StokesOut | AxisKind::StokesIn)
             && *range == CoordRange::Nearest(0.0)
             && layout.find(AxisKind::StokesIn).is_none();
@@ -218,13 +215,13 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
         return Ok(Step::Range { first: 0, end: n, drop: false });
     };
     let distance = |i: usize, value: f64| (axis.coords[i] - value).abs();
-    // For a coordinate between two entries, a range begins with the later one, so ranges may be given by bin
-    // edges.
+    // For a coordinate halfway between two entries, a range begins with the later entry, so ranges may be
+    // given by bin edges.
     let nearest_from = |value: f64| {
         let i = axis.nearest(value);
         if i + 1 < n && distance(i + 1, value) <= distance(i, value) { i + 1 } else { i }
     };
-    // A coordinate is valid up to half a spacing beyond the ends; a wavelength up to a few nanometres.
+    // A coordinate may be up to half a spacing beyond the axis, and a wavelength up to a few nanometres.
     let spacing = axis.coords.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
     let slack = if axis.kind == AxisKind::Wavelength {
         BEYOND_NM

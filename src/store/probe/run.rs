@@ -19,7 +19,7 @@ pub struct ProbeResult {
     /// Result of the same probe for light outside the stored time bins, without a time axis. `None` if the
     /// slice does not resolve time.
     pub overflow: Option<Tensor>,
-    /// Light that the pulse moved out of the stored time bins, without a time axis. `None` without a pulse.
+    /// Light that the pulse shifted out of the stored time bins, without a time axis. `None` without a pulse.
     pub shifted_out: Option<Tensor>,
     /// First edge and bin width of the time axis in picoseconds, if there is one.
     pub time: Option<(f64, f64)>,
@@ -31,7 +31,8 @@ impl Probe {
     /// Probes a slice.
     ///
     /// # Errors
-    /// If the probe does not fit the slice, the result does not fit into memory, or a chunk is damaged.
+    /// Returns an error if the probe does not fit the slice, the result does not fit into memory, or a
+    /// chunk is damaged.
     pub fn run(&self, slice: &StoredSlice) -> Result<ProbeResult, ProbeError> {
         let mut plan = plan::Plan::new(self, slice, Field::Mean)?;
         let of_overflow = if slice.has(Field::Overflow) {
@@ -50,7 +51,7 @@ impl Probe {
     }
 }
 
-/// Fetches the first regions of all fields concurrently, if the store is remote.
+/// Fetches the first regions of all fields concurrently, if the store is at an address.
 fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
     let mut regions = vec![];
     let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));
@@ -79,7 +80,7 @@ fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, Pr
     let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {
         format!(
-            "unreliable error estimates (too few samples) in {} of {} lit pixels of `{}`: neighbouring pixels found light that these \
+            "unreliable error estimates (too few samples) in {} of {} lit pixels of `{}`: neighbouring pixels found light that these pixels \
              missed",
             d.doubtful,
             d.lit,

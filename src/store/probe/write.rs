@@ -28,7 +28,8 @@ impl ProbeResult {
     /// Writes the result to `path`, in the format that the extension selects: `.npy`, `.csv` or `.zarr`.
     ///
     /// # Errors
-    /// If the extension is unknown, writing fails, or a `.zarr` exists and `replace` is false.
+    /// Returns an error if the extension is unknown, writing fails, or a `.zarr` exists and `replace` is
+    /// false.
     pub fn write(
         &self,
         path: &Path,
@@ -46,7 +47,7 @@ impl ProbeResult {
     /// Writes the values as an f32 `.npy` file, row-major, and the standard errors to [`std_error_path`].
     ///
     /// # Errors
-    /// If a file cannot be written.
+    /// Returns an error if a file cannot be written.
     pub fn write_npy(&self, path: &Path) -> Result<(), ProbeError> {
         write_npy(&self.mean, path)?;
         write_npy(&self.std_error, &std_error_path(path))
@@ -55,7 +56,7 @@ impl ProbeResult {
     /// Writes a CSV file with one row per element: coordinates (in axis units), value and standard error.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<(), ProbeError> {
         whole_file::write_with(path, |file| self.csv(file)).map_err(|e| failed(path, e))
     }
@@ -88,12 +89,12 @@ impl ProbeResult {
         SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }
     }
 
-    /// Writes a store with one slice that has the name of the probed slice, and the given attributes of the
-    /// slice's group and of the root. If time is resolved, light outside the time bins becomes the overflow
-    /// of the slice, without a standard error.
+    /// Writes a store with one slice, which has the name of the probed slice, and with the given attributes
+    /// of the slice's group and of the root. If time is resolved, light outside the time bins becomes the
+    /// overflow of the slice, without a standard error.
     ///
     /// # Errors
-    /// If the store cannot be created (see [`TensorStore::create`]) or written.
+    /// Returns an error if the store cannot be created (see [`TensorStore::create`]) or written.
     pub fn write_zarr(
         &self,
         path: &Path,
@@ -122,7 +123,7 @@ impl ProbeResult {
 /// Writes a tensor as an f32 `.npy` file, row-major.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_npy(tensor: &Tensor, path: &Path) -> Result<(), ProbeError> {
     whole_file::write_with(path, |file| numpy::write(file, &tensor.shape(), tensor.data.iter().copied()))
         .map_err(|e| failed(path, e))

@@ -24,7 +24,7 @@ const KEYS: [&str; 11] = [
 #[derive(Clone, Debug)]
 pub(super) struct Array {
     pub(super) shape: Vec<u64>,
-    /// Shape of the block in a file: a chunk, or a shard.
+    /// Shape of the block of elements in a file: a chunk or a shard.
     pub(super) stored: Vec<u64>,
     pub(super) coding: Coding,
     /// Shape of a chunk in a shard; `None` without shards.
@@ -37,9 +37,9 @@ pub(super) struct Array {
     separator: char,
 }
 
-/// Returns the metadata of a new array whose files are chunks, or shards of chunks of shape `inner`. All
-/// files are in one directory, because creating a directory per chunk would take longer than writing the
-/// chunks.
+/// Returns the metadata of a new array. A file contains a chunk or, with `inner`, a shard of chunks of
+/// shape `inner`. All files are in one directory, because creating a directory per chunk would take longer
+/// than writing the chunks.
 pub(super) fn describe(
     [shape, stored]: [&[u64]; 2],
     inner: Option<&[u64]>,
@@ -133,7 +133,7 @@ impl Array {
             }
             key.push_str(&number.to_string());
         }
-        // An array without dimensions has one chunk.
+        // An array without dimensions has one chunk, whose key has no indices.
         if key.ends_with('/') {
             key.push('0');
         }

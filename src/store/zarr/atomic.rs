@@ -24,7 +24,7 @@ use bytes::Bytes;
 /// then need no further request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
-/// The tail of a shard, with which the other bytes of the shard can be checked.
+/// The tail of a shard. Its checksums serve to check the other bytes of the shard.
 #[derive(Debug)]
 pub(super) struct Tail {
     pub(super) bytes: Bytes,
@@ -160,7 +160,7 @@ impl AtomicDirectory {
             None => Place::read_file(&self.root.join(key))?,
             Some(remote) => {
                 if let Some(description) = remote.description(key) {
-                    // Part of the root's metadata, which is already checked against the manifest.
+                    // This metadata is part of the root's metadata, which has already been checked.
                     return Ok(Some(description));
                 }
                 // Files that are not in the manifest are not requested.
@@ -225,7 +225,7 @@ impl AtomicDirectory {
         Ok(Some(Tail { bytes: bytes.into(), size, whole: None }))
     }
 
-    /// Opens a file of a directory and returns the file and its size; `None` if the file does not exist.
+    /// Opens a file of a directory and returns the file and its size in bytes; `None` if there is no file.
     fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
         match base::input::open(&self.root.join(key)) {
             Ok(file) => {
@@ -276,7 +276,7 @@ impl AtomicDirectory {
             (Some(entry), Some(found)) if *entry == found => return Ok(()),
             (Some(_), Some(_)) => "the file differs from the one written when the store was finished",
             (Some(_), None) => "the file is missing",
-            (None, Some(_)) => "the file was not in the store when it was finished",
+            (None, Some(_)) => "the file was not in the store when the store was finished",
         };
         Err(io::Error::other(reason))
     }
@@ -299,7 +299,7 @@ impl AtomicDirectory {
     pub(super) fn remove_leftovers(&self) -> io::Result<()> {
         match &self.remote {
             None => remove_leftovers(&self.root),
-            // Puts leave no temporary files.
+            // Writes to object stores leave no temporary files.
             Some(_) => Ok(()),
         }
     }

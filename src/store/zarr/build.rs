@@ -37,10 +37,10 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
             return Err(fault(reason));
         }
         if slices[..i].iter().any(|(other, _)| other.name == layout.name) {
-            return Err(fault("two slices have this name: rename one"));
+            return Err(fault("two slices have this name: rename one of the slices"));
         }
         if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
-            return Err(fault("an axis has no entries: keep at least one"));
+            return Err(fault("an axis has no entries: keep at least one entry"));
         }
         for axis in &layout.axes {
             if let Some(reason) = check::coordinates_fault(axis) {
@@ -74,8 +74,8 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
-            // In `xarray.open_datatree`, the dimensions of the root apply to all groups, whose `y` and `x`
-            // cover only parts of the camera. Hence other names.
+            // These names differ from `y` and `x` because dimensions of the root apply to all groups in
+            // `xarray.open_datatree`, and a slice may cover only a part of the camera.
             names: vec!["camera_y", "camera_x"],
             attributes,
             sharding: shardings.get("samples").cloned(),

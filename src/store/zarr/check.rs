@@ -9,8 +9,7 @@ use tensor::part::{self, Part};
 
 /// Maximum number of rows and of columns of a camera.
 const MAX_CAMERA: u64 = 1 << 15;
-/// Maximum number of chunks of sample counts. Example: chunks of one pixel for a camera of 4096 × 4096
-/// pixels.
+/// Maximum number of chunks of sample counts: one per pixel for a camera of 4096 × 4096 pixels.
 const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 
 /// Returns the fault in the coordinates of an axis, if any.
@@ -39,8 +38,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     outside.next().map(|bad| format!("coordinate {bad} is outside {least} to {most}"))
 }
 
-/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis
-/// t.
+/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis t.
 pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
     let (axis, (start, bin)) = match (axis, layout.time) {
@@ -53,7 +51,7 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
             "time bins of {bin} ps from {start} ps are invalid: `time_bin_ps` must be positive"
         ));
     }
-    // The start of the bins of a part of a slice is a sum with rounding error.
+    // If a slice keeps only some of the bins, the start of the bins is a sum with rounding error.
     let off = |(i, c): (usize, &f64)| (start + (i as f64 + 0.5) * bin - c).abs() > 1e-6 * (bin + c.abs());
     axis.coords.iter().enumerate().any(off).then(|| {
         format!("the coordinates of axis `t` are not the centres of bins of {bin} ps from {start} ps")
@@ -72,8 +70,7 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     None
 }
 
-/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample
-/// counts.
+/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample counts.
 pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
     let beyond = |kind, limit: u64| {
         let axis = &layout.axes[layout.find(kind)?];

@@ -5,8 +5,8 @@
 //! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section
 //! 3.1.1) with the declared size of the chunk. A damaged file is therefore an error and never causes an
 //! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
-//! damage inside the frame. The checksum is fast because it covers the compressed bytes and not the many
-//! zeros.
+//! damage inside the frame. Computing the checksum is fast, because it covers the compressed bytes and not
+//! the decompressed zeros.
 
 use std::marker::PhantomData;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ use tensor::sink::STRETCH;
 const STRIPES: usize = 64;
 /// Maximum number of elements of a chunk. Larger values in the metadata are refused before an allocation.
 const MAX_CHUNK: usize = 1 << 28;
-/// Minimum number of bytes for which an allocation is tested first.
+/// Size in bytes above which an allocation is tested before it is made.
 const LARGE: usize = 1 << 28;
 
 /// A type of array elements.
@@ -262,7 +262,7 @@ impl<T: Number> ChunkedArray<T> {
         self.for_units(&units, start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
             if shape == self.chunk && origin == start {
-                // The region is exactly this chunk: no copy.
+                // The region is exactly this chunk, so the values need not be copied.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));
             }
@@ -288,7 +288,7 @@ impl<T: Number> ChunkedArray<T> {
             bytes = &swapped;
         }
         let content = sparse_frame::encode(bytes, touched);
-        // Negative zeros count as zeros.
+        // A chunk that contains only zeros and negative zeros is not stored.
         let zero = T::default();
         let key = self.array.chunk_key(index);
         if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {

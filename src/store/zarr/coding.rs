@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io;
 
-/// Zstandard compression level. Level 1 compresses floating-point noise 8 % better; levels above 1 do not
-/// compress better and are only slower.
+/// Zstandard compression level. Level 1 reduces the size of noisy floating-point data by a further 8 %.
+/// Higher levels are slower without a further reduction.
 const LEVEL: i32 = -2;
 /// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;

@@ -1,5 +1,5 @@
-//! Coordinates in the metadata of their arrays, for sharded stores. Opening a slice then needs no request
-//! for the coordinates.
+//! Stores coordinates in the metadata of the coordinate arrays, for sharded stores. Opening a slice then
+//! needs no request for the coordinates.
 //!
 //! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). The coordinate
 //! arrays also contain the coordinates, for other programs.
@@ -13,8 +13,8 @@ const ALL: &str = "values";
 /// Maximum number of coordinates in a list.
 const MOST: usize = 16;
 
-/// Returns an attribute that represents the coordinates exactly, if a short attribute does. Values are
-/// lists of numbers, which other formats also support.
+/// Returns a short attribute that represents the coordinates exactly, if there is one. Its value is a list
+/// of numbers, which other formats also support.
 pub(super) fn describe(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),

@@ -53,7 +53,7 @@ pub(super) fn inline(metadata: Map<String, Value>) -> Value {
     json!({"kind": "inline", "must_understand": false, "metadata": metadata})
 }
 
-/// Returns the attributes of an array: its unit and its description.
+/// Returns the attributes of an array: the unit and the description of its values.
 pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
     Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
@@ -141,7 +141,7 @@ fn create_coordinates(
             attributes.insert("labels".into(), json!(["direct", "indirect"]));
         }
         AxisKind::Label => {
-            // Bits as in the CF conventions, and the name of every set.
+            // Write the bits as the CF conventions specify, and the name of every combination of bits.
             let (masks, names): (Vec<u8>, Vec<&str>) = label::BITS.into_iter().unzip();
             attributes.insert("flag_masks".into(), json!(masks));
             attributes.insert("flag_meanings".into(), json!(names.join(" ")));

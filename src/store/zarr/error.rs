@@ -8,24 +8,20 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum CreateError {
     #[error(
-        "{path} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`"
+        "{path} already exists: resume the render with `--resume`, replace the store with `--force`, or choose another `-o`"
     )]
     Exists { path: PathBuf },
     /// The path exists and is not a store. Such a path is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
-    /// The path is inside a store, which must not change in parts.
+    /// The path is inside another store, in which no files may be added.
     #[error("{path} is inside a store ({store}): choose another `-o`")]
-    Within {
-        path: PathBuf,
-        /// Path of the enclosing store.
-        store: PathBuf,
-    },
+    Within { path: PathBuf, store: PathBuf },
     /// The layout of a slice is invalid.
     #[error("slice `{name}`: {reason}")]
     Slice {
         name: String,
-        /// The fault, and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
     /// Another process is writing to the path.
@@ -120,17 +116,11 @@ pub enum OpenError {
     #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
-        /// What is missing.
+        /// The file or attribute that is missing.
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
-    NoSlice {
-        path: PathBuf,
-        /// Name of the requested slice.
-        name: String,
-        /// Names of the existing slices.
-        available: String,
-    },
+    NoSlice { path: PathBuf, name: String, available: String },
     /// An array or its metadata is damaged.
     #[error("{path} is damaged: {reason}; render the scene again, or restore the file from a backup")]
     Damaged {
@@ -151,7 +141,7 @@ pub enum OpenError {
     #[error("cannot open {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
     /// A file could not be read, or a leftover could not be removed.
-    #[error("cannot open {path}: {cause}; check its permissions")]
+    #[error("cannot open {path}: {cause}; check the permissions of the file")]
     Io { path: PathBuf, cause: String },
 }
 
@@ -177,9 +167,7 @@ pub enum AccessError {
         path: PathBuf,
         /// First requested index.
         start: Vec<u64>,
-        /// Requested shape.
         shape: Vec<u64>,
-        /// Shape of the array.
         array: Vec<u64>,
     },
     #[error("{elements} values of {path} do not fit into memory: read a part of the array")]
@@ -192,13 +180,7 @@ pub enum AccessError {
     #[error(
         "expected {expected} values for the region of {path}, got {found}: pass one value per element, row-major"
     )]
-    Length {
-        path: PathBuf,
-        /// Number of elements of the region.
-        expected: usize,
-        /// Number of given values.
-        found: usize,
-    },
+    Length { path: PathBuf, expected: usize, found: usize },
     /// A chunk is truncated, corrupt or unreadable.
     #[error(
         "cannot read chunk {chunk:?} of {path}: {cause}; render the scene again, or restore the store from a backup"

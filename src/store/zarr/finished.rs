@@ -57,14 +57,14 @@ impl TensorStore {
     }
 
     /// Updates the consolidated metadata, removes leftovers and writes the manifest. The caller must call
-    /// this after all writes.
+    /// this function after all writes.
     ///
     /// # Errors
-    /// If a metadata file cannot be read or written.
+    /// Returns an error if a metadata file cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
         let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(remote) = &self.storage.remote {
-            // At an address, the consolidated metadata is that of the creation.
+            // At an address, the consolidated metadata is written when the store is created.
             let finished = remote.finish(manifest::name(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }
@@ -77,7 +77,7 @@ impl TensorStore {
     /// Marks the store as unfinished before its values change.
     ///
     /// # Errors
-    /// If the manifest cannot be removed.
+    /// Returns an error if the manifest cannot be removed.
     pub fn unfinish(&self) -> Result<(), OpenError> {
         if let Some(remote) = &self.storage.remote {
             let manifests = [manifest::FILE, manifest::OF_PART].map(str::to_owned);

@@ -1,10 +1,10 @@
 //! Raw frames on disk: unmodified digital numbers of a sensor, in a Zarr v3 store with named axes.
 //!
-//! Layout: the group `frames` contains the array `raw` (unsigned integers over the run's axes and the frame's
-//! axes), a coordinate array for every axis, and columns with one number per frame (positions that were read
-//! back, exposures, …). A chunk is one frame, or, for small frames, all frames along the last of the run's
-//! axes. The bytes of a chunk depend only on its numbers. The manifest is written last, as for slices, so an
-//! unfinished store does not read as finished.
+//! Layout: the group `frames` contains the array `raw` (unsigned integers over the run's axes and the
+//! frame's axes), a coordinate array for every axis, and columns with one number per frame (measured
+//! positions, exposure times, …). A chunk is one frame, or, for small frames, all frames along the last of
+//! the run's axes. The bytes of a chunk depend only on its numbers. The manifest is written last, as for
+//! slices, so an unfinished store does not read as finished.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub struct FrameAxis {
     pub coords: Vec<f64>,
 }
 
-/// A map with a number for each element of a frame, equal for all frames.
+/// A map with one number for each element of a frame. The map applies to all frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMap {
     /// Name of the map: letters, digits, `_`.
@@ -122,8 +122,8 @@ impl FrameStore {
     /// dropped.
     ///
     /// # Errors
-    /// If the path exists, another process writes it, the size of a map differs from that of a frame, or
-    /// writing fails.
+    /// Returns an error if the path exists, another process writes it, the size of a map differs from that
+    /// of a frame, or writing fails.
     pub fn create(
         path: &Path,
         layout: &FrameLayout,
@@ -144,7 +144,7 @@ impl FrameStore {
                 return Err(CreateError::NotAStore { path: path.into() });
             }
         }
-        // A process that is killed here leaves a complete store without frames, or none.
+        // If the process is killed here, either a complete store without frames exists or no store.
         let part = staging::part_of(path);
         staging::remove(&part).map_err(io)?;
         Self::lay_out(&part, layout, maps, attributes)
@@ -199,7 +199,7 @@ impl FrameStore {
     /// Opens a finished store for reading.
     ///
     /// # Errors
-    /// If the store does not exist, is damaged, or is not finished.
+    /// Returns an error if the store does not exist, is damaged, or is not finished.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let Some(manifest) = Manifest::read(path)? else {
             if !is_frames(path) {
@@ -213,7 +213,7 @@ impl FrameStore {
     /// Opens an unfinished store for writing.
     ///
     /// # Errors
-    /// As [`Self::open`], and if another process writes the store.
+    /// Returns the same errors as [`Self::open`], and an error if another process writes the store.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if !path.exists() {
             return Err(OpenError::Missing { path: path.into() });
@@ -284,8 +284,7 @@ impl FrameStore {
         &self.storage.root
     }
 
-    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the
-    /// run.
+    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the run.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];
@@ -301,7 +300,7 @@ impl FrameStore {
     /// clamped.
     ///
     /// # Errors
-    /// If there is no such chunk, the number of values differs, or writing fails.
+    /// Returns an error if there is no such chunk, the number of values differs, or writing fails.
     pub fn write_chunk(&self, chunk: usize, numbers: &[u32]) -> Result<(), AccessError> {
         let (start, size) = self.place(chunk);
         match &self.raw {
@@ -316,7 +315,7 @@ impl FrameStore {
     /// Reads all frames of chunk number `chunk`.
     ///
     /// # Errors
-    /// If the chunk is damaged.
+    /// Returns an error if the chunk is damaged.
     pub fn read_chunk(&self, chunk: usize) -> Result<Vec<u32>, AccessError> {
         let (start, size) = self.place(chunk);
         match &self.raw {
@@ -328,7 +327,7 @@ impl FrameStore {
     /// Writes one number per frame, over the run's axes.
     ///
     /// # Errors
-    /// If the number of values differs from the number of frames, or writing fails.
+    /// Returns an error if the number of values differs from the number of frames, or writing fails.
     pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
         let names: Vec<&str> = self.run_names().collect();
         let shape = &self.layout.shape()[..self.layout.run_axes];
@@ -339,7 +338,7 @@ impl FrameStore {
     /// Reads a map; returns `None` if the store has no map of this name.
     ///
     /// # Errors
-    /// If the map is damaged.
+    /// Returns an error if the map is damaged.
     pub fn read_map(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
         self.read_numbers(name, self.layout.frame_len())
     }
@@ -347,7 +346,7 @@ impl FrameStore {
     /// Waits until a chunk is on disk. A chunk of zeros has no file.
     ///
     /// # Errors
-    /// If the file system fails.
+    /// Returns an error if the file system fails.
     pub fn sync_chunk(&self, chunk: usize) -> std::io::Result<()> {
         let (start, _) = self.place(chunk);
         let file = match &self.raw {
@@ -360,7 +359,7 @@ impl FrameStore {
             Err(e) => return Err(e),
         }
         match file.parent() {
-            // The folder contains the new name.
+            // Synchronize the folder too, because it contains the new file's name.
             Some(folder) => std::fs::File::open(folder)?.sync_data(),
             None => Ok(()),
         }
@@ -374,7 +373,7 @@ impl FrameStore {
     /// name.
     ///
     /// # Errors
-    /// If the column is damaged.
+    /// Returns an error if the column is damaged.
     pub fn read_column(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
         self.read_numbers(name, self.layout.frames())
     }
@@ -396,7 +395,7 @@ impl FrameStore {
     /// Marks the store as finished: writes the manifest.
     ///
     /// # Errors
-    /// If writing fails.
+    /// Returns an error if writing fails.
     pub fn finish(&self) -> Result<(), OpenError> {
         let io = |e: std::io::Error| OpenError::io(self.path(), e);
         self.storage.remove_leftovers().map_err(io)?;

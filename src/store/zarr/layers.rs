@@ -28,7 +28,7 @@ const CHUNK: u64 = 512;
 /// first; any other content is refused.
 ///
 /// # Errors
-/// [`CreateError`] if the path exists and may not be replaced, or writing fails.
+/// Returns [`CreateError`] if the path exists and may not be replaced, or writing fails.
 pub fn write_layers(
     path: &Path,
     set: &LayerSet,

@@ -1,12 +1,12 @@
 //! The manifest of a finished store: the list of its files. The manifest is written last. `verify` and all
 //! readers compare files with the manifest.
 //!
-//! The manifest is a text file. A head with the number of files is followed by one line per file (checksum,
-//! size, path relative to the store), sorted by path, and by the checksum of all lines. The checksum of a
-//! chunk is the CRC-32C at the end of the chunk's file. The checksum of a shard is that of the shard's tail
-//! ([`shard::checksum`]). The checksum of metadata (`zarr.json`), or of a file of another format (`.ptu`),
-//! is the CRC-32C of the file's bytes. A chunk of zeros has neither a file nor a line, so a line without a
-//! file means that the file was lost.
+//! The manifest is a text file. The first line contains the number of files. One line per file follows
+//! (checksum, size in bytes, path relative to the store), sorted by path. The last line is the checksum of
+//! all lines before it. The checksum of a chunk is the CRC-32C at the end of the chunk's file. The checksum
+//! of a shard is that of the shard's tail ([`shard::checksum`]). The checksum of metadata (`zarr.json`), or
+//! of a file of another format (`.ptu`), is the CRC-32C of the file's bytes. A chunk of zeros has neither a
+//! file nor a line, so a line without a file means that the file was lost.
 
 use super::atomic::remove_if_present;
 use super::error::OpenError;
@@ -25,11 +25,11 @@ use std::path::Path;
 use tensor::part::Part;
 
 pub(super) const FILE: &str = "manifest.txt";
-/// File name of the manifest in a finished part of a render. The name differs from that in a whole render,
-/// so that readers do not mistake the part for a whole render.
+/// File name of the manifest in a finished part of a render. This name differs from the manifest's name in
+/// a whole render, so that readers do not mistake the part for a whole render.
 pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
-/// Maximum folder depth that is searched; stores have three levels.
+/// Maximum folder depth that is searched. Stores have a depth of three.
 const DEEPEST: usize = 8;
 
 /// Checksum and size of a file, as listed in the manifest.

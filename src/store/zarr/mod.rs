@@ -4,9 +4,9 @@
 //! finished chunk if the slice keeps single pixels. Files are replaced atomically (`atomic`). The bytes of a
 //! chunk depend only on its values, so a store is identical for any number and order of writing threads.
 //!
-//! Every open store has passed the checks of `check`, and readers rely on them. Axes have as many
-//! coordinates as the arrays have entries. Coordinates are finite and increasing. Chunks are inside their
-//! arrays. Attributes that the program reads have the right type.
+//! Every open store has passed the checks in `check`, and readers rely on these properties. Axes have as
+//! many coordinates as the arrays have entries. Coordinates are finite and increasing. Chunks are inside
+//! their arrays. Attributes that the program reads have the right type.
 //!
 //! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
 //! a finished store must match the manifest, so lost or exchanged chunks are errors and not zeros. An
@@ -110,7 +110,8 @@ impl TensorStore {
     /// unfinished until [`Self::finish`].
     ///
     /// # Errors
-    /// If `path` exists and may not be replaced, a name, axis or attribute is invalid, or writing fails.
+    /// Returns an error if `path` exists and may not be replaced, a name, axis or attribute is invalid, or
+    /// writing fails.
     pub fn create(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -126,7 +127,7 @@ impl TensorStore {
     /// old store is kept.
     ///
     /// # Errors
-    /// As [`Self::create`], and the errors of `fill`.
+    /// Returns the same errors as [`Self::create`], and the errors of `fill`.
     pub fn create_filled<E: From<CreateError>>(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -144,7 +145,7 @@ impl TensorStore {
     /// ([`StoredSlice::is_stored`]).
     ///
     /// # Errors
-    /// As [`Self::create_filled`].
+    /// Returns the same errors as [`Self::create_filled`].
     pub fn create_from<E: From<CreateError>>(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -188,7 +189,7 @@ impl TensorStore {
         let failed = |cause: String| CreateError::Write { path: path.clone(), cause };
         let io = |e: std::io::Error| failed(e.to_string());
         staging::recover(&path).map_err(io)?;
-        // Another process may have created it meanwhile.
+        // Another process may have created the store in the meantime.
         let exists = std::fs::symlink_metadata(&path).is_ok();
         if exists && !replace {
             return Err(CreateError::Exists { path }.into());
@@ -202,7 +203,7 @@ impl TensorStore {
             let mark = part.join(ORIGIN);
             let same = |origin: &str| base::input::read_text(&mark).is_ok_and(|left| left == origin);
             if !origin.is_some_and(same) {
-                // A leftover of another process cannot be used.
+                // Remove an unfinished store of another origin, which cannot be resumed.
                 staging::remove(&part).map_err(io)?;
                 build(&part, new)?;
                 if let Some(origin) = origin {
@@ -226,7 +227,8 @@ impl TensorStore {
     /// Opens a store for reading. Reading values of an unfinished store is an error.
     ///
     /// # Errors
-    /// If there is no store at `path` or its metadata is damaged. Slices are checked when they are opened.
+    /// Returns an error if there is no store at `path` or its metadata is damaged. Slices are checked when
+    /// they are opened.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let (manifest, root) = match &place {
@@ -245,7 +247,7 @@ impl TensorStore {
     /// rendered are read as NaN.
     ///
     /// # Errors
-    /// As [`TensorStore::open`].
+    /// Returns the same errors as [`TensorStore::open`].
     pub fn open_partial(path: &Path) -> Result<Self, OpenError> {
         let mut store = Self::open(path)?;
         if store.state == State::Unfinished {
@@ -307,7 +309,7 @@ impl TensorStore {
     /// Returns whether the path or address of a store exists.
     ///
     /// # Errors
-    /// If an object store refuses or cannot be reached.
+    /// Returns an error if an object store refuses or cannot be reached.
     pub fn is_there(path: &Path) -> Result<bool, OpenError> {
         let refused = |e| OpenError::remote(path, e);
         match remote_store::objects_of(path).map_err(refused)? {
@@ -316,12 +318,11 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an
-    /// address, an unfinished store of a killed merge does not count, because the same merge resumes the
-    /// store.
+    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an address,
+    /// an unfinished store of a killed merge does not count, because the same merge resumes the store.
     ///
     /// # Errors
-    /// If an object store refuses or cannot be reached.
+    /// Returns an error if an object store refuses or cannot be reached.
     pub fn is_taken(path: &Path) -> Result<bool, OpenError> {
         let refused = |e| OpenError::remote(path, e);
         let Some(objects) = remote_store::objects_of(path).map_err(refused)? else {
@@ -335,7 +336,8 @@ impl TensorStore {
     /// is dropped. The caller must call [`TensorStore::finish`] after writing.
     ///
     /// # Errors
-    /// As [`TensorStore::open`], if another process writes the store, and if a leftover cannot be removed.
+    /// Returns the same errors as [`TensorStore::open`], and an error if another process writes the store,
+    /// and if a leftover cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if let Some(objects) = remote_store::objects_of(path).map_err(|e| OpenError::remote(path, e))? {
             return match remote_store::open_for_write(path, &objects)? {
@@ -390,7 +392,8 @@ impl TensorStore {
     /// Opens a slice. Repeated calls return the same slice, so that all writers share its locks.
     ///
     /// # Errors
-    /// If there is no such slice, or an array of it is missing, of the wrong type or shape, or unreadable.
+    /// Returns an error if there is no such slice, or an array of it is missing, of the wrong type or
+    /// shape, or unreadable.
     pub fn slice(&self, name: &str) -> Result<StoredSlice, OpenError> {
         if !self.names.iter().any(|n| n == name) {
             return Err(OpenError::NoSlice {
@@ -422,7 +425,7 @@ impl TensorStore {
     /// Replaces the attributes of the root group.
     ///
     /// # Errors
-    /// If the root's metadata cannot be read or written.
+    /// Returns an error if the root's metadata cannot be read or written.
     pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
         let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         describe::set_root_attributes(&self.storage, &attributes)?;
@@ -431,7 +434,7 @@ impl TensorStore {
     }
 }
 
-/// Marks a store as finished, including any damaged files.
+/// Marks a store as finished even if files are damaged.
 #[cfg(test)]
 pub(crate) fn reseal(path: &Path) {
     Manifest::write(path).expect("a folder");

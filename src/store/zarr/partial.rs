@@ -1,4 +1,4 @@
-//! Reads of unfinished stores: values without samples are NaN, never zero.
+//! Reads unfinished stores. Values without samples are NaN, never zero.
 
 use super::chunked::ChunkedArray;
 use super::error::AccessError;

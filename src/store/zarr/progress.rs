@@ -39,7 +39,7 @@ impl Progress {
         }
     }
 
-    /// Removes the journal, because the work is complete.
+    /// Removes the journal after all tiles are finished.
     pub(crate) fn remove(self) -> io::Result<()> {
         match self {
             Self::File(journal) => journal.remove(),

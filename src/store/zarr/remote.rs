@@ -108,7 +108,7 @@ impl Remote {
         let (mut wanted, mut bytes, mut passed) = (Vec::<Request>::new(), 0, 0);
         for (key, ask) in asks {
             let size = match (ask, manifest) {
-                // A piece that is not stored.
+                // A chunk in a shard that is not stored has an empty range.
                 (Ask::Bytes(range), _) if range.is_empty() => None,
                 (Ask::Bytes(range), _) => Some(range.end - range.start),
                 // A chunk of zeros has no file.
@@ -165,9 +165,9 @@ impl Remote {
             Some(writing) if writing.hold.is_sure() => Ok(()),
             Some(_) => Err(Refusal::new(
                 "the lock of the store was lost (removed, or not renewed in time); another process may be writing the store",
-                "check that no other process writes it",
+                "check that no other process writes the store",
             )),
-            None => Err(Refusal::new("the store is open for reading only", "open it for writing")),
+            None => Err(Refusal::new("the store is open for reading only", "open the store for writing")),
         }
     }
 
@@ -276,7 +276,7 @@ impl Request {
         Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
-    /// Adds a range if it follows in the same file; returns whether the range was added.
+    /// Adds a range if it is adjacent to the last range in the same file; returns whether it was added.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;

@@ -1,11 +1,11 @@
 //! Creates, resumes and finishes stores at an address.
 //!
-//! Objects cannot be renamed, so the order of puts defines the state of a store. First a mark is put, then
-//! all metadata, with the metadata of the root last. Then the mark is removed. Chunks are put when they are
-//! finished. The manifest is put last, and without it no values can be read. If a store is created with its
-//! values (a merge), the mark contains the origin of the values and remains until the end. A store with a
-//! mark and without a manifest is unfinished and may be replaced. The same code first writes the metadata
-//! to a local folder, so that the bytes are equal to those of a local store.
+//! Objects cannot be renamed, so the order of puts defines the state of a store. First a marker object is
+//! put, then all metadata, with the metadata of the root last. Then the marker is removed. Chunks are put
+//! when they are finished. The manifest is put last, and no values can be read without a manifest. If a store
+//! is created together with its values (a merge), the marker contains the origin of the values and remains
+//! until the end. A store with a marker and without a manifest is unfinished and may be replaced. The same
+//! code first writes the metadata to a local folder, so that the bytes are equal to those of a local store.
 
 use super::atomic::AtomicDirectory;
 use super::build::ORIGIN;
@@ -64,7 +64,7 @@ impl Making<'_> {
         self.objects.get(key).map_err(|e| self.refused(e))
     }
 
-    /// Begins a store whose metadata `describe` writes to a folder. The mark remains until [`Making::end`].
+    /// Begins a store whose metadata `describe` writes to a folder. The marker remains until [`Making::end`].
     pub(super) fn begin(
         &self,
         describe: impl FnOnce(&Path) -> Result<(), CreateError>,
@@ -91,7 +91,7 @@ impl Making<'_> {
         Ok((storage, held))
     }
 
-    /// Removes the mark, because the store is complete.
+    /// Removes the marker, because the store is complete.
     pub(super) fn end(&self, storage: &AtomicDirectory) -> Result<(), CreateError> {
         let removed = storage.remove(ORIGIN);
         removed.map_err(|e| match Refusal::in_io(&e) {
@@ -100,8 +100,8 @@ impl Making<'_> {
         })
     }
 
-    /// Returns whether the existing objects are the same store, which a killed process has begun. Refuses a
-    /// store that may not be replaced.
+    /// Returns whether the existing objects are an unfinished store of the same origin, which a killed
+    /// process has begun. Refuses a store that may not be replaced.
     fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
         let is_there = |name: &str| known.contains_key(name);
         let is_begun = is_begun(|name| Ok::<_, CreateError>(is_there(name)))?;
@@ -124,7 +124,7 @@ impl Making<'_> {
         Ok(self.get(ORIGIN)?.is_some_and(|left| left == origin))
     }
 
-    /// Removes the existing objects, and puts a mark and metadata.
+    /// Removes the existing objects, and puts the marker and the metadata.
     fn put(
         &self,
         known: &BTreeMap<String, Known>,
@@ -139,14 +139,14 @@ impl Making<'_> {
     }
 }
 
-/// Returns whether a store was begun with its values (a merge) and is unfinished; `has` tells which objects
-/// exist.
+/// Returns whether a store was begun together with its values (a merge) and is unfinished. `has` returns
+/// whether an object exists.
 fn is_begun<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ORIGIN)? && !has(manifest::FILE)? && !has(manifest::OF_PART)?)
 }
 
-/// Returns whether a store exists that a new one may only replace on request. An unfinished merge does not
-/// count, because the same merge resumes it.
+/// Returns whether a store exists that a new store may replace only on request. An unfinished merge does
+/// not count, because the same merge resumes the work.
 pub(super) fn is_taken<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ROOT)? && !is_begun(has)?)
 }
@@ -157,8 +157,7 @@ pub(super) fn is_root(path: &Path, bytes: &[u8]) -> bool {
     json.is_ok_and(|json| describe::slice_names_of(&json).is_some())
 }
 
-/// Removes all objects except the mark. The objects that mark a store as finished, and as a store, are
-/// removed first.
+/// Removes all objects except the marker. The manifest and the metadata of the root are removed first.
 pub(super) fn delete(objects: &Objects, names: impl Iterator<Item = String>) -> Result<(), Refusal> {
     let heads = [manifest::FILE, manifest::OF_PART, ROOT];
     let (heads, rest) = names.filter(|name| name != ORIGIN).partition(|name| heads.contains(&name.as_str()));
@@ -229,7 +228,7 @@ pub(super) fn open_locked(
     let is_finished = [manifest::FILE, manifest::OF_PART].iter().any(|name| known.contains_key(*name));
     let (storage, held) = opened(path, objects, lock, known);
     if let Some(remote) = &storage.remote {
-        // The store is complete enough to lose its mark.
+        // All metadata of the store exists, so the marker can be removed.
         let mut left = vec![ORIGIN.to_owned()];
         if is_finished {
             left.extend(remote.stored_below(PROGRESS));

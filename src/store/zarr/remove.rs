@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
     /// The path is not a store.
-    #[error("{path} is not a Sunstone store, so it was not removed")]
+    #[error(
+        "{path} is not a Sunstone store, so it was not removed: pass the path of a store made by `sunstone render`"
+    )]
     NotAStore { path: PathBuf },
     /// Another process writes at the path, or the lock cannot be checked.
     #[error(transparent)]
@@ -41,7 +43,7 @@ impl PlaceLock {
     /// Takes the lock.
     ///
     /// # Errors
-    /// If another process holds the lock, or the lock cannot be acquired.
+    /// Returns an error if another process holds the lock, or the lock cannot be acquired.
     pub fn take(path: &Path) -> Result<Self, CreateError> {
         let refused = |refusal| CreateError::Remote { path: path.to_owned(), refusal };
         let held = match remote_store::objects_of(path).map_err(refused)? {
@@ -59,7 +61,8 @@ impl PlaceLock {
 /// false if there is no store. An interrupted removal leaves no finished store.
 ///
 /// # Errors
-/// [`RemoveError`] if the path is not a store, another process writes the store, or it cannot be removed.
+/// Returns [`RemoveError`] if the path is not a store, another process writes the store, or it cannot be
+/// removed.
 pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     let refused = |refusal| RemoveError::Remote { path: path.to_owned(), refusal };
     if let Some(objects) = remote_store::objects_of(path).map_err(refused)? {
@@ -78,7 +81,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
     let io = |cause| RemoveError::Io { path: path.to_owned(), cause };
-    // If the process is killed here, the next store at this path removes the leftover.
+    // If the process is killed here, the creation of the next store at this path removes the leftover.
     let part = staging::part_of(path);
     staging::remove(&part).map_err(io)?;
     std::fs::rename(path, &part).map_err(io)?;
@@ -101,7 +104,7 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     if !is_begun && !root.is_some_and(|bytes| remote_store::is_root(path, &bytes)) {
         return Ok(Err(not_a_store(path)));
     }
-    // With the mark, it is recognized as an unfinished store until all objects are removed.
+    // With the marker, the address counts as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
     remote_store::delete(objects, names.into_iter())?;
     objects.delete(vec![ORIGIN.to_owned()])?;

@@ -21,7 +21,7 @@ impl TensorStore {
     /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store has no sample counts, the region is outside the array, or writing fails.
+    /// Returns an error if the store has no sample counts, the region is outside the array, or writing fails.
     pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
         self.samples()?.write(&start, &shape, counts, None)
     }
@@ -29,7 +29,8 @@ impl TensorStore {
     /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store has no sample counts, the region is outside the array, or a chunk is damaged.
+    /// Returns an error if the store has no sample counts, the region is outside the array, or a chunk is
+    /// damaged.
     pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
         self.samples()?.read(&start, &shape)
     }

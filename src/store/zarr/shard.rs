@@ -51,8 +51,8 @@ pub(super) fn tail_len(frames: usize) -> u64 {
     (frames * (SEAL + PLACE) + SEAL) as u64
 }
 
-/// Returns the checksum of a shard for the manifest. The checksum is that of the shard's tail without the
-/// checksum of the index, which would cancel the content of the index.
+/// Returns the checksum of a shard for the manifest. It covers the shard's tail except the checksum of the
+/// index. With that checksum, a CRC would no longer depend on the content of the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
@@ -96,7 +96,7 @@ impl Builder {
     }
 }
 
-/// Parses the tail of a shard of `size` bytes; returns the positions of the frames by number.
+/// Parses the tail of a shard of `size` bytes, and returns the position of each frame, in order.
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
     let Some(data) = size.checked_sub(tail_len(frames)).filter(|_| tail.len() as u64 == tail_len(frames))
     else {
@@ -228,7 +228,7 @@ mod tests {
             assert_eq!(&bytes[range], &frame[..]);
             assert_eq!(piece.fault(frame), None);
         }
-        // Another valid frame.
+        // Another valid frame has another checksum.
         assert!(pieces[2].unwrap().fault(&frames[1]).is_some());
         assert_eq!(fault(&bytes, 4), None);
         assert!(Builder::new(3).finish().is_none());

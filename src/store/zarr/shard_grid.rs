@@ -5,7 +5,7 @@ use bytes::Bytes;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of shard tails in the cache of an array; a tail has about 10 kB.
+/// Maximum number of shard tails in the cache of an array. A tail has a size of about 10 kB.
 const KEPT: usize = 256;
 /// The shapes of shards and chunks of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
 //! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that the
-//! profile of a pixel is a small part of a file. A shard is a block of chunks. The shard grows first along
+//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that all
+//! values of a pixel are a small part of a file. A shard is a block of chunks. The shard grows first along
 //! the axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows
 //! along the camera axes until the shard is large enough.
 
@@ -13,12 +13,12 @@ use tensor::region;
 /// Size limits of shards.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// Maximum mean size of a chunk in a shard, bytes.
+    /// Maximum mean size, in bytes, of a chunk in a shard.
     pub(crate) piece: u64,
-    /// Mean size of an array's shards above which the shards stop growing, bytes.
+    /// Mean size, in bytes, of an array's shards above which the shards are not enlarged further.
     pub(crate) enough: u64,
-    /// Maximum size of a shard, bytes, because a shard is assembled in memory. A single chunk may be
-    /// larger.
+    /// Maximum size of a shard in bytes, because a shard is assembled in memory. A shard of a single chunk
+    /// may be larger.
     pub(crate) most: u64,
     /// Maximum number of chunks of a shard, because the tail (20 bytes per chunk) is read before the first
     /// value.
@@ -73,7 +73,7 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut inner = array.chunk.to_vec();
     let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);
     let total: u64 = array.sizes.iter().sum();
-    // Mean size of a chunk.
+    // Mean size of a chunk in bytes.
     let mut bytes = total as f64 / stored as f64;
     let whole = region::volume(array.chunk).unwrap_or(usize::MAX);
     while bytes > limits.piece as f64 {
@@ -82,8 +82,8 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
         };
         let factor = (2..=inner[axis]).find(|f| inner[axis].is_multiple_of(*f)).unwrap_or(1);
         let next = inner[axis] / factor;
-        // Values that compress to less than a byte each must not increase the number of frames, because the
-        // tail should be short.
+        // Do not increase the number of frames for values that compress to less than one byte each, because
+        // the tail should be short.
         let pieces = whole / (region::volume(&inner).unwrap_or(1) / factor as usize).max(1);
         if pieces > limits.pieces {
             break;
@@ -131,7 +131,8 @@ mod tests {
 
     #[test]
     fn a_pixel_is_in_one_shard_and_a_shard_is_large() {
-        // 64 tiles of 32 by 32 pixels and 200 bins of 16 elements, chunks of one element, 300 kB each.
+        // There are 64 tiles of 32 × 32 pixels with 200 bins and 16 Mueller elements. A chunk contains one
+        // Mueller element and has 300 kB.
         let found = cut(&[256, 256, 200, 4, 4], &[32, 32, 200, 1, 1], 300 << 10);
         assert_eq!(found.inner[2..], [200, 1, 1]);
         let pixels = found.inner[0] * found.inner[1];

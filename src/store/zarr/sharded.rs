@@ -19,7 +19,7 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Reads concurrently the tails of shards, of arrays of one store, that are not in the cache.
+    /// Concurrently reads the tails of shards (of arrays of one store) that are not in the cache.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -59,8 +59,7 @@ impl<T: Number> ChunkedArray<T> {
         Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
-    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are
-    /// zero.
+    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are zero.
     pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
         let (shard, number) = sharded.place(index);
         let Some(contents) = self.contents(sharded, &shard)? else {
@@ -109,7 +108,7 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Returns the requests for units, or none if fetching ahead has no benefit.
+    /// Returns the requests for units, or an empty list if fetching ahead has no benefit.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote.is_none() {
             return Ok(vec![]);

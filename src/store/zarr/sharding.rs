@@ -1,4 +1,4 @@
-//! Creates sharded stores from stores with one file per chunk: the same values in few files.
+//! Creates sharded stores, with the same values in few files, from stores with one file per chunk.
 //!
 //! A shard is assembled in memory and written atomically, so every existing shard is complete, and an
 //! interrupted copy resumes with the next shard.
@@ -25,7 +25,7 @@ impl TensorStore {
     /// Returns whether the arrays of the store are sharded.
     ///
     /// # Errors
-    /// If a slice cannot be opened.
+    /// Returns an error if a slice cannot be opened.
     pub fn is_sharded(&self) -> Result<bool, OpenError> {
         for name in self.slice_names() {
             if self.slice(name)?.is_sharded() {
@@ -71,7 +71,7 @@ impl TensorStore {
                     fill(&target.field(field)?.1, &slice.field(field)?.1)?;
                 }
             }
-            // Last, because values without samples do not count as rendered.
+            // Copy the sample counts last, because values without samples do not count as rendered.
             if let (Some(target), Some(source)) = (&store.samples, &of.samples) {
                 fill(target, source)?;
             }
@@ -108,8 +108,8 @@ fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
-    // Several concurrently, so that one is assembled while another is written; their number limits the
-    // memory.
+    // Process several shards concurrently, so that one is assembled while another is written. Their number
+    // limits the memory.
     for some in all.chunks(AT_ONCE) {
         some.par_iter().try_for_each(|shard| write(target, sharded, shard, source))?;
     }
@@ -144,8 +144,7 @@ fn write<T: Number>(
     written.map_err(|e| AccessError::of_write(&target.path, &e))
 }
 
-/// Returns the sealed frames of the chunk that begins at `start`, with the number of each frame in the
-/// shard.
+/// Returns the sealed frames of the chunk that begins at `start`, with the number of each frame in the shard.
 fn frames<T: Number>(
     target: &ChunkedArray<T>,
     sharded: &Sharded,
@@ -170,7 +169,7 @@ fn frames<T: Number>(
         region::copy(values, from, &mut piece, into, &valid);
         let bytes: &[u8] = bytemuck::cast_slice(&piece);
         let content = sparse_frame::encode(bytes, None);
-        // Negative zeros are stored, as in an unsharded chunk with other values.
+        // A chunk with negative zeros is stored, as in an unsharded chunk that also has other values.
         if content == Content::Zero {
             continue;
         }

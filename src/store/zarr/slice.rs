@@ -17,7 +17,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// An open slice. Clones are cheap and share their locks, so several threads may write through any of them.
+/// An open slice. Clones are cheap and share locks, so several threads may write through clones.
 #[derive(Clone)]
 pub struct StoredSlice(Arc<Inner>);
 
@@ -115,7 +115,7 @@ impl StoredSlice {
     /// Returns the axes of a field.
     ///
     /// # Errors
-    /// If the slice does not have the field.
+    /// Returns an error if the slice does not have the field.
     pub fn field_layout(&self, field: Field) -> Result<&SliceLayout, AccessError> {
         Ok(&self.field(field)?.0)
     }
@@ -125,18 +125,18 @@ impl StoredSlice {
     /// zeros are not stored.
     ///
     /// # Errors
-    /// If the region is outside the field, the number of values differs from that of the region, a shared
-    /// chunk is damaged, or writing fails.
+    /// Returns an error if the region is outside the field, the number of values differs from that of the
+    /// region, a shared chunk is damaged, or writing fails.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
         self.field(field)?.1.write(start, shape, data, None)
     }
 
     /// Writes a region as [`Self::write`] does, for callers that know where zeros are. `touched` has one
-    /// bit, lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit is 0 if all of its
-    /// bytes are zero.
+    /// bit, lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit of 0 means that
+    /// these bytes are all zero.
     ///
     /// # Errors
-    /// As [`Self::write`].
+    /// Returns the same errors as [`Self::write`].
     pub fn write_touched(
         &self,
         field: Field,
@@ -151,7 +151,7 @@ impl StoredSlice {
     /// Returns whether the chunk that begins at `start` has a file. A chunk of zeros has no file.
     ///
     /// # Errors
-    /// If the slice does not have the field.
+    /// Returns an error if the slice does not have the field.
     pub fn is_stored(&self, field: Field, start: &[u64]) -> Result<bool, AccessError> {
         Ok(self.field(field)?.1.is_stored(start))
     }
@@ -160,7 +160,7 @@ impl StoredSlice {
     /// file was lost. For an unfinished store, returns whether the chunk has a file.
     ///
     /// # Errors
-    /// If the slice does not have the field.
+    /// Returns an error if the slice does not have the field.
     pub(crate) fn is_listed(&self, field: Field, start: &[u64]) -> Result<bool, AccessError> {
         Ok(self.field(field)?.1.is_listed(start))
     }
@@ -169,17 +169,18 @@ impl StoredSlice {
     /// the file.
     ///
     /// # Errors
-    /// If the slice does not have the field, the chunk is damaged or lost, or writing fails.
+    /// Returns an error if the slice does not have the field, the chunk is damaged or lost, or writing fails.
     pub(crate) fn copy_chunk(&self, field: Field, start: &[u64], from: &Self) -> Result<(), AccessError> {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
     }
 
     /// Fetches regions of fields of one layout, given as first index and shape, concurrently from a remote
     /// store before they are read one by one. Returns the number of fetched regions, at least one. After
-    /// reading these regions, the caller calls the function again for the others.
+    /// reading these regions, the caller calls the function again for the remaining regions.
     ///
     /// # Errors
-    /// If the slice does not have a field, a region is outside of it, or an object store refuses.
+    /// Returns an error if the slice does not have a field, a region is outside of it, or an object store
+    /// refuses.
     pub fn fetch_ahead(
         &self,
         fields: &[Field],
@@ -201,7 +202,7 @@ impl StoredSlice {
     /// none.
     ///
     /// # Errors
-    /// As [`Self::fetch_ahead`].
+    /// Returns the same errors as [`Self::fetch_ahead`].
     pub fn fetch_together(&self, regions: &[(Field, Vec<u64>, Vec<u64>)]) -> Result<(), AccessError> {
         let of = |(field, start, shape): &(Field, Vec<u64>, Vec<u64>)| self.region(*field, start, shape);
         let regions = regions.iter().map(of).collect::<Result<Vec<_>, AccessError>>()?;
@@ -211,7 +212,8 @@ impl StoredSlice {
     /// Reads a region given as first index and shape, row-major.
     ///
     /// # Errors
-    /// If the region is outside the field, a chunk is damaged or lost, or the store is not finished.
+    /// Returns an error if the region is outside the field, a chunk is damaged or lost, or the store is not
+    /// finished.
     pub fn read(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Vec<f32>, AccessError> {
         let (layout, array) = self.field(field)?;
         if let Values::Unfinished(part) = self.0.values {
@@ -228,7 +230,7 @@ impl StoredSlice {
     /// Reads a whole field into memory.
     ///
     /// # Errors
-    /// As [`Self::read`], or if the slice does not have the field.
+    /// Returns the same errors as [`Self::read`], and an error if the slice does not have the field.
     pub fn read_all(&self, field: Field) -> Result<Tensor, AccessError> {
         let layout = self.field_layout(field)?;
         let data = self.read(field, &vec![0; layout.axes.len()], &layout.shape())?;
@@ -238,7 +240,7 @@ impl StoredSlice {
     /// Returns the boxes (start, shape) of the chunks of a field, clipped to the array, in row-major order.
     ///
     /// # Errors
-    /// If the slice does not have the field.
+    /// Returns an error if the slice does not have the field.
     pub fn chunks(
         &self,
         field: Field,

@@ -27,7 +27,7 @@ const MAX_BLOCK: usize = 1 << 17;
 const RAW: u32 = 0;
 const REPEATED: u32 = 1;
 
-/// Analyses bytes, and encodes them as a frame if they are mostly zero. `touched` has one bit, lowest
+/// Analyses bytes, and encodes the bytes as a frame if most of them are zero. `touched` has one bit, lowest
 /// first, for every [`STRETCH`] bytes; a bit of 0 means that these bytes are zero.
 pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
@@ -40,7 +40,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         found = bytes.chunks(64 * STRETCH).map(|c| filled(c, STRETCH)).collect();
         &found
     };
-    // Alternating runs: zeros up to the first end, other bytes up to the second, and so on.
+    // Ends of alternating runs: zeros up to the first end, other bytes up to the second end, and so on.
     let mut ends = Vec::new();
     let (mut in_zeros, mut others) = (true, 0);
     for (n, (stretches, &touched)) in bytes.chunks(64 * STRETCH).zip(touched).enumerate() {
@@ -55,7 +55,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
             let stretch = &stretches[m * STRETCH..stretches.len().min((m + 1) * STRETCH)];
             let filled = if nothing { 0 } else { filled(stretch, PIECE) };
             others += filled.count_ones() as usize * PIECE;
-            // A bit where a piece differs from the previous one; the last stretch may have fewer pieces.
+            // A bit is 1 where a piece differs from the previous. The last stretch may have fewer pieces.
             let pieces = (1 << stretch.len().div_ceil(PIECE)) - 1;
             let mut turns = (filled ^ (filled << 1 | u64::from(!in_zeros))) & pieces;
             while turns != 0 {
@@ -73,7 +73,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         return Content::Zero;
     }
     ends.push(bytes.len());
-    // Magic number, then a descriptor: four bytes of size, single segment, no checksum.
+    // Write the magic number, then the descriptor: four bytes of content size, single segment, no checksum.
     let mut frame = Vec::with_capacity(9 + others + 4 * (ends.len() + bytes.len() / MAX_BLOCK));
     frame.extend([0x28, 0xB5, 0x2F, 0xFD, 0xA0]);
     frame.extend(length.to_le_bytes());
@@ -92,8 +92,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     Content::Sparse(frame)
 }
 
-/// Returns a bit mask, lowest bit first, for up to 64 parts of `part` bytes. A bit is 1 if its part is not
-/// all zero.
+/// Returns a bit mask, lowest bit first, for up to 64 parts of `part` bytes each. A bit is 1 if any byte of
+/// its part is nonzero.
 #[inline]
 fn filled(bytes: &[u8], part: usize) -> u64 {
     let parts = bytes.chunks(part).enumerate();
@@ -150,8 +150,7 @@ mod tests {
     }
 
     proptest! {
-        /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any
-        /// position.
+        /// Verifies that the library's decoder returns the original bytes, for nonzero bytes at any position.
         #[test]
         fn the_decoder_returns_the_original_bytes(
             length in 4096_usize..600_000,

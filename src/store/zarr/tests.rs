@@ -1,4 +1,4 @@
-//! Tests of stores: layout, atomicity, sparse chunks, refusals.
+//! Tests of stores: layout, atomicity, sparse chunks and refused stores.
 
 use super::*;
 use proptest::prelude::*;
@@ -196,7 +196,7 @@ fn leftovers_are_ignored_and_removed() {
     let read = TensorStore::open(&path).unwrap().slice("timed").unwrap().read_all(Field::Mean).unwrap();
     assert_eq!(read, store.slice("timed").unwrap().read_all(Field::Mean).unwrap());
     assert!(leftover.exists());
-    // One writer at a time.
+    // Only one process may write a store at a time.
     let held = TensorStore::open_for_write(&path).unwrap_err().to_string();
     assert!(held.contains("is being written by process"), "{held}");
     drop(store);
@@ -341,8 +341,7 @@ fn consolidated_metadata_lists_every_array() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge
-    /// allocation.
+    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {
         let dir = tempfile::tempdir().unwrap();
@@ -363,7 +362,7 @@ proptest! {
         if bytes == good {
             prop_assert_eq!(read.unwrap(), counts);
         } else if let Ok(read) = read {
-            // Header bits without a meaning may change undetected; values may not.
+            // A change of unused header bits may remain undetected, but a change of values may not.
             prop_assert_eq!(read, counts);
         } else if let Err(e) = read {
             prop_assert!(e.to_string().contains("samples"), "{}", e);
@@ -371,7 +370,7 @@ proptest! {
     }
 }
 
-/// Verifies that values that are not rendered are not read as zeros: reading is an error, or gives NaN with
+/// Verifies that values that are not rendered are not read as zeros: reading fails, or returns NaN with
 /// `open_partial`.
 #[test]
 fn unfinished_stores_do_not_read_as_zeros() {
@@ -401,7 +400,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// Verifies that a lost, exchanged or foreign chunk is an error, and that `verify` detects it.
+/// Verifies that reading reports a lost, exchanged or additional chunk, and that `verify` detects this chunk.
 #[test]
 fn changes_of_finished_stores_are_detected() {
     let dir = tempfile::tempdir().unwrap();
@@ -442,8 +441,7 @@ fn changes_of_finished_stores_are_detected() {
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }
 
-/// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several
-/// chunks.
+/// Verifies that a region with the shape of a chunk that is not aligned with the grid covers several chunks.
 #[test]
 fn an_unaligned_region_of_chunk_shape_covers_several_chunks() {
     let dir = tempfile::tempdir().unwrap();

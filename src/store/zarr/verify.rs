@@ -13,7 +13,7 @@ use tensor::part::Part;
 
 /// Maximum number of objects in memory at a time.
 const BATCH: usize = 64;
-/// Maximum number of bytes of these objects.
+/// Maximum total size in bytes of the objects in memory at a time.
 const BATCH_BYTES: u64 = 64 << 20;
 
 /// The result of a verification.
@@ -21,7 +21,7 @@ const BATCH_BYTES: u64 = 64 << 20;
 pub struct Verified {
     /// Number of files in the manifest.
     pub files: usize,
-    /// Total size of these files, in bytes.
+    /// Total size of the files in the manifest, in bytes.
     pub bytes: u64,
     /// The part of a render that the store contains; `None` for a whole render.
     pub part: Option<Part>,
@@ -35,8 +35,8 @@ pub struct Verified {
 /// Reads every file of a store, or of a part of a render, and compares the file with the manifest.
 ///
 /// # Errors
-/// [`OpenError`] if there is no store, the store is not finished, or the manifest is damaged. Damage of
-/// other files is part of the result.
+/// Returns [`OpenError`] if there is no store, the store is not finished, or the manifest is damaged.
+/// Damage of other files is part of the result.
 pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
     let is_folder = matches!(place, Place::Folder(_));
@@ -79,7 +79,7 @@ fn verify_objects(
     let refused = |e| OpenError::remote(path, e);
     let mut faults = BTreeSet::new();
     let mut shards = Shards::default();
-    // Metadata first, because it determines which files are shards.
+    // Read metadata first, because it determines which files are shards.
     let (mut descriptions, mut others): (Vec<String>, _) =
         entries.keys().cloned().partition(|name| name.ends_with("zarr.json"));
     descriptions.sort_unstable();
@@ -108,7 +108,7 @@ fn verify_objects(
     Ok(Verified { unlisted, ..verified(entries, faults, &found) })
 }
 
-/// Groups names, in order, into batches of limited number and size.
+/// Groups file names, in order, into batches with a limited number and total size of files.
 fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a [String]> {
     let (mut all, mut from, mut bytes) = (vec![], 0, 0);
     for (n, name) in names.iter().enumerate() {
@@ -125,7 +125,7 @@ fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a
 
 fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, found: &[String]) -> Verified {
     let foreign = found.iter().filter(|name| !entries.contains_key(*name));
-    faults.extend(foreign.map(|name| format!("{name}: was not in the store when it was finished")));
+    faults.extend(foreign.map(|name| format!("{name}: was not in the store when the store was finished")));
     Verified {
         files: entries.len(),
         bytes: entries.values().map(|e| e.size).sum(),

@@ -122,8 +122,8 @@ fn draws_are_uniform_reproducible_and_independent() {
     assert_eq!(draws[..3], PINNED);
 }
 
-/// The first three values drawn for the parameter `x`. An independent program in another language gives the
-/// same values.
+/// The first three values drawn for the parameter `x`. An independent implementation in another language
+/// gives the same values.
 const PINNED: [f64; 3] = [1.9336119120850315, 2.5320505006663043, -0.620638408815303];
 
 #[test]
@@ -143,7 +143,7 @@ fn errors_name_their_position() {
         (listed("[]"), "at least one value", "[]"),
         (listed("[0.1, nan]"), "remove nan and inf", "[0.1, nan]"),
         (listed("[[0.1, inf]]"), "remove nan and inf", "[[0.1, inf]]"),
-        // Values of the wrong type, and of the right type but too large; both located in `[vary]`.
+        // Errors for values of the wrong type, and for values that are too large, are located in `[vary]`.
         (listed("[\"white\"]"), "", "\"white\""),
         (listed("[1.5]"), "", ""),
         (

@@ -4,7 +4,7 @@ use super::*;
 
 const EDGE: u32 = 16;
 
-/// Tiles of pixels with lognormal relative variances per sample, spread between and within tiles.
+/// Tiles of pixels whose relative variances per sample are log-normally distributed between and within tiles.
 struct Image {
     variances: Vec<(u32, f64)>,
     samples: Vec<u32>,
@@ -37,7 +37,7 @@ impl Image {
         Survey { lit: lit.collect(), tiles: self.samples.iter().map(tile).collect(), across: EDGE }
     }
 
-    /// Renders rounds until the goal is reached, and returns their number.
+    /// Renders rounds until the goal is reached, and returns the number of rounds.
     fn render(&mut self, goal: &Goal) -> u32 {
         for rounds in 0..20 {
             match self.survey().next(goal) {
@@ -101,10 +101,10 @@ fn a_single_pixel_does_not_determine_its_tile() {
     let (low, high) = (counts(0.01), counts(100.0));
     let moved: u32 = low.iter().zip(&high).map(|(a, b)| a.abs_diff(*b)).sum();
     let all: u32 = low.iter().sum();
-    // Tile 20, and tiles close to a threshold, may change by a step or two.
+    // The counts of tile 20, and of tiles close to a threshold, may change by one or two steps.
     let own = f64::from(low[20]) / f64::from(high[20]);
     assert!(moved * 200 < all && (0.9..1.1).contains(&own), "{moved} of {all}, {own}");
-    // Control: if a single pixel decides, its error does change the count.
+    // As a control, if a single pixel determines the count, the pixel's error does change the count.
     let mut image = Image::new(0.5, 0.3);
     let alone = |image: &Image| image.survey().next_by(&goal(0.1, 0.9), 1);
     let before = alone(&image);

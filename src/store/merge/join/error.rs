@@ -44,7 +44,7 @@ pub enum JoinError {
     },
     /// Two stores are the same part but have different values.
     #[error(
-        "{first} and {second} are both {part} but differ in {file}: one of the two is damaged; render both again"
+        "{first} and {second} are both {part} but differ in {file}: one of the two stores is damaged; render both again"
     )]
     Differ {
         first: PathBuf,

@@ -10,7 +10,7 @@ use tensor::part::{self, Part};
 /// Maximum number of parts or tiles that a message lists.
 const NAMED: usize = 12;
 
-/// Root attributes that may differ between the parts of one render.
+/// Root attributes whose values may differ between the parts of one render.
 const OWN: [&str; 4] = [part::ATTRIBUTE, "discarded_samples", "rays", "wall_time_s"];
 
 pub(super) struct Set(Vec<(Part, TensorStore)>);
@@ -30,7 +30,7 @@ impl Set {
                 None => set.push((part, store)),
             }
         }
-        // Sort, so that the result does not depend on the order of the inputs.
+        // Sort the parts, so that the result does not depend on the order of the inputs.
         set.sort_by_key(|(part, _)| *part);
         let tiles = tiles(&set[0].1)?;
         check_complete(&set, tiles)?;
@@ -78,7 +78,8 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
     };
     let (a, b) = (first.attributes(), second.attributes());
     let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-    // The text of a scene is long and its checksum is equivalent, so short attributes are compared first.
+    // The scene's text is long, and its checksum is another attribute. Compare the other attributes first,
+    // so that the message names a short one.
     let (long, short): (Vec<&String>, Vec<&String>) = keys.into_iter().partition(|key| *key == "scene");
     for key in short.into_iter().chain(long) {
         let (theirs, ours) = (a.get(key), b.get(key));
@@ -150,8 +151,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(describe(&parts, &missing))
 }
 
-/// Returns the error for missing shares, if all parts are shares of the same total, otherwise the error for
-/// missing tiles.
+/// Returns the error for missing parts if all parts are `K/N` of one N, else the error for missing tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))

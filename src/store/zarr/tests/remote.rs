@@ -13,7 +13,7 @@ fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
         let slice = store.slice(&layout.name).expect("a slice");
         let shape = layout.shape();
         let mut data = ramp(region::volume(&shape).expect("a size"));
-        // The first camera rows are dark: their chunks have no files.
+        // The first camera rows are dark, so their chunks have no files.
         let dark = 4 * data.len() / shape[0] as usize;
         data[..dark].fill(0.0);
         for field in [Field::Mean, Field::StdError] {
@@ -71,7 +71,7 @@ fn opening_and_reading_need_few_requests() {
     let values = slice.read(Field::Mean, &at, &profile).expect("reads");
     assert!(values.iter().all(|v| *v != 0.0));
     assert_eq!(requests("few"), opened + 1, "a pixel's profile");
-    // A dark pixel is known from the manifest.
+    // The manifest contains no chunk of a dark pixel, so no request is needed.
     at[0] = 1;
     slice.read(Field::Mean, &at, &profile).expect("reads");
     assert_eq!(requests("few"), opened + 1);

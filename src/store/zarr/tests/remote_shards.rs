@@ -35,13 +35,14 @@ fn a_profile_needs_few_range_requests() {
     let first = requests("ranges") - opened;
     let _ = read(5, 7);
     let second = requests("ranges") - opened - first;
-    // The tail of the shard, and the pixel's part of it; a neighbour needs no other tail.
+    // The first read requests the shard's tail and the pixel's chunk. A read of a neighbouring pixel does
+    // not request the tail again.
     assert!(second >= 1 && first == second + 1, "{first}, then {second}");
     // A dark pixel needs at most the tail.
     let before = requests("ranges");
     assert!(read(1, 6).iter().all(|v| *v == 0.0));
     assert!(requests("ranges") - before <= 1);
-    // Complete reads need the tails and one request for adjacent chunks.
+    // Reads of whole arrays request the tails, and adjacent chunks together.
     let all = shards(&sharded);
     let of_error = all.iter().filter(|(p, _)| p.starts_with("timed/std_error")).count() as u64;
     let before = requests("ranges");
@@ -79,7 +80,7 @@ fn sharding_can_be_killed_at_any_change() {
         |path| shard_to(&plain, path, false, SMALL).is_ok(),
         |path| match shard_to(&plain, path, false, SMALL) {
             Ok(()) => true,
-            // Killed after the last put of the store, which is complete.
+            // The process was killed after the last put, so the store is complete.
             Err(ShardError::Create(CreateError::Exists { .. })) => {
                 let name = path.to_str().expect("text").split('/').nth(2).expect("a name");
                 remove(&memory(name), "s.zarr/.sunstone-origin");

@@ -177,7 +177,7 @@ fn a_merge_can_be_killed_at_any_change() {
         |path| make(path, "a b").is_ok(),
         |path| match (TensorStore::is_taken(path).expect("answers"), make(path, "a b")) {
             (taken, Ok(_)) => !taken,
-            // Killed after the last put of the store, which is complete.
+            // The process was killed after the last put, so the store is complete.
             (taken, Err(e)) => {
                 assert!(taken, "{e}");
                 remove(
@@ -188,7 +188,7 @@ fn a_merge_can_be_killed_at_any_change() {
             }
         },
     );
-    // The store resumes with its own chunks, but not with those of another origin.
+    // A creation resumes with chunks of the same origin, but not with those of another origin.
     let begun = |name: &str| {
         let life = life(name);
         life.store(all - 4, Ordering::Relaxed);

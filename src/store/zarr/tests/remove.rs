@@ -47,7 +47,7 @@ fn removal_at_an_address_works_as_in_a_folder() {
     objects().delete(vec!["letter.txt".into()]).expect("deletes");
     for _ in 0..2 {
         store(path);
-        // An interrupted removal: the file that identifies the store was removed first.
+        // After an interrupted removal, the file that identifies the store is already removed.
         objects().put(ORIGIN, vec![].into()).expect("puts");
         objects().delete(vec![ROOT.into()]).expect("deletes");
         assert!(remove(path).expect("removes"));

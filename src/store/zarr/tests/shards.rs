@@ -87,7 +87,8 @@ fn sharded_values_are_bit_identical() {
     assert_eq!(found.faults, Vec::<String>::new());
     let store = TensorStore::open(&sharded).expect("opens");
     assert!(store.is_sharded().expect("opens"));
-    // Some chunks cover several unsharded chunks, some few of their pixels, and an array has several shards.
+    // Some chunks of shards cover several unsharded chunks, others only a few of their pixels. An array has
+    // several shards.
     let all = shards(&sharded);
     let of_timed = all.iter().filter(|(p, _)| p.starts_with("timed/mean"));
     assert!(of_timed.clone().count() > 1 && of_timed.clone().all(|(_, n)| *n > 8), "{all:?}");

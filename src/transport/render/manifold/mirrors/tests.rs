@@ -148,7 +148,7 @@ fn seeds_cover_curved_mirrors() {
 /// Verifies that points on mirrors with many copies are on the copies, with probabilities proportional to
 /// area.
 #[test]
-fn mirrors_with_many_copies_are_drawn_in_two_steps() {
+fn mirrors_with_many_copies_are_sampled_in_two_steps() {
     const N: u32 = 40_000;
     let ball = |x: f32, radius: f32| Outline::Ball { centre: Vec3A::new(x, 0.0, 0.0), radius };
     let groups = vec![vec![], vec![ball(0.0, 1.0), ball(3.0, 2.0)]];
