@@ -156,10 +156,14 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     };
     let weights: Vec<(i64, f64)> = match pulse {
         Pulse::Gaussian { fwhm_ps } => {
-            let sigma = fwhm_ps / (8.0 * std::f64::consts::LN_2).sqrt() / bin_ps;
+            let fwhm_in_sigma = (8.0 * std::f64::consts::LN_2).sqrt();
+            let sigma = fwhm_ps / fwhm_in_sigma / bin_ps;
             let reach = (6.0 * sigma).ceil();
             if !(0.0..=MAX_KERNEL).contains(&reach) {
-                return fault("expected a width of 0 to about 390000 time bins: correct the width");
+                let widest = MAX_KERNEL / 6.0 * fwhm_in_sigma * bin_ps;
+                return fault(&format!(
+                    "the pulse has a width of {fwhm_ps} ps; expected 0 to {widest:.0} ps"
+                ));
             }
             let gauss = |k: i64| {
                 if k == 0 { 1.0 } else { (-0.5 * (k as f64 / sigma).powi(2)).exp() }
@@ -169,8 +173,12 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
         Pulse::Samples(samples) => samples.iter().enumerate().map(|(k, w)| (k as i64, *w)).collect(),
     };
     let sum: f64 = weights.iter().map(|(_, w)| w).sum();
-    if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
-        return fault("expected at most 2000001 samples with a positive, finite sum: correct the samples");
+    let most = 2.0 * MAX_KERNEL + 1.0;
+    if weights.len() as f64 > most || !(sum.is_finite() && sum > 0.0) {
+        let found = weights.len();
+        return fault(&format!(
+            "the pulse has {found} samples with the sum {sum}; expected at most {most} with a positive, finite sum"
+        ));
     }
     Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
 }
