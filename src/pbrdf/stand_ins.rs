@@ -9,7 +9,7 @@ use transport::material::Materials;
 
 /// Text of the material file with the built-in substitutes.
 const STAND_INS: &str = include_str!("../../pbrdf/stand_ins.toml");
-/// Prefix of the names of those materials in the built-in file that are to be tabulated.
+/// Prefix of the names of the substitutes in the built-in file.
 const PREFIX: &str = "like_";
 
 /// Error of loading materials at several bands.
@@ -60,13 +60,14 @@ impl BandedMaterials {
         self.0.iter().take(1).flat_map(|set| set.names.keys())
     }
 
-    /// Returns whether the material has a non-specular lobe; `None` if the name is unknown.
+    /// Returns whether the material has a lobe that is not specular; `None` if the name is unknown.
     pub fn is_smooth(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent: those with a non-specular lobe.
+    /// Returns the names of the materials that a table can represent: those with a lobe that is not
+    /// specular.
     pub fn tabulable(&self) -> Vec<String> {
         let smooth = |name: &&String| self.is_smooth(name) == Some(true);
         self.names().filter(smooth).cloned().collect()

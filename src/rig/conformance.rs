@@ -1,9 +1,8 @@
 //! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its
 //! trait.
 //!
-//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite
-//! against an emulator. Each check has a name and an optional fault. Instruments move and emit
-//! light during the checks.
+//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite on an
+//! emulator. Instruments move and emit light during the checks.
 
 pub mod analog_output;
 pub mod photon_counter;
@@ -20,7 +19,7 @@ use std::time::Duration;
 pub struct Check {
     /// Required behavior.
     pub name: &'static str,
-    /// Observed deviation, if the check failed.
+    /// Observed deviation from the required behavior, if the check failed.
     pub fault: Option<String>,
 }
 
@@ -82,7 +81,7 @@ impl Report {
     }
 }
 
-/// Deadline for the checks, longer than the duration of every checked operation.
+/// Deadline for the checks, which is longer than the duration of every checked operation.
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 

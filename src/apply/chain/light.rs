@@ -1,5 +1,4 @@
-//! Converts a slice to the light that a rig captures, that is, Mueller matrices by pixel and wavelength, and
-//! back.
+//! Converts between slices and the light that a rig captures: Mueller matrices by pixel and wavelength.
 
 use super::error::ChainError;
 use crate::observation::Slice;
@@ -12,7 +11,7 @@ use tensor::axes::{Axis, AxisKind};
 pub struct Light {
     /// The matrices. Intensities are matrices with T00 only.
     pub image: MuellerImage,
-    /// Whether the slice contains whole matrices.
+    /// Whether the slice contains complete matrices.
     pub polarized: bool,
 }
 

@@ -15,7 +15,7 @@ pub struct Board {
     pub square: f64,
 }
 
-/// Maximum number of corners along a side. A larger number is an input error.
+/// Maximum number of corners along a side. Larger numbers are rejected as input errors.
 const MOST: usize = 1000;
 
 impl Board {

@@ -60,7 +60,7 @@ pub struct Extrinsics {
 #[serde(deny_unknown_fields)]
 pub struct Quality {
     pub views: usize,
-    /// Number of corners that a robust fit left out.
+    /// Number of corners that a robust fit excluded as outliers.
     pub outliers: usize,
     /// Root mean square of the residual distances in pixels, by device.
     pub rms_px: Vec<f64>,
@@ -70,8 +70,8 @@ pub struct Quality {
     pub camera_errors: BTreeMap<String, f64>,
     /// Standard errors of the projector's parameters by name.
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Standard errors of the projector's pose in its own frame: three angles (radians), three lengths
-    /// (meters).
+    /// Standard errors of the projector's pose in the projector's frame: three angles (radians), three
+    /// lengths (meters).
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -140,7 +140,7 @@ impl DeviceTable {
         })
     }
 
-    /// Returns the pose from world to device, or `None` if R is no rotation or t is not finite.
+    /// Returns the pose from world to device, or `None` if R is not a rotation matrix or t is not finite.
     pub fn pose(&self) -> Option<Pose> {
         let e = &self.pose.extrinsics;
         let rotation = Matrix3::from_fn(|i, j| e.rotation[i][j]);
@@ -205,7 +205,7 @@ impl Calibration {
     ///
     /// # Errors
     ///
-    /// An error if a number cannot be written.
+    /// If a number cannot be serialized.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

@@ -54,7 +54,7 @@ impl Image {
         row(j) * (1.0 - b) + row(j + 1) * b
     }
 
-    /// Blurs with a Gaussian of standard deviation `sigma` in pixels.
+    /// Returns the image blurred with a Gaussian of standard deviation `sigma` in pixels.
     pub fn blurred(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let mut kernel: Vec<f32> =
@@ -118,7 +118,7 @@ fn extension(path: &Path) -> String {
     extension.unwrap_or("").to_ascii_lowercase()
 }
 
-/// Returns whether a JPEG ends within its last scan. The decoder would fill the missing part.
+/// Returns whether a JPEG ends within its last scan. The decoder would fill the missing part with gray.
 fn is_cut_off(jpeg: &[u8]) -> bool {
     let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
     let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
@@ -149,7 +149,7 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let mut photo = DynamicImage::from_decoder(decoder).map_err(bad)?;
     photo.apply_orientation(orientation);
     let (width, height) = (photo.width() as usize, photo.height() as usize);
-    // Stored samples without opacity.
+    // Averages the stored samples over the channels except opacity.
     let grey = |samples: &[f32], channels: usize| -> Vec<f32> {
         let colours = if channels < 3 { 1 } else { 3 };
         let mean = |p: &[f32]| p[..colours].iter().sum::<f32>() / colours as f32;
@@ -247,8 +247,8 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// Returns the value of a smooth image, which compression changes little and whose corners all
-    /// differ.
+    /// Returns the value of a smooth image. Compression changes the image little, and the values of the
+    /// four corners differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
@@ -264,7 +264,8 @@ mod tests {
         let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
         photo.write_with_encoder(encoder).unwrap();
         if orientation > 0 {
-            // APP1: a little-endian TIFF header and one entry, tag 0x0112 (a short).
+            // Segment APP1: a little-endian TIFF header and one entry, the orientation tag 0x0112 of type
+            // SHORT.
             let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
             exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
             let mut segment = vec![0xff, 0xe1];
@@ -294,8 +295,8 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274) place the stored first row and column
-    /// correctly.
+    /// For all eight orientations of EXIF 2.32 (4.6.5, tag 274), the first stored row and column are at
+    /// the correct side of the image.
     #[test]
     fn images_are_rotated_by_exif_orientation() {
         for orientation in 1..=8 {
@@ -304,7 +305,7 @@ mod tests {
             let turned = orientation > 4;
             let [w, h] = found.image.size().map(|n| n as isize);
             assert_eq!([w, h], if turned { [16, 24] } else { [24, 16] });
-            // The stored pixel of each shown corner.
+            // Compare each corner of the rotated image with the stored pixel.
             for (x, y) in [(0, 0), (w - 1, 0), (0, h - 1)] {
                 let (u, v) = match orientation {
                     1 => (x, y),

@@ -1,5 +1,5 @@
-//! Denoising of rendered images by their own standard errors: an option for figures, not for
-//! measurements.
+//! Denoising of rendered images by means of their standard errors. Denoised images are suitable for
+//! figures, not for measurements.
 //!
 //! Every pixel becomes a weighted mean of similar pixels around it,
 //!
@@ -33,7 +33,8 @@ mod tests;
 /// Radius of the window of averaged pixels, in rows and columns.
 pub const REACH: usize = 5;
 
-/// Candidate strengths: differences up to about this number of standard errors are ignored.
+/// Candidates for the denoising strength. Differences up to about this number of standard errors are
+/// ignored.
 pub const STRENGTHS: [f32; 3] = [0.35, 0.5, 0.7];
 
 /// Radius of the compared patches.
@@ -45,7 +46,7 @@ const CALM: usize = 3;
 /// Number of rows around a pixel that affect whether it is an outlier and how it is replaced.
 const SPOT: usize = 2;
 
-/// Rows beyond a pixel that its value and error can depend on.
+/// Number of rows above and below a pixel on which its denoised value and error can depend.
 pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 
 /// Rows and columns of an image.

@@ -45,11 +45,11 @@ pub fn reconstruct<T: PixelNumber>(
     }
     let pixels = out.len() / 16;
     let (count, zero) = (scheme.measurements(), T::default());
-    assert_eq!(pixels, rays.len() * times, "a ray for each place and wavelength");
+    assert_eq!(pixels, rays.len() * times, "expected one ray per position and wavelength");
     let mut tally = Tally::default();
     let step = (AT_ONCE / lanes.max(1)).max(1) * lanes;
     for (i, rays) in rays.chunks(step).enumerate() {
-        // Rays vary fastest, because they are the lanes of an estimator; the separate captures vary slowest.
+        // Rays vary fastest, because each ray is a lane of the estimator. Separate captures vary slowest.
         let (n, first) = (rays.len(), i * step);
         let place = |j: usize| {
             let (t, ray) = (j / n, first + j % n);

@@ -23,7 +23,7 @@ use std::time::Duration;
 /// degree.
 const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 
-/// Wiring of the mirrors to a card, and the card's limits.
+/// The wiring of the mirrors to a card, and the limits of the card.
 type Behind = (Wiring, AnalogLimits);
 
 /// Returns the limits of a galvo, and its wiring if a card drives it.

@@ -31,10 +31,11 @@ pub struct MuellerImage {
 /// Options of the reconstruction of a run.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
-    /// Options as for images. Saturated readings are marked by the run itself.
+    /// Options of the reconstruction of images. `saturation` is not used, because the run already marks
+    /// saturated readings.
     pub options: Options,
-    /// Horizontal field of view of the camera in radians, for plates at oblique incidence. The
-    /// field of view of a scan is known from the run.
+    /// Horizontal field of view of the camera in radians, with which plates are corrected for oblique
+    /// incidence. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
     /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear
     /// interpolation.

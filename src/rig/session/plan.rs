@@ -47,7 +47,7 @@ use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom, SchemeKind};
 /// Maximum number of frames of a run.
 pub const MOST_FRAMES: u64 = 100_000_000;
 
-/// A checked plan of a session.
+/// A valid plan of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub name: String,

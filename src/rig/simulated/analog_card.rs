@@ -14,7 +14,7 @@ use std::time::Duration;
 /// channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
-/// The load at the terminals. It receives the voltages of all channels at every change.
+/// The device at the terminals. It receives the voltages of all channels at every change.
 pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
 
 pub struct SimulatedCard {
@@ -47,7 +47,7 @@ impl SimulatedCard {
         }
     }
 
-    /// Records every sample from now on and returns the recording.
+    /// Starts recording every sample, and returns the recording.
     #[cfg(test)]
     pub fn record(&mut self) -> Recording {
         let recording = Recording::default();

@@ -1,8 +1,8 @@
 //! Principal components of a set of Mueller matrices.
 //!
-//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ
-//! (X - mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows
-//! from its eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. Drawback: singular values
+//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X -
+//! mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows from its
+//! eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. A limitation is that singular values
 //! below about 1e-8 of the first are rounding errors.
 
 use super::moments::{MatrixRow, Moments};
@@ -90,7 +90,7 @@ mod tests {
         let v_t = svd.v_t.unwrap();
         for k in 0..16 {
             let sigma = svd.singular_values[k];
-            assert!((c.spectrum[k] - sigma).abs() < 1e-10, "{k}: {} is not {sigma}", c.spectrum[k]);
+            assert!((c.spectrum[k] - sigma).abs() < 1e-10, "{k}: found {}, expected {sigma}", c.spectrum[k]);
             let along: f64 = (0..16).map(|i| v_t[(k, i)] * c.vectors[k][i]).sum();
             assert!((along.abs() - 1.0).abs() < 1e-10, "{k}: {along}");
             for i in 0..16 {
@@ -121,11 +121,11 @@ mod tests {
             };
             let left: f64 = rows.iter().map(square).sum();
             let tail: f64 = c.spectrum[n..].iter().map(|s| s * s).sum();
-            assert!((left - tail).abs() < 1e-10 * (1.0 + tail), "{n}: {left} is not {tail}");
+            assert!((left - tail).abs() < 1e-10 * (1.0 + tail), "{n}: found {left}, expected {tail}");
         }
     }
 
-    /// A set of few rows has fewer components than rows; equal rows have none.
+    /// A set of few rows has fewer components with variance than rows. Equal rows have none.
     #[test]
     fn few_rows_and_equal_rows() {
         for n in [1, 2, 5, 15] {

@@ -14,7 +14,7 @@ pub struct Trouble(Arc<AtomicU8>);
 
 impl Trouble {
     pub const NONE: u8 = 0;
-    /// The controller does not reply.
+    /// The controller sends no replies.
     pub const SILENT: u8 = 1;
     /// The stage stops halfway.
     pub const STALLS: u8 = 2;

@@ -12,7 +12,7 @@ use crate::instrument::{
 use cameleon::StreamError;
 use std::time::Duration;
 
-/// Relative tolerance of the exposure time: cameras round it to their clock.
+/// Relative tolerance of the exposure time, which cameras round to the period of their clock.
 const EXPOSURE_OFF: f64 = 0.01;
 
 pub struct GenICamCamera {
@@ -93,7 +93,7 @@ impl GenICamCamera {
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
-                "unsupported sensor: size {:?}, formats {}; needs at least one pixel and Mono8, Mono10p, Mono12p or Mono16",
+                "unsupported sensor of size {:?} with formats {}; use a camera with at least one pixel and format Mono8, Mono10p, Mono12p or Mono16",
                 self.limits.size,
                 entries.join(", ")
             );

@@ -1,4 +1,4 @@
-//! Features of a camera by name. `cameleon` evaluates the camera's XML; nothing is cached.
+//! Features of a camera by name. `cameleon` evaluates the camera's XML. Values are not cached.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
@@ -93,7 +93,7 @@ impl Nodes {
         ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
-    /// Calls `f` with a feature. `f` returns `None` if the feature has another type.
+    /// Calls `f` with a feature. `f` returns `None` if the feature has an unexpected type.
     fn with<T>(
         &mut self,
         feature: &str,

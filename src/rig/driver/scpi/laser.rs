@@ -81,7 +81,7 @@ impl PulsedLaser for ScpiLaser {
                     return self.fail(Fault::Refused, what);
                 }
             }
-            // Set the rate first, so that the laser never emits at a wrong rate.
+            // Set the rate first, so that the laser never emits at a previous rate.
             if let Some(command) = self.table.rate(rate_hz) {
                 self.tell(&command, until)?;
             }
