@@ -65,7 +65,7 @@ laser_power = 0.9
 
 
 def write(folder: Path, faults: str = "") -> Path:
-    """Write the files, with faults of the bench; return the folder."""
+    """Write the files of the rig, with faults of the simulated bench; return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in {
         "rig": RIG + faults,
@@ -83,7 +83,8 @@ def fault(kind: str, instrument: str, at: int) -> str:
 
 
 def content(store: Path) -> dict[str, bytes]:
-    """Return every file of a finished run except the journal, which differs between runs. The command checks the store."""
+    """Return every file of a finished run except the journal, which differs between runs. The command `sunstone` also checks the
+    store."""
     sunstone("verify", store)
     files = (p for p in sorted(store.rglob("*")) if p.is_file() and p.name != ".session.jsonl")
     return {str(p.relative_to(store)): p.read_bytes() for p in files}

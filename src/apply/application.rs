@@ -19,15 +19,13 @@ pub struct Application {
     pub plan: Plan,
     /// All methods. The first is compared with the others.
     pub methods: Vec<Method>,
-    /// Names of images that belong to no method and no truth map, such as elements that are drawn
-    /// directly.
+    /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
     pub drawn: Vec<&'static str>,
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Function that learns the task of the first method from training observations; `None` unless the
-    /// method computes a few linear functionals of Mueller matrices. Captures can be optimized for this
-    /// task.
+    /// Function that learns the task of the first method from training observations; `None` unless the method
+    /// computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
     pub task: Option<Learn>,
 }
 
@@ -43,7 +41,6 @@ pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>
 pub struct Plan {
     /// Path of the scene file, relative to the folder of scenes.
     pub scene: &'static str,
-    /// Variants for training.
     pub train: Vec<u64>,
     /// Variants for testing, none of which is in `train`.
     pub test: Vec<u64>,
@@ -51,7 +48,6 @@ pub struct Plan {
     /// to detector noise. In this case only the ground truth is rendered.
     pub slices: Vec<&'static str>,
     pub truth: Vec<Truth>,
-    /// Size of a preview render.
     pub preview: Size,
     /// Size of a render for the results.
     pub full: Size,
@@ -170,8 +166,7 @@ pub struct Picture {
     pub name: &'static str,
     /// Variant of the image; `None` for images of learned quantities.
     pub variant: Option<u64>,
-    /// Whether all methods have the same unit, so that their images are drawn side by side on a common
-    /// scale.
+    /// Whether all methods have the same unit, so that their images are drawn side by side on a common scale.
     pub shared: bool,
     pub map: Map,
 }

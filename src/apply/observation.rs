@@ -40,7 +40,6 @@ pub struct Pixels {
     pub bins: usize,
     /// Number of matrix elements: 16, or 1 for intensities.
     pub elements: usize,
-    /// Number of wavelengths.
     pub wavelengths: usize,
     pub mean: Vec<f64>,
     /// Standard errors of `mean`.

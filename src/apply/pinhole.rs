@@ -50,8 +50,7 @@ impl Pinhole {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the
-    /// device.
+    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the device.
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];

@@ -1,9 +1,8 @@
 //! Nonlinear least squares that reports undetermined parameters.
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
-//! deviations. Directions of the parameters that affect no residual keep their initial values and
-//! are reported. These directions are found from the singular values of the Jacobian with
-//! normalized columns.
+//! deviations. Directions of the parameters that affect no residual keep their initial values and are
+//! reported. These directions are found from the singular values of the Jacobian with normalized columns.
 
 use nalgebra::{DMatrix, DVector};
 

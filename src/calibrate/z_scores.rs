@@ -9,8 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// Accepted variance of z-scores for a correct covariance, according to the project's acceptance
-/// criterion.
+/// Accepted variance of z-scores for a correct covariance, according to the project's acceptance criterion.
 const BAR: std::ops::Range<f64> = 0.8..1.25;
 /// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
 /// within [`BAR`].

@@ -159,7 +159,6 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// Returns whether an axis can show a value.
 fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }

@@ -271,8 +271,7 @@ impl Drawing {
     /// Draws an image that fills a rectangle, with sharp pixels.
     pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
         let mut png = Vec::new();
-        // Use a fixed PNG filter, because adaptive filters would take longer than the rest of the
-        // drawing.
+        // Use a fixed PNG filter, because adaptive filters would take longer than the rest of the drawing.
         PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
             .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
             .expect("memory takes every PNG of at least one pixel");

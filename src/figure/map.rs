@@ -19,8 +19,7 @@ use super::ticks::Ticks;
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 
-/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is
-/// logarithmic.
+/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is logarithmic.
 const LOG_FROM: f32 = 300.0;
 /// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;

@@ -74,9 +74,8 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
     (bottom - below, top + margin)
 }
 
-/// Returns whether a pixel is within the range of the kept pixels, with a tolerance of half their
-/// spacing, at least one pixel. A single kept pixel accepts any position, because it may represent
-/// adjacent pixels.
+/// Returns whether a pixel is within the range of the kept pixels, with a tolerance of half their spacing,
+/// at least one pixel. A single kept pixel accepts any position, because it may represent adjacent pixels.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;

@@ -90,8 +90,7 @@ impl<const C: usize> Raster<C> {
         Ok(Self { w, h, data })
     }
 
-    /// Averages the raster over boxes. The average of a box that contains a non-finite value is
-    /// undefined.
+    /// Averages the raster over boxes. The average of a box that contains a non-finite value is undefined.
     pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
             return self;

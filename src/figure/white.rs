@@ -11,7 +11,6 @@ pub enum White {
 }
 
 impl White {
-    /// Returns the value, or 1 for [`Self::Nothing`].
     pub fn value(self) -> f32 {
         match self {
             Self::Value(v) => v,

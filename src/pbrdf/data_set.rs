@@ -226,7 +226,6 @@ mod tests {
         assert!(matches!(few, Err(DataError::Axes(PbsdfError::Sources { .. }))));
     }
 
-    /// Verifies that errors name the fault and the fix.
     #[test]
     fn errors_name_the_fault_and_fix() {
         let folder = tempfile::tempdir().unwrap();

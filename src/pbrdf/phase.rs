@@ -1,5 +1,4 @@
-//! Tables of scattering by a participating medium: the Mueller matrix as a function of the scattering
-//! angle.
+//! Tables of scattering by a participating medium: the Mueller matrix as a function of the scattering angle.
 
 use base::locate::InputError;
 use glam::Vec3A;

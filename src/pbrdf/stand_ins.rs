@@ -66,8 +66,7 @@ impl BandedMaterials {
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent: those with a lobe that is not
-    /// specular.
+    /// Returns the names of the materials that a table can represent: those with a lobe that is not specular.
     pub fn tabulable(&self) -> Vec<String> {
         let smooth = |name: &&String| self.is_smooth(name) == Some(true);
         self.names().filter(smooth).cloned().collect()

@@ -22,7 +22,7 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
-    #[error("the mean T00 of the matrices is not positive, so relative errors are undefined; use matrices of a lit scene")]
+    #[error("the mean T00 of the matrices is not positive; use matrices of a lit scene")]
     Dark,
     /// A prior needs the noise level, which is unknown.
     #[error(

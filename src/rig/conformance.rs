@@ -1,5 +1,4 @@
-//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its
-//! trait.
+//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its trait.
 //!
 //! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite on an
 //! emulator. Instruments move and emit light during the checks.
@@ -14,7 +13,6 @@ use crate::instrument::{
 use std::fmt::Debug;
 use std::time::Duration;
 
-/// The result of one check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
     /// Required behavior.
@@ -66,13 +64,11 @@ impl Report {
         self.check(name, steps());
     }
 
-    /// Returns the checks that failed.
     pub fn faults(&self) -> impl Iterator<Item = &Check> {
         self.0.iter().filter(|c| c.fault.is_some())
     }
 
-    /// Prints the number of checks and panics if a check failed or if there are fewer than `least`
-    /// checks.
+    /// Prints the number of checks and panics if a check failed or if there are fewer than `least` checks.
     #[cfg(test)]
     pub(crate) fn assert_passed(&self, instrument: &str, least: usize) {
         println!("{instrument}: {} checks", self.0.len());

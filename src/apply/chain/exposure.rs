@@ -139,8 +139,7 @@ impl Laboratory {
     /// captured through `scheme`.
     ///
     /// # Errors
-    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid
-    /// settings.
+    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid settings.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {

@@ -19,7 +19,6 @@ pub struct Task {
     pub slice: &'static str,
     /// Name of the method, which uses only this slice.
     pub method: &'static str,
-    /// Names of the baselines.
     pub baselines: Vec<&'static str>,
     /// Weights of the 16 elements, row-major, for each functional.
     pub functionals: Vec<[f64; 16]>,

@@ -57,7 +57,6 @@ pub enum Sample {
     Air,
     /// A metal mirror at normal incidence. Different metals have the same matrix up to a factor.
     Mirror,
-    /// A polarizer at 0°.
     Polarizer,
 }
 
@@ -81,7 +80,6 @@ pub struct Chain {
     pub laboratory: Laboratory,
     /// The sets of assumed elements, each with a table in the report.
     pub beliefs: Vec<Belief>,
-    /// Samples for calibration.
     pub samples: Vec<Sample>,
     /// Seed of rigs and noise, in addition to the seed of the render.
     pub seed: u64,

@@ -16,8 +16,7 @@ pub struct Light {
 }
 
 impl Light {
-    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and
-    /// wavelengths.
+    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
     ///
     /// # Errors
     /// [`ChainError::Axes`] and [`ChainError::Image`] if the slice is not an image.

@@ -28,8 +28,7 @@ pub struct Readings<'a> {
 pub struct Count {
     /// Number of all pixels, times and wavelengths.
     pub pixels: usize,
-    /// Number of pixels with too few unsaturated readings, whose reconstruction includes saturated
-    /// readings.
+    /// Number of pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
     pub clipped: usize,
 }
 

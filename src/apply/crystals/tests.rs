@@ -20,7 +20,6 @@ const NM: [f64; 3] = [450.0, 550.0, 660.0];
 struct Case {
     /// Retardance of the plate behind the slab, in addition to that of a mirror.
     plate: f64,
-    /// Whether the light is epipolar.
     epipolar: bool,
     /// Relative excess of the slab's thickness over the truth map.
     thicker: f64,
@@ -149,8 +148,7 @@ fn plate_retardance_is_compensated() {
     }
 }
 
-/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
-/// errors.
+/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated errors.
 #[test]
 fn a_wrong_thickness_is_detected() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));

@@ -67,7 +67,6 @@ pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     (captures >= scheme.least_captures()).then(|| (a_optimal_bound(&scheme) / 16.0).sqrt())
 }
 
-/// Returns whether a scheme determines a matrix.
 pub(super) fn determines(scheme: &Scheme) -> bool {
     DesignMatrix::new(scheme, &Ray::axial(550.0)).rank() == 16
 }

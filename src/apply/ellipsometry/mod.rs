@@ -26,8 +26,7 @@ use rayon::prelude::*;
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
-/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of
-/// the scene.
+/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of the scene.
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 
@@ -163,8 +162,7 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     Ok(Judged { values, found: Some(found) })
 }
 
-/// Returns the metrics of the bound. The metrics depend on the variant only through the brightness of
-/// gold.
+/// Returns the metrics of the bound. The metrics depend on the variant only through the brightness of gold.
 fn judge_bound(bench: &Bench, array: bool) -> Judged {
     let mut values = [f64::NAN; METRICS.len()];
     let at = |captures| bound(captures, array).map_or(f64::NAN, |b| 1e3 * NOISE * b);

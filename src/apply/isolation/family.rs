@@ -44,8 +44,7 @@ impl Isolation {
 }
 
 impl Family {
-    /// Returns the elements with positive sign (except for the named element), and whether signs
-    /// are learned.
+    /// Returns the elements with positive sign (except for the named element), and whether signs are learned.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

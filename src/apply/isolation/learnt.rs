@@ -62,7 +62,6 @@ fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, 
     }
 }
 
-/// Returns the mean of the finite values.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for v in values.filter(|v| v.is_finite()) {

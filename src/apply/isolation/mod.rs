@@ -1,13 +1,12 @@
 //! Isolation of light paths: one element of the tensor, learned or named, is used as a detector and as an
 //! image of one light component.
 //!
-//! A [`Task`] defines the light component, and a [`Family`] the elements among which a method may choose.
-//! A method selects the element and the sign that are best on the training variants, optionally after
-//! division by the photograph. The criterion for a detector is the area under the ROC curve. The
-//! criterion for an image is the cosine between the image and the component's share of each pixel's
-//! light, which determines the residual at the best gain. (Shares are used instead of the light itself,
-//! because a few bright pixels and fireflies would dominate.) Thresholds and gains are also learned from
-//! the training variants.
+//! A [`Task`] defines the light component, and a [`Family`] the elements among which a method may choose. A
+//! method selects the element and the sign that are best on the training variants, optionally after division
+//! by the photograph. The criterion for a detector is the area under the ROC curve. The criterion for an
+//! image is the cosine between the image and the component's share of each pixel's light, which determines
+//! the residual at the best gain. (Shares are used instead of the light itself, because a few bright pixels
+//! and fireflies would dominate.) Thresholds and gains are also learned from the training variants.
 
 pub mod element;
 mod family;

@@ -74,7 +74,6 @@ fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
     images.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
 }
 
-/// Returns the bin of each pixel's first light.
 fn first_light(p: &Pixels) -> Vec<usize> {
     let light =
         |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };

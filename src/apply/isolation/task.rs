@@ -64,7 +64,6 @@ macro_rules! task {
 }
 pub(crate) use task;
 
-/// Returns the metrics of all tasks.
 pub(crate) fn metrics_of(tasks: &[Task]) -> Vec<Metric> {
     tasks.iter().flat_map(|t| t.metrics).collect()
 }

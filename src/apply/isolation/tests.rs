@@ -17,7 +17,6 @@ pub(crate) struct Kind {
     pub bright: f64,
     /// Elements 4 i + j relative to (0,0), without (0,0).
     pub shares: &'static [(usize, f64)],
-    /// Whether the light is epipolar.
     pub epipolar: bool,
     /// Bins after the first light.
     pub delay: usize,
@@ -33,8 +32,7 @@ pub(crate) const SIZE: [usize; 2] = [24, 20];
 const BINS: usize = 8;
 const NOISE: f64 = 0.02;
 
-/// Returns the kind that makes up nine tenths of a pixel's light. The remaining tenth is of the first
-/// kind.
+/// Returns the kind that makes up nine tenths of a pixel's light. The remaining tenth is of the first kind.
 pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
@@ -168,8 +166,7 @@ fn a_named_element_depends_on_its_sign() {
     assert!(of("named", "it: area") < 0.05 && of("either", "it: area") > 0.95);
     assert!(of("named", "it: correlation") < -0.5 && of("either", "it: correlation") > 0.9);
     assert_eq!(of("named", "it: error"), 1.0);
-    // The share of the light is 0.9, and the image has only noise: 0.02 √3 in pixels of at least 0.8 ·
-    // 0.9.
+    // The share of the light is 0.9, and the image has only noise: 0.02 √3 in pixels of at least 0.8 · 0.9.
     assert!(of("either", "it: error") < 0.1, "{}", of("either", "it: error"));
     assert!(
         of("either", "it: F1") > 0.9

@@ -4,7 +4,6 @@ use super::seen::{Scoring, Seen};
 use crate::error::ApplyError;
 use crate::regression::discriminant::Discriminant;
 
-/// The features of a classifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Features {
     /// T00 of all light and the logarithm of T00, per wavelength. The logarithm separates brightness from
@@ -12,8 +11,7 @@ pub(super) enum Features {
     Colour,
     /// The features of `Colour`, for epipolar light.
     EpipolarColour,
-    /// For epipolar light, per wavelength: T00 and its logarithm, and the 15 other elements divided by
-    /// T00.
+    /// For epipolar light, per wavelength: T00 and its logarithm, and the 15 other elements divided by T00.
     All,
 }
 

@@ -72,9 +72,8 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
-/// Range of areas of scores without information. For 640 pixels of each kind, the standard error of an
-/// area of one half is √(1/12 · 2/640) = 0.0161. This also applies to classifiers that are trained on
-/// noise.
+/// Range of areas of scores without information. For 640 pixels of each kind, the standard error of an area
+/// of one half is √(1/12 · 2/640) = 0.0161. This also applies to classifiers that are trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], separating: &[&str]) {

@@ -1,10 +1,9 @@
 //! Metrics of an image of signed values that isolates one light component, whose true image is known.
 //!
-//! As a detector, the image is evaluated by the metrics of [`super::roc`] and
-//! [`super::precision_recall`]. Pixels in which the component has at least a given share are positive,
-//! and values of at least a learned [`threshold`] are classified as positive. As an image, it is
-//! evaluated by its correlation with the component, and by the residual after subtraction of the image
-//! times a learned gain.
+//! As a detector, the image is evaluated by the metrics of [`super::roc`] and [`super::precision_recall`].
+//! Pixels in which the component has at least a given share are positive, and values of at least a learned
+//! [`threshold`] are classified as positive. As an image, it is evaluated by its correlation with the
+//! component, and by the residual after subtraction of the image times a learned gain.
 
 use super::precision_recall::Counts;
 
@@ -70,8 +69,7 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     best.1
 }
 
-/// Counts correct and wrong decisions, where the decision is positive if the value is at least
-/// `threshold`.
+/// Counts correct and wrong decisions, where the decision is positive if the value is at least `threshold`.
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
@@ -188,8 +186,7 @@ mod tests {
         approx::assert_relative_eq!(correlation(&turned, &light), -1.0, epsilon = 1e-12);
         let g = gain([(&turned[..], &light[..])]);
         assert_eq!((g, error(&turned, &light, g)), (0.0, 1.0));
-        // A threshold that was learned from the light classifies no pixel of the negative image as
-        // positive.
+        // A threshold that was learned from the light classifies no pixel of the negative image as positive.
         let c = decided(&turned, &classes, 2.0);
         assert!(c.recall() == 0.0 && c.f1() == 0.0 && c.precision().is_nan());
     }

@@ -40,9 +40,8 @@ const TASKS: [Task; 6] = [
         .within(|o| seen::within(o, "floor", |share| share[0] >= 0.5))
         .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
-    // incidence at a facet is at +45° for light that is reflected to the upper right or lower left, and
-    // at -45° for light along the other diagonal. The sign of (0,2) distinguishes these two directions
-    // best.
+    // incidence at a facet is at +45° for light that is reflected to the upper right or lower left, and at
+    // -45° for light along the other diagonal. The sign of (0,2) distinguishes these two directions best.
     task!("ball along one diagonal", patch, 0.2)
         .within(|o| diagonal(o, 1.0))
         .named(Element::of(Space::NonEpipolar, [0, 2])),

@@ -1,5 +1,4 @@
-//! Tests with synthetic light for which the paper's element is correct, and with light for which it is
-//! not.
+//! Tests with synthetic light for which the paper's element is correct, and with light for which it is not.
 
 use super::*;
 use crate::application::{Application, Outcome, Truth};

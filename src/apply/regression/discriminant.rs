@@ -14,7 +14,6 @@ const ROUNDING: f64 = 1e-13;
 /// A direction in feature space along which the positive class has larger values than the negative class.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discriminant {
-    /// One weight for each feature.
     pub weights: DVector<f64>,
 }
 

@@ -14,9 +14,8 @@ use std::cmp::Ordering;
 /// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference, written as a sum of squares so that rounding errors cannot make it
-/// negative: Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in which the root mean squares of the first feature
-/// and of y are 1.
+/// The mean squared difference, written as a sum of squares so that rounding errors cannot make it negative:
+/// Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in which the root mean squares of the first feature and of y are 1.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -41,8 +40,7 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // Regularization makes the matrix positive definite. It is increased if rounding errors require
-        // it.
+        // Regularization makes the matrix positive definite. It is increased if rounding errors require it.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();

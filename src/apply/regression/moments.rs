@@ -25,7 +25,6 @@ pub struct Moments {
 /// A linear model: y ≈ weights · x + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
-    /// One weight for each feature.
     pub weights: DVector<f64>,
     pub offset: f64,
 }
@@ -89,7 +88,6 @@ impl Moments {
         all
     }
 
-    /// Returns the sum of all parts.
     pub fn sum(parts: &[Self]) -> Self {
         Self::without(parts, usize::MAX)
     }

@@ -1,5 +1,4 @@
-//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for
-//! W and b.
+//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
 //!
 //! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. For each
 //! wavelength, every method is a linear estimate of the image without milk from several features of a

@@ -68,8 +68,7 @@ impl Seen {
     }
 }
 
-/// Returns the number of wavelengths. Checks that all variants have equal numbers of wavelengths and
-/// bins.
+/// Returns the number of wavelengths. Checks that all variants have equal numbers of wavelengths and bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let Some(first) = train.first() else {
         return Err(ApplyError::Empty("pass variants for training".into()));

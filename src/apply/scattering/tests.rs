@@ -18,16 +18,14 @@ struct Milk {
     things: f64,
     /// Share of the backscatter that is epipolar.
     epipolar: f64,
-    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last
-    /// bin.
+    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last bin.
     bins: usize,
 }
 
 const SIZE: [usize; 2] = [24, 16];
 const BINS: usize = 4;
 
-/// Returns two training variants and two test variants, with random objects and random milk in each
-/// pixel.
+/// Returns two training variants and two test variants, with random objects and random milk in each pixel.
 fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
     let mut r = random(seed);
     let n = SIZE[0] * SIZE[1];

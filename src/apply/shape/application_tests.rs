@@ -76,9 +76,8 @@ fn scans(light: Light) -> impl Iterator<Item = &'static str> {
         .map(|m| m.0.name)
 }
 
-/// On matte paint, Gray code is accurate to half a column (0.13 mm on average), like every other code.
-/// The normals from Gray code are as accurate as those from the best code, and the pseudo truth is the
-/// same scan.
+/// On matte paint, Gray code is accurate to half a column (0.13 mm on average), like every other code. The
+/// normals from Gray code are as accurate as those from the best code, and the pseudo truth is the same scan.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn gray_code_ties_on_a_diffuse_object() {

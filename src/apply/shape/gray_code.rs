@@ -3,15 +3,13 @@
 //!
 //! The Gray code of i is i ⊕ ⌊i/2⌋, so that neighbouring columns differ in one bit. A bit is read by
 //! comparing a capture with that of the inverse pattern, so neither albedo nor a constant background
-//! affects the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of
-//! a stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
-//! below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its simplest
-//! form).
+//! affects the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of a
+//! stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
+//! below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its simplest form).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 
-/// Returns the number of bits for `columns` columns.
 pub fn bits(columns: usize) -> usize {
     columns.max(2).next_power_of_two().trailing_zeros() as usize
 }
@@ -48,8 +46,7 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     (bits.collect(), least)
 }
 
-/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is
-/// too low.
+/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
     if column < columns && contrast > 0.0 && contrast >= least { column as f64 + 0.5 } else { f64::NAN }
 }
@@ -99,9 +96,8 @@ mod tests {
         }
     }
 
-    /// If indirect light from a column half an image away is brighter than the direct light, exactly the
-    /// bits in which the two columns differ are wrong. The decoded column is then that of the indirect
-    /// light.
+    /// If indirect light from a column half an image away is brighter than the direct light, exactly the bits
+    /// in which the two columns differ are wrong. The decoded column is then that of the indirect light.
     #[test]
     fn brighter_indirect_light_is_decoded_as_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);

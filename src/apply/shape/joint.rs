@@ -10,9 +10,8 @@
 //! polarization yields a normal for each pixel. Therefore the final normals are the means of both
 //! normals, weighted by inverse variances.
 //!
-//! The refractive index, which polarization alone does not determine, can also be fitted. The fitted
-//! index minimizes the median absolute difference between the zenith angles and those of the coarse
-//! surface.
+//! The refractive index, which polarization alone does not determine, can also be fitted. The fitted index
+//! minimizes the median absolute difference between the zenith angles and those of the coarse surface.
 
 use super::fusion::{Believed, fuse};
 use super::polarization::{Cues, Reflection, cues, frame, nearest};

@@ -135,8 +135,7 @@ impl Route {
                     Ok((self.loss(train, &p)?, *value, p))
                 })
                 .collect();
-            // Of equal values, use the first, so that the result does not depend on the number of
-            // threads.
+            // Of equal values, use the first, so that the result does not depend on the number of threads.
             if let Some((_, value, p)) = tried?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 words.push(format!("{} {value}", free.name()));
                 best = p;

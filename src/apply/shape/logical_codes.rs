@@ -1,6 +1,5 @@
-//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal,
-//! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global
-//! illumination").
+//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
+//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
 //!
 //! Strong indirect light from the surroundings of a wide stripe inverts the bits of its pixels. Therefore
 //! every pattern is combined by exclusive OR with one fine pattern, the base, which is also projected

@@ -83,7 +83,6 @@ pub struct Inputs {
     pub mask: Map,
 }
 
-/// Parameters of all methods.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     /// Minimum contrast of a code's captures.

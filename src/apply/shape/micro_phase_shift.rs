@@ -4,8 +4,7 @@
 //! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and
 //! one of each other period, I_f = O + A cos φ_f. Offset O and amplitude A are common because the periods
 //! are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F form the code vector. A pixel is
-//! assigned the column with the closest code vector, and the first phase determines the subpixel
-//! position.
+//! assigned the column with the closest code vector, and the first phase determines the subpixel position.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
@@ -45,9 +44,8 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best
-/// of several pseudorandom sets (the same on every call). Gupta & Nayar also choose the periods by
-/// search.
+/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
+/// several pseudorandom sets (the same on every call). Gupta & Nayar also choose the periods by search.
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());

@@ -40,7 +40,7 @@ pub struct Cues {
 /// Returns the Stokes vectors (s0, s1, s2) under unpolarized light, from Mueller matrices (16 channels, row
 /// by row).
 ///
-/// `mirrored_off` excludes specular light from s0: s0 = T00 - max(0, -T33).
+/// `mirrored_off` excludes specular reflection from s0: s0 = T00 - max(0, -T33).
 pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     Map::from_fn(mueller.width, mueller.height, 3, |x, y, out| {
         let m = mueller.at(x, y);

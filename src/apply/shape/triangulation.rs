@@ -9,8 +9,7 @@ use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
 /// Returns the depth along the camera's axis of the point that projector column coordinate `column`
-/// illuminates in camera pixel (x, y); `None` if the ray does not intersect the plane in front of the
-/// camera.
+/// illuminates in camera pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
     let across = (column - projector.principal[0]) / projector.focal[0];

@@ -1,5 +1,4 @@
-//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9
-//! and 13).
+//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
 //!
 //! Diffuse light from below the surface leaves through the surface with the degree of polarization, for s
 //! = sin²θ, c = cos θ and index n,
@@ -28,8 +27,7 @@ pub fn diffuse(zenith: f64, n: f64) -> f64 {
     minus / plus
 }
 
-/// Returns ρ_s for unpolarized light that a medium of index `n` reflects at `zenith` radians from the
-/// normal.
+/// Returns ρ_s for unpolarized light that a medium of index `n` reflects at `zenith` radians from the normal.
 pub fn specular(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
     let s = sin * sin;

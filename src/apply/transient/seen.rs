@@ -24,7 +24,6 @@ pub(super) enum Target {
     Keeping,
 }
 
-/// Both targets.
 pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 
 /// One variant with one seed. Places are pixels with their bins: `pixel * bins + bin`.

@@ -154,8 +154,7 @@ fn labels_and_reflections_are_counted() {
         let k = kind(place / BINS, place % BINS, true);
         assert_eq!(seen.is(Target::Inverting, *place), k == 0);
         assert_eq!(seen.is(Target::Keeping, *place), k == 1);
-        // Light that interacted with both microfacets and diffuse surfaces (label 12) belongs to no
-        // target.
+        // Light that interacted with both microfacets and diffuse surfaces (label 12) belongs to no target.
         assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
     }
 }

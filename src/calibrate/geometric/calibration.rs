@@ -212,9 +212,8 @@ impl Calibration {
 
     /// Returns JSON for `cv::FileStorage`.
     ///
-    /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The
-    /// projector's entries have the prefix `projector_`. R and T map camera to projector
-    /// coordinates.
+    /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The projector's
+    /// entries have the prefix `projector_`. R and T map camera to projector coordinates.
     pub fn to_opencv_json(&self) -> String {
         let matrix = |rows: usize, cols: usize, data: &[f64]| {
             let data: Vec<String> = data.iter().map(|x| format!("{x:?}")).collect();

@@ -1,5 +1,4 @@
-//! Epipolar planes: planes through the centers of both devices, identified by their angle about the
-//! baseline.
+//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
 //!
 //! Each plane intersects the camera's image and the projector's image in one line each. Lens
 //! distortion bends these lines.

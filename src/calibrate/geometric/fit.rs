@@ -37,9 +37,8 @@ pub struct Fit {
     pub relative: Pose,
     /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for
-    /// fixed parameters. With a projector, the six parameters of a change of `relative` follow
-    /// ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
+    /// parameters. With a projector, the six parameters of a change of `relative` follow ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
@@ -61,9 +60,8 @@ const OUTLIER: f64 = 4.5;
 const HUBER: f64 = 1.5;
 /// RMS in pixels below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
-/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost
-/// function of rational lenses has flat valleys, in which many steps with small gains hardly change the
-/// projection.
+/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost function
+/// of rational lenses has flat valleys, in which many steps with small gains hardly change the projection.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
 /// Maximum RMS of a valid fit relative to the image width.
@@ -112,7 +110,6 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
     finish(state, views, &w, inverse)
 }
 
-/// Checks the input.
 fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
     if views.is_empty() || setups.is_empty() {
         return Err(Fault::NoViews);

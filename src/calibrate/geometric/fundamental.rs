@@ -8,12 +8,10 @@ use super::homography::{apply, normalization, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// The fundamental matrix F, with q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q, and norm
-/// 1.
+/// The fundamental matrix F, with q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q, and norm 1.
 pub type Fundamental = Matrix3<f64>;
 
-/// Returns the pixel as seen by a device without distortion, or `None` if the lens cannot be
-/// inverted there.
+/// Returns the pixel as seen by a device without distortion, or `None` if the lens cannot be inverted there.
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
@@ -65,8 +63,7 @@ pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> 
     Some(f / f.norm())
 }
 
-/// Refines the matrix by Levenberg–Marquardt over U, V and s of the rank-2 matrices F = U diag(1, s, 0)
-/// Vᵀ.
+/// Refines the matrix by Levenberg–Marquardt over U, V and s of the rank-2 matrices F = U diag(1, s, 0) Vᵀ.
 fn refine(f: Matrix3<f64>, p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     let svd = f.svd(true, true);
     let (mut u, mut v) = (svd.u?, svd.v_t?.transpose());

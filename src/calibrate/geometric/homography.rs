@@ -83,8 +83,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
     h.iter().all(|x| x.is_finite()).then_some(h)
 }
 
-/// Refines the homography by Gauss–Newton steps, as long as the steps reduce the sum of squared
-/// distances.
+/// Refines the homography by Gauss–Newton steps, as long as the steps reduce the sum of squared distances.
 fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Matrix3<f64> {
     let cost = |h: &Matrix3<f64>| -> f64 {
         let each = from.iter().zip(to).zip(weights);

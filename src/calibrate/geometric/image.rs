@@ -42,8 +42,7 @@ impl Image {
         self.values[y * self.width + x]
     }
 
-    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the
-    /// first pixel.
+    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the first pixel.
     #[inline]
     pub fn between(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -74,15 +73,13 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one
-    /// more axis.
+    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
     ///
     /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and
     /// JPEG are rotated by their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not
-    /// finite.
+    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {

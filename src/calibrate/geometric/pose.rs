@@ -5,7 +5,6 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 /// The rigid motion x ↦ R x + t in meters, from world (or board) to device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// The rotation matrix R.
     pub rotation: Matrix3<f64>,
     /// The translation t in meters.
     pub translation: Vector3<f64>,

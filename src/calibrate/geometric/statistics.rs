@@ -1,5 +1,4 @@
-//! Tests of stated uncertainties: z-scores over many repetitions, simulated outliers, and degenerate
-//! views.
+//! Tests of stated uncertainties: z-scores over many repetitions, simulated outliers, and degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -19,8 +18,7 @@ fn board() -> Board {
     Board::new(9, 6, 0.04).unwrap()
 }
 
-/// Returns the coefficients of a typical Brown–Conrady lens, or of a wide lens that needs the
-/// rational model.
+/// Returns the coefficients of a typical Brown–Conrady lens, or of a wide lens that needs the rational model.
 fn lens(model: Model) -> &'static [f64] {
     match model {
         Model::Eight => &[0.5, 0.05, 0.001, -0.0015, 0.002, 0.85, 0.25, 0.01],

@@ -130,8 +130,7 @@ impl Parameter {
         }
     }
 
-    /// Returns whether the parameter may depend on the wavelength: axis angles do not, optical properties
-    /// do.
+    /// Returns whether the parameter may depend on the wavelength: axis angles do not, optical properties do.
     pub fn is_spectral(&self) -> bool {
         !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
     }
@@ -212,8 +211,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the value for a fitted number, and the derivative of the value with respect to this
-    /// number.
+    /// Returns the value for a fitted number, and the derivative of the value with respect to this number.
     pub fn from_fit(&self, number: f64) -> [f64; 2] {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => [number.exp(); 2],

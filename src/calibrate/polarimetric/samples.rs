@@ -58,12 +58,10 @@ pub struct Found {
     pub name: String,
     /// Value in the parameter's unit.
     pub value: f64,
-    /// Standard deviation, or `None` if the samples determine the parameter only in combination with
-    /// others.
+    /// Standard deviation, or `None` if the samples determine the parameter only in combination with others.
     pub sigma: Option<f64>,
 }
 
-/// A calibrated scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
     /// The first sample's scheme with the fitted imperfections.

@@ -96,8 +96,7 @@ impl Dark {
         let (mut hot, mut noisy, mut stuck) = (vec![], vec![], vec![]);
         for p in 0..pixels {
             let v = variance(p);
-            // The cube root of a sample variance is nearly normally distributed (Wilson and Hilferty
-            // 1931).
+            // The cube root of a sample variance is nearly normally distributed (Wilson and Hilferty 1931).
             if v == 0.0 {
                 stuck.push(p as u32);
             } else if longest.mean(p) - middle > limit * spread {
@@ -149,7 +148,6 @@ impl Dark {
         sum / n
     }
 
-    /// Returns whether each pixel is usable.
     pub fn usable(&self) -> Vec<bool> {
         let mut out = vec![true; self.offset.len()];
         for p in self.hot.iter().chain(&self.noisy).chain(&self.stuck) {

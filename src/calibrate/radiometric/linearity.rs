@@ -24,8 +24,7 @@ pub struct Linearity {
     /// DN per unit of light for small signals.
     pub response: f64,
     pub response_sigma: f64,
-    /// Linearity error LE of EMVA 1288: the mean relative deviation of signals from the best straight
-    /// line.
+    /// Linearity error LE of EMVA 1288: the mean relative deviation of signals from the best straight line.
     pub linearity_error: f64,
     /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,

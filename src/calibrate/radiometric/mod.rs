@@ -1,5 +1,4 @@
-//! Radiometric calibration of cameras: dark frame, linearity, gain, flat field, correction of
-//! frames.
+//! Radiometric calibration of cameras: dark frame, linearity, gain, flat field, correction of frames.
 //!
 //! > DN = b + d t + y,  y (1 + Σ c_j (y/Y)^j) = r s H,  Var y_lin = σ² + y_lin/g
 //!

@@ -85,7 +85,6 @@ impl Stack {
         self.frames
     }
 
-    /// Returns the number of pixels.
     pub fn pixels(&self) -> usize {
         self.mean.len()
     }

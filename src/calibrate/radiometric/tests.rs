@@ -97,8 +97,7 @@ impl Camera {
     }
 }
 
-/// Over repetitions with different truths and 400 pixels, all errors agree with the stated standard
-/// errors.
+/// Over repetitions with different truths and 400 pixels, all errors agree with the stated standard errors.
 #[test]
 fn stated_errors_match_actual_errors() {
     let one = |repeat: u32| {

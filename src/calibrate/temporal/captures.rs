@@ -60,7 +60,6 @@ pub enum TemporalError {
     Unsettled,
 }
 
-/// Checks the counter and the captures of `pixels` pixels.
 pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> Result<(), TemporalError> {
     let setting = |what, value: f64, holds, need| {
         if holds { Ok(()) } else { Err(TemporalError::Counter { what, value, need }) }

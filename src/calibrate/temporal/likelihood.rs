@@ -75,8 +75,7 @@ pub(super) struct Local {
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
-    /// Afterpulses per pulse and bin for an afterpulse probability of 1; empty if afterpulses are not
-    /// fitted.
+    /// Afterpulses per pulse and bin for an afterpulse probability of 1; empty if afterpulses are not fitted.
     after: Vec<f64>,
     mode: Mode,
     bin_ps: f64,

@@ -18,8 +18,7 @@ pub(super) struct Fitted {
     pub covariance: Matrix4<f64>,
 }
 
-/// Returns the border of a capture's information matrix: the block that couples A, B and z to the
-/// response.
+/// Returns the border of a capture's information matrix: the block that couples A, B and z to the response.
 pub(super) fn border(information: &Information) -> Matrix3x4<f64> {
     information.fixed_view::<3, 4>(0, 3).into_owned()
 }

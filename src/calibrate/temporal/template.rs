@@ -37,8 +37,7 @@ impl Template {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Returns the full width at half maximum in ps, including the bin width; at least the grid
-    /// step.
+    /// Returns the full width at half maximum in ps, including the bin width; at least the grid step.
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {
             return self.step_ps;

@@ -101,9 +101,8 @@ impl Bench {
     }
 }
 
-/// The errors of time zeros, response and clock agree with the stated errors, over repetitions with 12
-/// pixels and two planes. At one to three photons per ten pulses, pile-up removes up to a seventh of the
-/// counts.
+/// The errors of time zeros, response and clock agree with the stated errors, over repetitions with 12 pixels
+/// and two planes. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {

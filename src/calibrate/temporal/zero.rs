@@ -72,8 +72,7 @@ pub struct Temporal {
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,
-    /// Standard error of the time zero in ps, including the error of the response, which all pixels
-    /// share.
+    /// Standard error of the time zero in ps, including the error of the response, which all pixels share.
     pub sigma_ps: PixelMap,
     /// Error of the clock, if planes at two or more distances were captured.
     pub clock: Option<Clock>,
@@ -230,8 +229,7 @@ pub fn calibrate(
 
 /// Calibrates a counter with a measured response. The `response` of the result has default values.
 ///
-/// Time zeros refer to the template. The errors of the time zeros exclude the errors of the
-/// template.
+/// Time zeros refer to the template. The errors of the time zeros exclude the errors of the template.
 ///
 /// # Errors
 /// [`TemporalError`].

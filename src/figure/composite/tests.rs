@@ -141,7 +141,6 @@ fn colour_bars_headings_and_spans_take_space() {
     assert!(near(places.rows[0].1.1, one.picture.y + p / 2.0));
 }
 
-/// Tests that the sixteen images of a grid divide their panel evenly.
 #[test]
 fn grids_divide_their_panel_evenly() {
     let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };

@@ -89,8 +89,7 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     assert_eq!(one(664.0, 1.0), crate::colour::signed(0.5).0);
 }
 
-/// Returns a tensor in which only camera row 7 has light: projector column 3 of 8 is bright in time bin 5 of
-/// 10.
+/// Returns a tensor in which only camera row 7 has light: projector column 3 of 8 is bright in time bin 5 of 10.
 fn scanlines() -> Tensor {
     let bins = (0..10).map(|i| 105.0 + 10.0 * f64::from(i)).collect();
     tensor(

@@ -1,9 +1,8 @@
 //! A simulated bench: computes one frame on a sensor for the current settings of all elements.
 //!
 //! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state
-//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings
-//! instead of a capture number, because laboratory stages stop at positions that differ from the
-//! plan.
+//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings instead
+//! of a capture number, because laboratory stages stop at positions that differ from the plan.
 
 use super::design_matrix::ELEMENTS;
 use super::detector::polarizer_array::polarizer;
@@ -58,9 +57,8 @@ impl Bench {
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light:
-    /// one number per pixel of the region `[x, y, width, height]`. For a polarizer array, the
-    /// result is the raw mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light: one number
+    /// per pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw mosaic.
     ///
     /// # Panics
     /// If the region exceeds the camera, or the light has too few pixels.

@@ -171,12 +171,10 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
 /// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K for an intensity
 /// sensor. For a polarizer array the bound is 400/K, or 440/K behind quarter-wave plates.
 ///
-/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore
-/// spread evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello
-/// 2015).
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore spread
+/// evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015).
 ///
-/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its
-///   inverse is
+/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse is
 ///   40. With such states on both sides, the bound is 1600/K.
 /// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it. The
 ///   direction n on the sphere (here s3) is not measured. If n is spread evenly over the sphere, the mean
@@ -297,12 +295,10 @@ mod tests {
             assert_eq!((rank(least), rank(least - 1)), (16, 15));
         }
         let rank = |k| matrix(&Scheme::liquid_crystal(k, true).expect("a scheme")).rank();
-        // Each of five captures gives three independent numbers, but measuring s0 alone takes four
-        // captures.
+        // Each of five captures gives three independent numbers, but measuring s0 alone takes four captures.
         assert_eq!((rank(6), rank(5)), (16, 14));
     }
 
-    /// The error of a rank-deficient scheme states its rank and the required number of captures.
     #[test]
     fn rank_errors_state_rank_and_required_captures() {
         let few = drr(10, false).pseudo_inverse().expect_err("too few");

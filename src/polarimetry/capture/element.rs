@@ -226,8 +226,7 @@ impl Element {
         if let ElementKind::Retarder { .. } = &self.kind {
             let (scale, _) = self.oblique(set, ray);
             let quarter = retarder(self.retardance(set, ray) + std::f64::consts::FRAC_PI_2);
-            // d/dδ shifts sine and cosine by a quarter period. For elements without δ the derivative is
-            // zero.
+            // d/dδ shifts sine and cosine by a quarter period. For elements without δ the derivative is zero.
             by_delta = quarter * (self.transmittance.at(ray.nm) * scale);
             by_delta2 = self.unturned(set, ray) * (-scale * scale);
             for d in [&mut by_delta, &mut by_delta2] {

@@ -130,8 +130,7 @@ impl MuellerImage {
     /// slice. `bin_ps` is the width of the slice's time bins, ps.
     ///
     /// # Errors
-    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or
-    /// labels.
+    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],

@@ -52,8 +52,7 @@ pub enum Noise {
     /// A camera; images at other times or wavelengths are separate frames.
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
-        /// channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A diode per pixel. Its counter has the time bins of the layout, which start at the laser pulse.
@@ -212,8 +211,7 @@ struct Job<'a> {
     layout: Layout,
     rays: &'a [Ray],
     scheme: &'a Scheme,
-    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has
-    /// its own ray.
+    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has its own ray.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,

@@ -254,7 +254,6 @@ mod tests {
         }
     }
 
-    /// The reduced rows have the same normal matrix.
     #[test]
     fn reduced_rows_have_the_same_normal_matrix() {
         let scheme = Scheme::qrpr(3, true).expect("a scheme");

@@ -42,7 +42,6 @@ fn each(mut f: impl FnMut(usize) -> f64) -> Lanes {
     out
 }
 
-/// Returns the minor a·b - c·d.
 #[inline(always)]
 fn minor(a: &Lanes, b: &Lanes, c: &Lanes, d: &Lanes) -> Lanes {
     each(|k| a[k].mul_add(b[k], -(c[k] * d[k])))
@@ -224,9 +223,8 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no
-    /// decomposition. The retarder's axis is omitted because it is slow to compute;
-    /// [`Properties::of`] returns it.
+    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no decomposition. The
+    /// retarder's axis is omitted because it is slow to compute; [`Properties::of`] returns it.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -279,8 +277,7 @@ mod tests {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
-    /// The results of a batch equal those of single decompositions, and the factors reproduce the
-    /// matrices.
+    /// The results of a batch equal those of single decompositions, and the factors reproduce the matrices.
     #[test]
     fn batch_equals_single_decompositions() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();

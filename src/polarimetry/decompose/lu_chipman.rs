@@ -245,7 +245,6 @@ mod tests {
         assert_eq!(none.retarder, diagonal([1.0; 4]));
     }
 
-    /// Matrices that cannot be Mueller matrices have no decomposition.
     #[test]
     fn invalid_matrices_have_no_decomposition() {
         let mut m = [[0.0; 4]; 4];

@@ -244,8 +244,7 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed
-/// independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
@@ -321,7 +320,7 @@ mod tests {
                     let mut want = vec![0.0; q.size()];
                     q.write(&m, &Some((*parts, Properties::of(&m, parts))), &mut want);
                     for (g, w) in got.iter().zip(&want) {
-                        assert!((g - w).abs() < 1e-6 * (1.0 + w.abs()), "{}: found {g}, expected {w}", q.name());
+                        assert!((g - w).abs() < 1e-6 * (1.0 + w.abs()), "{}: {g}, want {w}", q.name());
                     }
                 }
             }

@@ -27,8 +27,7 @@ pub struct Guide {
     /// For each element, the channel whose noise is the reference, M00 of the same wavelength. Later
     /// channels are the profile.
     pub judge: Vec<usize>,
-    /// True for pixels whose values are all finite. The values of other pixels are zero in the
-    /// guide.
+    /// True for pixels whose values are all finite. The values of other pixels are zero in the guide.
     pub known: Vec<bool>,
     /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
@@ -124,8 +123,7 @@ impl GuideBuilder {
                 self.variance[at + kept] += v;
                 if let Some(c) = profile {
                     self.mean[at + c] += m;
-                    // All wavelengths use the same paths, so standard errors are added instead of
-                    // variances.
+                    // All wavelengths use the same paths, so standard errors are added instead of variances.
                     self.variance[at + c] += lanes * v;
                 }
             }
@@ -192,8 +190,7 @@ impl Guide {
     }
 }
 
-/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power
-/// is exact.
+/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power is exact.
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {
         2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))

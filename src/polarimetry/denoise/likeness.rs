@@ -4,13 +4,12 @@
 //!
 //! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
 //!
-//! where u is the rendered value and V its variance. d² is averaged over the pixels of two patches. d² is
-//! 0 on average for equal light with equal noise, and large where the light differs by more than its
-//! standard errors. The formula follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of
-//! V(p) + min(V(p), V(q)). The distance is therefore symmetric: two pixels of different brightness have
-//! the same weight in each other's mean. Otherwise the denoised image would be too dark. An element with
-//! much less noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard
-//! error.
+//! where u is the rendered value and V its variance. d² is averaged over the pixels of two patches. d² is 0
+//! on average for equal light with equal noise, and large where the light differs by more than its standard
+//! errors. The formula follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of V(p) +
+//! min(V(p), V(q)). The distance is therefore symmetric: two pixels of different brightness have the same
+//! weight in each other's mean. Otherwise the denoised image would be too dark. An element with much less
+//! noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
 //!
 //! Profiles, e.g. over time, have light in only a few of many entries. A mean of ratios would miss a
 //! shift of the light by one entry. The distance of profiles is therefore the ratio of sums,
@@ -29,7 +28,6 @@ pub(super) const LANES: usize = 8;
 
 /// Number of offsets of the window along an axis.
 const SIDE: usize = 2 * REACH + 1;
-/// Number of pixels in the window.
 pub const WINDOW: usize = SIDE * SIDE;
 /// Index of the offset from a pixel to itself.
 pub const MIDDLE: usize = WINDOW / 2;

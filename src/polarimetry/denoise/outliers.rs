@@ -1,11 +1,9 @@
-//! Outliers: single contributions in one of two renders that are far above all other values of a
-//! pixel.
+//! Outliers: single contributions in one of two renders that are far above all other values of a pixel.
 //!
-//! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative
-//! to this standard error, the pixel does not differ from other pixels. A weighted mean therefore
-//! includes the pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight
-//! appears in both renders, but an outlier appears in only one. A pixel of one render is an outlier if at
-//! some wavelength
+//! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative to
+//! this standard error, the pixel does not differ from other pixels. A weighted mean therefore includes the
+//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in both
+//! renders, but an outlier appears in only one. A pixel of one render is an outlier if at some wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!

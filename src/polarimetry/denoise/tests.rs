@@ -1,5 +1,4 @@
-//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or
-//! absent.
+//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or absent.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
@@ -243,7 +242,6 @@ fn an_outlier_is_removed_and_stated_in_the_error() {
     assert!(f64::from(alone.mean[spot * 16]) > 1.5 * expected(wall, spot)[0]);
 }
 
-/// The edge of the disc keeps its contrast at every pixel.
 #[test]
 fn an_edge_keeps_its_contrast() {
     let renders = [rendered(8, 64, 1.0), rendered(9, 64, 1.0)];

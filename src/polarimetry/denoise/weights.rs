@@ -1,5 +1,4 @@
-//! The weights of the mean at each pixel, from several denoising strengths with different estimated
-//! errors.
+//! The weights of the mean at each pixel, from several denoising strengths with different estimated errors.
 //!
 //! Weights of strength k are exp(-max(0, d²)/k²), normalized. For the mean F with these weights, the rendered
 //! value M and its variance V,

@@ -1,8 +1,7 @@
 //! Reconstructs images in which every pixel has its own ray and thus its own design matrix (oblique
 //! plates, galvo mirrors).
 //!
-//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes
-//! kilobytes.
+//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes kilobytes.
 
 use super::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use crate::capture::design_matrix::RankError;

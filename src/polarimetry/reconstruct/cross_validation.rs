@@ -32,7 +32,6 @@ impl Frames {
     }
 }
 
-/// Second moments of a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoldMoments {
     /// Second moment of the training materials.
@@ -73,8 +72,7 @@ impl LearningData {
     }
 }
 
-/// A learned scheme with its expected errors. An error is the sum of the 16 squared element errors at T00
-/// = 1.
+/// A learned scheme with its expected errors. An error is the sum of the 16 squared element errors at T00 = 1.
 #[derive(Clone, Debug)]
 pub struct Validated {
     /// The scheme, learned from all materials.
@@ -86,8 +84,7 @@ pub struct Validated {
     pub spread: f64,
     /// Mean squared error on the training materials: sum over the 16 elements at T00 = 1.
     pub seen: f64,
-    /// All descents that learned from all materials, starting with the descent from the template's
-    /// settings.
+    /// All descents that learned from all materials, starting with the descent from the template's settings.
     pub descents: Vec<Descent>,
 }
 

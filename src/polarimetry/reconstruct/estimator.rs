@@ -39,8 +39,7 @@ impl LinearEstimate {
         let normal = Moment::from_fn(|i, j| normal[(i, j)] * per);
         let root = root(s);
         let inner = Moment::identity() + root.transpose() * normal * root;
-        // The matrix is positive definite: it is the sum of the identity and a positive semidefinite
-        // matrix.
+        // The matrix is positive definite: it is the sum of the identity and a positive semidefinite matrix.
         let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
         let p = root * inverse * root.transpose();
         let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
@@ -59,7 +58,6 @@ mod tests {
         DesignMatrix::new(&Scheme::qrpr(captures, false).expect("a scheme"), &Ray::axial(550.0))
     }
 
-    /// An uninformative prior is equivalent to least squares.
     #[test]
     fn a_vague_prior_equals_least_squares() {
         let design = design(20);

@@ -301,8 +301,7 @@ impl Objective {
         }
     }
 
-    /// Adds tr V dΣ to the gradient. With Σ = σ_θ² Σ_m D_m S D_mᵀ, this term is 2 σ_θ² Σ_m <V D_m S,
-    /// dD_m>.
+    /// Adds tr V dΣ to the gradient. With Σ = σ_θ² Σ_m D_m S D_mᵀ, this term is 2 σ_θ² Σ_m <V D_m S, dD_m>.
     fn chain_noise(&self, capture: &Capture, v: &DMatrix<f64>, mut add: impl FnMut(usize, f64)) {
         let firsts = capture.derivatives();
         let pulled: Vec<(usize, Vec<Elements>)> = firsts

@@ -196,7 +196,7 @@ mod tests {
             let closing = valley();
             let found = quasi_newton(&closing, &[-1.2, 1.0], 1_000_000);
             let looks = closing.looks.load(Ordering::Relaxed);
-            assert!(looks <= if stops { open } else { open + MOST_WALLS + 1 }, "found {looks} evaluations for {open}");
+            assert!(looks <= if stops { open } else { open + MOST_WALLS + 1 }, "{looks} evaluations");
             assert!(found.value <= 24.3, "{found:?}");
             let closing = valley();
             let found = adam(&closing, &[-1.2, 1.0], 50, 0.02);

@@ -22,8 +22,7 @@ pub struct Options {
     pub noise: Option<f64>,
     /// Saturation level. An intensity of at least this value is ignored for its pixel.
     pub saturation: Option<f64>,
-    /// Whether each matrix is replaced by the nearest realizable matrix (see
-    /// [`crate::decompose::cloude`]).
+    /// Whether each matrix is replaced by the nearest realizable matrix (see [`crate::decompose::cloude`]).
     pub realizable: bool,
     /// Prior: the second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
@@ -176,7 +175,7 @@ impl<T: Number> Reconstruction<T> {
         errors: Option<&mut [T]>,
     ) -> Tally {
         let pixels = out.len() / 16;
-        assert_eq!(intensities.len(), pixels * self.measurements(), "expected one intensity per measurement and pixel");
+        assert_eq!(intensities.len(), pixels * self.measurements(), "one per measurement and pixel");
         let fast = variances.is_none() && self.options.prior.is_none();
         if let (true, [lane]) = (fast, self.lanes.as_slice()) {
             let finite = lane.least.as_ref().is_some_and(|(weights, _)| weights.apply(intensities, out));

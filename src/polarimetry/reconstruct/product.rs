@@ -8,7 +8,6 @@ use super::estimator::LinearEstimate;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Number of pixels per block.
 const BLOCK: usize = 32;
 /// Number of values per SIMD vector.
 const LANES: usize = 8;
@@ -47,7 +46,7 @@ impl<T: Number> Weights<T> {
     /// If lengths differ.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
-        assert_eq!(intensities.len(), pixels * self.0.len(), "expected one intensity per measurement and pixel");
+        assert_eq!(intensities.len(), pixels * self.0.len(), "one per measurement and pixel");
         let tasks = out.par_chunks_mut(TASK * 16).enumerate().map(|(i, out)| {
             let first = i * TASK;
             let end = first + out.len() / 16;
@@ -131,8 +130,7 @@ impl<T: Number> Weights<T> {
                 *o = from[e][k % LANES];
             }
         }
-        // The sum is zero if and only if all values are finite, because zero times a finite number is
-        // zero.
+        // The sum is zero if and only if all values are finite, because zero times a finite number is zero.
         let nothing = T::default();
         let mut odd = zero;
         for v in all[..out.len().div_ceil(16 * LANES)].as_flattened() {

@@ -43,8 +43,7 @@ impl Believed {
     /// Returns the parameters with those of calibration files applied.
     ///
     /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
-    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if
-    /// present.
+    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
     ///
     /// # Errors
     /// [`InputError`] if a file is not a calibration, has no table for a rig, has an invalid detector
@@ -157,8 +156,7 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// A calibration file can contain all tables. Detectors and geometry are read, and the scheme is
-    /// ignored.
+    /// A calibration file can contain all tables. Detectors and geometry are read, and the scheme is ignored.
     #[test]
     fn one_file_can_contain_everything() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");

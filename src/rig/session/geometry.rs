@@ -102,7 +102,6 @@ impl Lens {
     }
 }
 
-/// A valid geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
     /// Fundamental matrix F of undistorted pixels with centers at + 0.5.
@@ -184,8 +183,7 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also if the camera's lens has
-    /// distortion.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also if the camera's lens has distortion.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");

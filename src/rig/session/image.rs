@@ -287,7 +287,6 @@ pub(super) fn elements(scheme: &Scheme) -> Vec<String> {
     scheme.generator().iter().chain(scheme.analyzer()).map(|e| e.name.clone()).collect()
 }
 
-/// Returns whether two schemes have the same elements and sensor.
 pub(super) fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     elements(a) == elements(b) && a.sensor.channels() == b.sensor.channels()
 }

@@ -43,7 +43,6 @@ pub enum Event {
     End { wall_s: f64 },
 }
 
-/// Metadata of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// Frame number in the run.

@@ -10,12 +10,10 @@ use std::collections::BTreeMap;
 /// A stage, and the direction from which it approaches its goals.
 pub struct Stage {
     pub device: Box<dyn RotationStage>,
-    /// Overshoot in degrees with which the stage approaches each goal from below; 0 without
-    /// backlash.
+    /// Overshoot in degrees with which the stage approaches each goal from below; 0 without backlash.
     pub approach_deg: f64,
 }
 
-/// All instruments of a rig.
 pub struct Rig {
     pub name: String,
     /// The clock that all instruments share.

@@ -1,10 +1,9 @@
 //! Masks: patterns of the projector, and the camera pixels that are read for each of them.
 //!
-//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the
-//! camera pixels on those lines are read (epipolar imaging). Alternatively the projector shows
-//! everything except the stripe (non-epipolar imaging). Stripes are families of epipolar lines of
-//! the fundamental matrix. The fundamental matrix applies to ideal pixels, so pixels are
-//! undistorted first.
+//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the camera
+//! pixels on those lines are read (epipolar imaging). Alternatively the projector shows everything except
+//! the stripe (non-epipolar imaging). Stripes are families of epipolar lines of the fundamental matrix. The
+//! fundamental matrix applies to ideal pixels, so pixels are undistorted first.
 
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
@@ -172,8 +171,7 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are
-    /// rows.
+    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),

@@ -37,21 +37,18 @@ pub struct RunOptions {
     /// Horizontal field of view of the camera in radians, with which plates are corrected for oblique
     /// incidence. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
-    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear
-    /// interpolation.
+    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear interpolation.
     pub superpixel: bool,
 }
 
 impl Run {
     /// Reconstructs the Mueller matrices of one mask.
     ///
-    /// Weights are inverse variances. A camera's variances come from its readings. The variances of
-    /// a diode come from a first, unweighted estimate, because a bin without counts has no variance
-    /// estimate.
+    /// Weights are inverse variances. A camera's variances come from its readings. The variances of a diode
+    /// come from a first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few
-    /// captures.
+    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
         let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;

@@ -10,11 +10,9 @@ use polarimetry::capture::directions::Directions;
 /// Speed of light in meters per picosecond.
 const C: f64 = 299_792_458e-12;
 
-/// Histograms of a scan.
 pub struct Histograms {
     /// The counter's parameters as stored in the run.
     pub counter: Counter,
-    /// Number of scan points.
     pub points: usize,
     /// Counts of every capture and point.
     counts: Vec<Vec<u32>>,

@@ -123,8 +123,7 @@ pub struct ScanWork {
     /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Whether the time tags of the counter are stored; the histograms are then computed from the
-    /// tags.
+    /// Whether the time tags of the counter are stored; the histograms are then computed from the tags.
     pub time_tags: bool,
 }
 

@@ -60,7 +60,6 @@ pub enum Scene {
     Sample([f32; 16]),
 }
 
-/// A valid bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
     pub scene: Scene,
@@ -98,7 +97,6 @@ pub struct RigPlan {
     /// Flash content, active LEDs and triggers of a DLPC350.
     pub flash: Option<FlashPlan>,
     pub camera: Option<(Driver, CameraLimits)>,
-    /// Serial number that selects the camera.
     pub camera_serial: Option<String>,
     pub galvo: Option<(Driver, GalvoLimits)>,
     /// Wiring of the galvo mirrors to an analog output card, and the card's limits.
@@ -212,7 +210,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             file.stages.contains_key(name) || roles.contains(&(name, true))
         };
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
-            let what = format!("invalid fault for `{}` at use {}: no such instrument or use", odd.instrument, odd.at);
+            let what = format!("invalid fault for `{}` at use {}", odd.instrument, odd.at);
             let help = "set the name of an instrument of this file, or \"disk\", and a use of at least 1";
             return Err(fault(b.span(), (what, help)));
         }
@@ -304,7 +302,6 @@ fn check_wavelength(nm: f64) -> Result<(), Fault> {
     Err(("`wavelength_nm` is out of range".into(), "set a wavelength above 100 and below 1e5 nm"))
 }
 
-/// Checks the detectors of a table.
 fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
     let wrong = |kind: &str, e: DetectorError| {
         (format!("[{table}.{kind}]: {e}"), "correct the value, or remove the key")

@@ -20,12 +20,10 @@ pub struct Step {
     pub third: usize,
 }
 
-/// A plan prepared for a rig, including all quantities that do not require communication with
-/// instruments.
+/// A plan prepared for a rig, including all quantities that do not require communication with instruments.
 pub struct Steps {
     pub plan: Plan,
-    /// Names of the stages in alphabetical order, which is also the order of the angles in the
-    /// journal.
+    /// Names of the stages in alphabetical order, which is also the order of the angles in the journal.
     pub stage_names: Vec<String>,
     /// Goals of each stage in degrees, by capture.
     pub goals: BTreeMap<String, Vec<f64>>,

@@ -117,8 +117,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
             good = n + 1;
         }
         if good < sound + per {
-            // If the file of a full chunk is lost but the log is intact, the chunk is rebuilt from the
-            // log.
+            // If the file of a full chunk is lost but the log is intact, the chunk is rebuilt from the log.
             (part, tags, sound) = (kept, kept_tags, good);
             break;
         }

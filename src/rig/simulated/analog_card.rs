@@ -1,7 +1,6 @@
 //! A simulated analog output card.
 //!
-//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample
-//! period.
+//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample period.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -10,8 +9,7 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all
-/// channels.
+/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
 /// The device at the terminals. It receives the voltages of all channels at every change.

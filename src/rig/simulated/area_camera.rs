@@ -11,7 +11,6 @@ use crate::instrument::{
 };
 use std::time::Duration;
 
-/// State of a camera.
 #[derive(Default)]
 pub struct Camera {
     settings: Option<CameraSettings>,

@@ -25,7 +25,6 @@ pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
 /// Maximum number of tags in one acquisition.
 const MOST_TAGS: u64 = 1 << 26;
 
-/// State of a counter.
 #[derive(Default)]
 pub struct Counter {
     settings: Option<CounterSettings>,

@@ -191,7 +191,7 @@ impl Scenery {
                 }
                 Ok(Some(Light::Mueller(image)))
             }
-            Self::Scan(_) => Err("the slice is a galvo scan, which has no patterns; use a slice with projector pixels".into()),
+            Self::Scan(_) => Err("a galvo scan has no patterns; use a slice with projector pixels".into()),
             Self::Tensor(tensor) => tensor.light(pattern, bench, generator).map(Some),
         }
     }

@@ -1,5 +1,4 @@
-//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and
-//! homing.
+//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
 //!
 //! Because of backlash, the axle lags the encoder by half of the play, opposite to the direction of the
 //! last move. If all moves approach their goals from the same side, this error is constant, and

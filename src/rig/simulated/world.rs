@@ -167,9 +167,8 @@ impl Shared {
         if dead { Err(lost(instrument)) } else { Ok(()) }
     }
 
-    /// Waits for the end of an operation and returns its result. `words` are the messages for three
-    /// cases: no operation was started, the operation takes longer than `within`, or its result was
-    /// dropped.
+    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases:
+    /// no operation was started, the operation takes longer than `within`, or its result was dropped.
     pub(super) fn finish<T>(
         &self,
         instrument: &str,
@@ -216,7 +215,6 @@ impl Shared {
         Ok(())
     }
 
-    /// Returns the identity of a simulated instrument.
     pub fn identity(&self, instrument: &str, model: &str) -> Result<Identity, Failure> {
         self.alive(instrument)?;
         Ok(Identity {

@@ -199,7 +199,6 @@ impl Seen {
             .collect()
     }
 
-    /// Returns the metrics of an image.
     fn judge(&self, image: &[f64]) -> [f64; METRICS.len()] {
         let of = |values: &[f64]| self.faces.iter().map(|i| values[*i]).collect::<Vec<f64>>();
         let behind: Vec<f64> = self.total.iter().zip(&self.surface).map(|(a, s)| a - s).collect();

@@ -13,8 +13,7 @@ pub type Place = (i32, i32);
 /// both.
 const ASIDE: f64 = 0.3;
 
-/// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white
-/// edge.
+/// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white edge.
 fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> Option<usize> {
     let here = &all[from];
     let mut near: Vec<(f64, usize)> = all
@@ -58,8 +57,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     // Returns the four directions of a corner: along e1 and e2, and opposite to e1 and e2.
     let ways = |s: &Saddle| {
         let [mut x, mut y] = s.edges;
-        // Make x the edge that is closer to the image's x axis. y has the orientation of the image's y
-        // axis.
+        // Make x the edge that is closer to the image's x axis. y has the orientation of the image's y axis.
         if x.x.abs() < y.x.abs() {
             (x, y) = (y, x);
         }

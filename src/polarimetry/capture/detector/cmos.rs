@@ -211,9 +211,8 @@ impl Cmos {
     ///
     /// Weights are inverse variances. The variances of the single estimates would bias the mean: a low
     /// reading has a low variance and therefore a high weight. Instead, all variances are predicted from
-    /// the pooled radiance: the electrons of all exposures divided by their electrons per unit of
-    /// radiance. The weights depend little on the pooled radiance, and not at all where shot noise
-    /// dominates.
+    /// the pooled radiance: the electrons of all exposures divided by their electrons per unit of radiance.
+    /// The weights depend little on the pooled radiance, and not at all where shot noise dominates.
     pub fn combine(&self, estimates: &[Estimate], nm: f64) -> Estimate {
         let exposures = || {
             let pairs = estimates.iter().zip(&self.bracket);
@@ -268,9 +267,8 @@ impl Cmos {
     /// Simulates all exposures of an image and combines them into one estimate.
     ///
     /// `image` holds `height` rows of `width` radiance values, from the top. `key` is the index of the
-    /// capture under `seed`; its exposures are the frames with indices from `key` × (number of
-    /// exposures). With `binning` 2 the result has half the width and height, and an odd last row or
-    /// column is dropped.
+    /// capture under `seed`; its exposures are the frames with indices from `key` × (number of exposures).
+    /// With `binning` 2 the result has half the width and height, and an odd last row or column is dropped.
     ///
     /// # Errors
     /// As [`Self::check`]; [`DetectorError::Count`] if `image` has another size (or more than 2³² values);

@@ -25,8 +25,7 @@ use std::path::Path;
 pub enum Detector {
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
-        /// channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A single-photon avalanche diode.

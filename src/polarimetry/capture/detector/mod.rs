@@ -1,5 +1,4 @@
-//! Detectors: readings of instruments for a known radiance, and radiance estimates from such
-//! readings.
+//! Detectors: readings of instruments for a known radiance, and radiance estimates from such readings.
 //!
 //! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its variance
 //!

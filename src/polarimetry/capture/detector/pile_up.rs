@@ -6,28 +6,25 @@
 //!
 //! > λ_i = -ln(1 - n_i/A_i),  A_i = N - Σ_{j<i} n_j,  Var λ_i ≈ n_i/(A_i (A_i - n_i)).
 //!
-//! In free-running mode with dead time D, the dead times of counts in bins j cover a fraction of bin i.
-//! For counts that are uniformly distributed within their bins, this fraction is H(D - d) - H(-d) with
-//! the distance d = i - j of the bins, modulo the laser's period. H is the distribution function of the
+//! In free-running mode with dead time D, the dead times of counts in bins j cover a fraction of bin i. For
+//! counts that are uniformly distributed within their bins, this fraction is H(D - d) - H(-d) with the
+//! distance d = i - j of the bins, modulo the laser's period. H is the distribution function of the
 //! difference of two random numbers that are uniform in [0, 1) (cf. Isbaner et al. 2016, Opt. Express
-//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime
-//! imaging"):
+//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime imaging"):
 //!
 //! > λ_i = n_i/A_i,  A_i = N - Σ_d n_{i-d} (H(D - d) - H(-d)),  Var λ_i ≈ n_i/A_i².
 //!
 //! Both results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
 //! neglects:
 //!
-//! - after-pulses, which remain in the counts and are interpreted as light that arrives a dead time
-//!   later;
+//! - after-pulses, which remain in the counts and are interpreted as light that arrives a dead time later;
 //! - the nonuniform distribution of counts within a bin, of relative order λ_i²;
 //! - dead times cut off at the end of the capture, of relative order D over the capture's length.
 
 /// The number of detections per pulse and bin that a diode would have if it were always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was
-    /// armed.
+    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was armed.
     pub value: f64,
     /// An unbiased estimate of the variance. The estimate is 0 in an empty bin and is therefore
     /// unsuitable for weighting single bins.
@@ -92,8 +89,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
         Some(*sum)
     }));
     let total = before[bins];
-    // A count completely blocks the next `whole` bins. A dead time of at least one period blocks all
-    // bins.
+    // A count completely blocks the next `whole` bins. A dead time of at least one period blocks all bins.
     let whole = (dead.floor() - 1.0).max(0.0);
     let laps = (whole / bins as f64).floor();
     let rest = ((whole - laps * bins as f64).max(0.0) as usize).min(bins);

@@ -9,10 +9,9 @@
 //! top one, column 0 the left one). Images of the four polarizers are in the order of
 //! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
 //!
-//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. Neither
-//! of the methods here avoids this error (for methods that replace it by other errors, see Zhang, Luo,
-//! Liu & Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity
-//! correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. Neither of
+//! the methods here avoids this error (for methods that replace it by other errors, see Zhang, Luo, Liu &
+//! Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
@@ -31,8 +30,7 @@ pub enum Method {
     /// Each 2×2 block becomes one pixel with the values of four polarizers; an odd last row or
     /// column is dropped.
     Superpixel,
-    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest
-    /// pixels.
+    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest pixels.
     Bilinear,
 }
 
@@ -190,8 +188,7 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Variances of means of one, two or four pixels of equal variance are correct, also at the
-    /// borders.
+    /// Variances of means of one, two or four pixels of equal variance are correct, also at the borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");

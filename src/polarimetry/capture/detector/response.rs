@@ -68,8 +68,7 @@ impl Response {
     }
 
     /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` later. Bins are
-    /// cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the last
-    /// bins.
+    /// cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.
@@ -101,8 +100,7 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Returns the time of each bin's centre and the bin's fraction; times in the second half are
-    /// negative.
+    /// Returns the time of each bin's centre and the bin's fraction; times in the second half are negative.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;

@@ -183,8 +183,7 @@ impl Spad {
     /// Returns the detections per pulse in each bin of the period while the diode is armed.
     ///
     /// `histogram` is the radiance (scene's unit) in each bin after the laser pulse, at wavelength `nm`.
-    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as
-    /// 0.
+    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as 0.
     ///
     /// # Errors
     /// Same as [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.

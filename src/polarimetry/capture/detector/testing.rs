@@ -1,5 +1,4 @@
-//! Computes sample moments and compares them with closed forms, with a tolerance of five standard
-//! errors.
+//! Computes sample moments and compares them with closed forms, with a tolerance of five standard errors.
 
 /// Count, mean and unbiased variance of a sample.
 pub struct Moments {

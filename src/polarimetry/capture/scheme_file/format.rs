@@ -156,8 +156,7 @@ impl Text<'_> {
         }
     }
 
-    /// Checks that the magnitude of every setting is at most [`LARGEST`]. `Scheme` rejects non-finite
-    /// values.
+    /// Checks that the magnitude of every setting is at most [`LARGEST`]. `Scheme` rejects non-finite values.
     fn settings(&self, value: &Located<SettingFile>, name: &str) -> Result<(), InputError> {
         let all = match &**value {
             SettingFile::Fixed(v) => std::slice::from_ref(v),

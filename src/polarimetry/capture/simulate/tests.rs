@@ -1,5 +1,4 @@
-//! Tests simulated captures against the design matrix, and their noise against its stated standard
-//! deviation.
+//! Tests simulated captures against the design matrix, and their noise against its stated standard deviation.
 
 use super::*;
 use crate::capture::detector::testing::Moments;
@@ -174,7 +173,6 @@ fn mosaics_of_uniform_images_are_recovered() {
     }
 }
 
-/// Without jitter, a diode's mean counts equal the intensities of all time bins.
 #[test]
 fn mean_counts_of_a_diode_equal_the_intensities() {
     let layout = Layout { height: 1, width: 3, times: 40, lanes: 1 };

@@ -241,7 +241,6 @@ fn an_observer_is_notified_and_can_stop_the_search() {
     assert!(none.descents.iter().all(|d| d.history.is_empty()) && none.loss > found.loss);
 }
 
-/// Results do not depend on the number of threads.
 #[test]
 fn threads_do_not_matter() {
     let objective = objective(Estimator::Prior, 0.0);

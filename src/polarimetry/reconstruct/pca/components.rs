@@ -20,8 +20,7 @@ pub struct Components {
     pub mean: MatrixRow,
     /// Singular values of X - mean in descending order. Singular values are proportional to √n.
     pub spectrum: MatrixRow,
-    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set
-    /// without variance.
+    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set without variance.
     pub share: MatrixRow,
     /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
     /// positive.
@@ -144,7 +143,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
 
-        /// Arbitrary numbers give finite components or none.
         #[test]
         fn arbitrary_rows_give_finite_components_or_none(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
             if let Some(c) = Components::of(&Moments::of(&all)) {

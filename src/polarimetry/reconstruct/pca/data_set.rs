@@ -4,8 +4,7 @@ use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Number of slabs between two merges. It is large enough for many threads, and small enough to limit
-/// memory.
+/// Number of slabs between two merges. It is large enough for many threads, and small enough to limit memory.
 const BATCH: u32 = 64;
 
 /// Settings for the data that is kept for each material.
@@ -43,12 +42,10 @@ pub struct DataSet {
     pub materials: Vec<Material>,
 }
 
-/// The weight of each material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
-    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X
-    /// stacks all bins. If all tables have one resolution, this is nearly the same as
-    /// [`Self::Materials`].
+    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X stacks all
+    /// bins. If all tables have one resolution, this is nearly the same as [`Self::Materials`].
     #[default]
     Bins,
     /// Equal weight for all materials.

@@ -71,8 +71,7 @@ mod tests {
         DataSet { materials: (0..n).map(material).collect() }
     }
 
-    /// Every material is tested once, and training and test set of each fold together contain all bins
-    /// once.
+    /// Every material is tested once, and training and test set of each fold together contain all bins once.
     #[test]
     fn folds_split_the_materials() {
         let data = data(25);

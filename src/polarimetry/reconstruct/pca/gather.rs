@@ -40,8 +40,7 @@ impl Tally {
     }
 }
 
-/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials
-/// differ.
+/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials differ.
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
@@ -228,7 +227,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
 
-        /// Arbitrary input gives only finite moments.
         #[test]
         fn arbitrary_matrices_give_finite_moments(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
             let mut g = Gathered::new(7, c, 5);

@@ -170,8 +170,7 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 is computed correctly with a mean of 1e4, although a sum of squares would lose
-    /// it.
+    /// A variance of 1e-12 is computed correctly with a mean of 1e4, although a sum of squares would lose it.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> =

@@ -134,8 +134,7 @@ fn projections_are_realizable() {
     assert!(projected.chunks(16).all(|m| is_realizable(&of(m), 1e-9)));
 }
 
-/// With few captures, reconstruction fails without a prior and succeeds with a prior at any
-/// brightness.
+/// With few captures, reconstruction fails without a prior and succeeds with a prior at any brightness.
 #[test]
 fn priors_allow_few_captures() {
     let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);

@@ -1,5 +1,4 @@
-//! An emulated controller with a stage. The emulator follows the protocol document and can simulate
-//! faults.
+//! An emulated controller with a stage. The emulator follows the protocol document and can simulate faults.
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};

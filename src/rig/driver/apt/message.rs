@@ -5,7 +5,6 @@
 //!
 //! All numbers are little-endian.
 
-/// Address of the host.
 pub const HOST: u8 = 0x01;
 /// Address of a USB controller with one channel.
 pub const CONTROLLER: u8 = 0x50;
@@ -223,7 +222,6 @@ impl Parser {
         self.held.clear();
     }
 
-    /// Returns the next complete message.
     pub fn next_message(&mut self) -> Option<Message> {
         let mut at = 0;
         let found = loop {

@@ -13,7 +13,6 @@ const STANDS: u32 = 3;
 /// Units and limits of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Encoder counts per degree.
     pub counts_per_degree: f64,
     /// Velocity in controller units that equals one degree per second.
     pub velocity: f64,
@@ -58,8 +57,7 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Stops status updates and enables the channel, but does not move the
-    /// stage.
+    /// Creates a stage on a line. Stops status updates and enables the channel, but does not move the stage.
     ///
     /// # Errors
     /// [`Failure`] if the line is disconnected.

@@ -75,8 +75,7 @@ fn an_unplugged_cable_is_reported_as_disconnected() {
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
-/// The driver works over a serial device of the system: a pseudo-terminal with the emulator at its other
-/// end.
+/// The driver works over a serial device of the system: a pseudo-terminal with the emulator at its other end.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_driver_works_through_a_serial_device() {

@@ -124,8 +124,7 @@ pub enum Command {
     TriggerIn2(bool),
     /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Times of every pattern in microseconds; the period equals the exposure or exceeds the exposure by
-    /// ≥ 230 µs.
+    /// Times of every pattern, µs; the period equals the exposure or exceeds the exposure by ≥ 230 µs.
     Exposure { exposure_us: u32, period_us: u32 },
     /// Shape of the sequence; counts start at 1.
     Config {
@@ -138,7 +137,7 @@ pub enum Command {
         /// Number of images, 1 to 64.
         images: u8,
     },
-    /// Opens a mailbox.
+    /// Opens a mailbox for the data that follow.
     Open(Mailbox),
     /// Write offset in the open mailbox.
     Address(u8),

@@ -49,8 +49,7 @@ struct State {
     table: Vec<u8>,
     list: Vec<u8>,
     leds: u8,
-    /// Number of status queries that the emulator still answers with "in progress" before it reports
-    /// `valid`.
+    /// Number of status queries that the emulator still answers with "in progress" before it reports `valid`.
     busy: u8,
     valid: Option<u8>,
     running: bool,

@@ -130,7 +130,7 @@ impl Dlpc350 {
                 Some(m) if m.number == self.number && m.read == read => {
                     if m.refused {
                         return self
-                            .fail(Fault::Refused, format!("the projector refused command {code:04X}; restart the projector, then resume"));
+                            .fail(Fault::Refused, format!("the projector refused command {code:04X}"));
                     }
                     return Ok(m.payload);
                 }

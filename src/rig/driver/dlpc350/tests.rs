@@ -130,9 +130,8 @@ fn unsupported_settings_are_refused() {
     assert_eq!(complaints(0b11).len(), 2);
 }
 
-/// The driver sets triggers before it requests validation of the sequence; no other test checks this
-/// request. Trigger times are in steps of 107.2 ns, and 0xBB is the start of the pattern (as in TI's own
-/// program).
+/// The driver sets triggers before it requests validation of the sequence; no other test checks this request.
+/// Trigger times are in steps of 107.2 ns, and 0xBB is the start of the pattern (as in TI's own program).
 #[test]
 fn triggers_match_the_guide() {
     let triggers = Triggers {

@@ -38,8 +38,7 @@ pub struct Wiring {
 /// Maximum slope of [`curve`].
 const STEEPEST: f64 = 1.875;
 
-/// Returns the S-curve 10 u³ - 15 u⁴ + 6 u⁵ from 0 to 1, which has zero speed and acceleration at both
-/// ends.
+/// Returns the S-curve 10 u³ - 15 u⁴ + 6 u⁵ from 0 to 1, which has zero speed and acceleration at both ends.
 fn curve(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
@@ -60,7 +59,6 @@ impl Wiring {
         AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }
 
-    /// Returns the combined limits of mirrors and card.
     pub fn limits(&self, card: &AnalogLimits) -> GalvoLimits {
         let steps = self.volts_per_degree.map(|v| 2.0 * card.step() / v.abs());
         GalvoLimits { range_deg: self.range_deg, resolution_deg: steps[0].max(steps[1]), settle: self.settle }
@@ -76,7 +74,6 @@ impl Wiring {
         ((STEEPEST * far / speed * self.rate_hz).ceil() as usize).max(1)
     }
 
-    /// Returns the duration of the longest move.
     pub fn longest(&self) -> Duration {
         let corner = self.volts(self.range_deg);
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)

@@ -20,8 +20,7 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// Whether the camera acquires or may acquire: an earlier program or connection may not have
-    /// stopped it.
+    /// Whether the camera acquires or may acquire: an earlier program or connection may not have stopped it.
     acquiring: bool,
     /// Whether an exposure was started whose frame has not arrived.
     pending: bool,
@@ -40,8 +39,7 @@ impl GenICamCamera {
     /// does not report.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is
-    /// missing).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
     pub fn new(
         name: &str,
         control: Control,

@@ -39,7 +39,6 @@ pub struct State {
     /// Addresses and new values of all registers written, in order.
     pub written: Vec<(usize, u32)>,
     pub trouble: Trouble,
-    /// Whether the line is open.
     pub opened: bool,
     /// Whether the camera has enabled the stream, and whether the host receives it.
     pub streaming: [bool; 2],

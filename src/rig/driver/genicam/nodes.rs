@@ -84,7 +84,6 @@ impl Nodes {
         self.control.as_mut()
     }
 
-    /// Returns whether a feature exists.
     pub fn has(&mut self, feature: &str) -> bool {
         self.params().node(feature).is_some()
     }
@@ -200,7 +199,6 @@ impl Nodes {
         Ok(())
     }
 
-    /// Executes a command feature.
     pub fn command(&mut self, feature: &str) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_command(p).map(|n| n.execute(p)))
     }

@@ -23,7 +23,6 @@ pub struct Block {
     pub timestamp: Duration,
 }
 
-/// Returns the fault for an error of a stream.
 pub fn fault(error: &StreamError) -> Fault {
     match error {
         StreamError::Timeout => Fault::Timeout,
@@ -34,7 +33,6 @@ pub fn fault(error: &StreamError) -> Fault {
     }
 }
 
-/// A source of frames.
 pub trait Frames: Send {
     /// Opens the line; has no effect if it is open.
     ///

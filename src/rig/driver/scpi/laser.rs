@@ -6,14 +6,12 @@ use super::talk::Talk;
 use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
 use std::time::{Duration, Instant};
 
-/// A laser driven by SCPI commands.
 pub struct ScpiLaser {
     talk: Talk,
     table: LaserTable,
 }
 
 impl ScpiLaser {
-    /// Creates a laser on an open line.
     pub fn new(name: &str, line: Box<dyn Line>, table: LaserTable) -> Self {
         let talk = Talk::new(name, line);
         Self { talk, table }

@@ -97,8 +97,7 @@ impl Talk {
         }
     }
 
-    /// Sends a query and returns the reply as a number. Refuses SCPI's NaN (9.91E37) and infinity
-    /// (9.9E37).
+    /// Sends a query and returns the reply as a number. Refuses SCPI's NaN (9.91E37) and infinity (9.9E37).
     pub fn ask_number(&mut self, question: &str, within: Duration) -> Result<f64, Failure> {
         let answer = self.ask(question, within)?;
         match answer.parse::<f64>() {

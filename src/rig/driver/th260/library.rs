@@ -68,7 +68,6 @@ pub(super) struct Hardware {
 
 /// The functions of the library. Errors are the library's codes, all negative.
 pub(super) trait Th260: Send {
-    /// Returns the version of the library.
     fn version(&mut self) -> Result<String, i32>;
     /// Returns the library's text for an error code.
     fn explain(&mut self, code: i32) -> String;

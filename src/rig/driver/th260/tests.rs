@@ -266,7 +266,6 @@ fn a_missing_library_is_reported() {
     }
 }
 
-/// Compiles a library from source text.
 fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
     let (from, to) = (folder.join(format!("{name}.rs")), folder.join(format!("{name}.so")));
     std::fs::write(&from, source).expect("writes");

@@ -51,7 +51,6 @@ fn photon_transfer_has_the_gain_as_slope() {
     assert!(off.abs() < 5.0, "{slope}: {off} sigma");
 }
 
-/// Without shot noise the signal is exact and only the read noise remains.
 #[test]
 fn without_shot_noise_only_read_noise_remains() {
     let camera = Cmos { shot_noise: false, read_noise_e: 6.0, ..camera() };
@@ -159,8 +158,7 @@ fn combining_ignores_saturated_estimates() {
     assert!(camera.combine(&[], NM).radiance.is_nan());
 }
 
-/// 2×2 binning quarters the variance and drops odd last rows and columns. The test uses 10 000 binned
-/// pixels.
+/// 2×2 binning quarters the variance and drops odd last rows and columns. The test uses 10 000 binned pixels.
 #[test]
 fn binning_quarters_the_variance() {
     let camera = Cmos { binning: 2, ..camera() };
