@@ -1,5 +1,4 @@
-"""Computes the range of device pixels of each axis entry. The coordinate of a bin is the mean of its pixel indices
-(CONVENTIONS.md)."""
+"""Computes the range of device pixels of each axis entry. A bin's coordinate is the mean of its pixel indices (CONVENTIONS.md)."""
 
 # pyright: basic
 from __future__ import annotations

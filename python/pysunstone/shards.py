@@ -74,8 +74,7 @@ class Tail:
         }
 
     def fault(self, start: int, end: int, data: bytes) -> str | None:
-        """Return a description of the fault in these bytes of the shard, or None. Zarr's codec checks each chunk against its
-        checksum."""
+        """Return a description of the fault in these bytes of the shard, or None. Zarr's codec checks each chunk itself."""
         seal = self._seals.get((start, end))
         if seal is None:
             return f"the shard has no chunk at bytes {start} to {end}"

@@ -79,8 +79,7 @@ range = { min = 0.2, max = 0.5 }
 
 @functools.cache
 def command() -> str:
-    """Return the path of the command `sunstone`: the value of SUNSTONE, else the build of this repository, else the command on
-    the PATH."""
+    """Return the path of the command `sunstone`: the value of SUNSTONE, else this repository's build, else from the PATH."""
     built = ROOT / "target/release/sunstone"
     found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
     assert found, "there is no command sunstone: cargo build --release"

@@ -83,8 +83,7 @@ def fault(kind: str, instrument: str, at: int) -> str:
 
 
 def content(store: Path) -> dict[str, bytes]:
-    """Return every file of a finished run except the journal, which differs between runs. The command `sunstone` also checks the
-    store."""
+    """Return every file of a finished run except the journal, which differs between runs. The command checks the store."""
     sunstone("verify", store)
     files = (p for p in sorted(store.rglob("*")) if p.is_file() and p.name != ".session.jsonl")
     return {str(p.relative_to(store)): p.read_bytes() for p in files}

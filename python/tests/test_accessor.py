@@ -44,8 +44,7 @@ def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
 @pytest.mark.parametrize("name", ["full", "binned", "some"])
 @pytest.mark.filterwarnings("ignore:the pattern drives")
 def test_contraction_equals_the_command(name: str, state: Any) -> None:
-    """The contraction with a mask, with a Stokes state, and with both equals the command. The mask is black and white, so that
-    the transfer function of images is irrelevant."""
+    """Contracts with a mask, a Stokes state, and both. The mask is black and white, so the transfer function is irrelevant."""
     lit = written(mask(), "mask.png")
     options = [] if state is None else ["--stokes", state if isinstance(state, str) else ",".join(map(str, state))]
     mean, error = probed(name, "--pattern", lit, *options)

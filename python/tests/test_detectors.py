@@ -103,7 +103,7 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
         (lambda: ps.simulate(m, scheme, relative_noise=-1.0), "relative_noise"),
         (lambda: ps.simulate(m, scheme, fov_x_deg=180.0), "fov_x_deg"),
         (lambda: ps.simulate(m, scheme, bin_ps=10.0), "rows, columns, bins"),
-        (lambda: ps.simulate(m, scheme, noise=0.1, variance=True), "camera alone"),
+        (lambda: ps.simulate(m, scheme, noise=0.1, variance=True), "only a camera"),
         (lambda: ps.reconstruct(i, scheme, fov_x_deg=-2.0), "fov_x_deg"),
         (lambda: ps.reconstruct(i[:, 0, 0], scheme, fov_x_deg=20.0), "no rows and columns"),
     ):

@@ -59,8 +59,7 @@ albedo = { image = "images/paint.png" }
 
 
 def scene_in(folder: Path) -> Path:
-    """Write the scene of the other tests without a name. The scene refers to files, one of which is in a folder above that of the
-    scene."""
+    """Write the scene of the other tests without a name. One of its files is in a folder above that of the scene."""
     from pysunstone import _native
 
     file = folder / "ball" / "scene.toml"

@@ -71,8 +71,7 @@ def test_schemes_equal_the_command(tmp_path: Path) -> None:
 
 
 def test_error_with_a_prior_equals_the_learned_loss() -> None:
-    """For few captures of matrices with known second moment, the mean squared error equals the learned loss within 5 standard
-    errors."""
+    """For matrices with known second moment, the mean squared error equals the learned loss within 5 standard errors."""
     sigma, truth = 2e-3, materials(4000, 3)
     of = ps.Materials.of_matrices(truth)
     t = truth / truth[:, :1, :1]

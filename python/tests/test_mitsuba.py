@@ -52,8 +52,7 @@ def ours(scene: Any) -> tuple[Any, Any]:
 
 
 def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
-    """Return the differences in units of standard errors: for the mean over the image (worst colour), and the root mean square
-    over pixels."""
+    """Return the differences in units of standard errors: of the mean image (worst colour), and RMS over pixels."""
     error = np.hypot(a[1], b[1])
     whole = abs((a[0] - b[0]).mean((0, 1))) / np.sqrt((error**2).mean((0, 1)) / error[..., 0].size)
     lit = error > 0
@@ -61,8 +60,7 @@ def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
 
 
 def test_a_dict_renders_as_in_mitsuba() -> None:
-    """The images have 400 pixels of three colours. Standard errors are from 8 batches, so z follows Student's t distribution with
-    7 degrees of freedom, whose standard deviation is 1.18."""
+    """Standard errors are from 8 batches: z follows Student's t with 7 degrees of freedom and standard deviation 1.18."""
     scene = box()
     # Typical inputs: a mesh, an image, another material, a point light, an array, a nested dict.
     rng = np.random.default_rng(1)
@@ -116,8 +114,7 @@ def screen(**bitmap: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["exr", "exr raw", "png", "png raw", "bitmap", "bitmap of bytes", "data"])
 def test_images_are_decoded_as_in_mitsuba(kind: str, tmp_path: Path) -> None:
-    """Colours under a sky of radiance 1 equal those of the image. Values of encoded formats are decoded, other values are
-    unchanged."""
+    """Colours under a sky of radiance 1 equal those of the image. Only values of encoded formats are decoded."""
     image = np.random.default_rng(2).random((3, 5, 3), dtype=np.float32)
     mi.Bitmap(image).write(str(tmp_path / "i.exr"))
     mi.Bitmap((image * 255).astype(np.uint8)).write(str(tmp_path / "i.png"))

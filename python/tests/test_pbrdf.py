@@ -84,8 +84,7 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
 
 @pytest.mark.parametrize("material", [GOLD, PLASTIC, {"rough_dielectric": {"ior": 1.5, "alpha": 0.4}}])
 def test_brdfs_are_reciprocal_and_physical(material: dict[str, Any]) -> None:
-    """For reversed light, M(i, o) = D M(o, i)ᵀ D. D = diag(1, 1, -1, 1), because the horizontal axes of the frames stay the
-    same."""
+    """For reversed light, M(i, o) = D M(o, i)ᵀ D. D = diag(1, 1, -1, 1), because horizontal axes are kept."""
     wi, wo = hemisphere(2000, 3), hemisphere(2000, 4)
     built = pbrdf.Material(material, wavelengths_nm=NM)
     m, back = built.evaluate(wi, wo), built.evaluate(wo, wi)

@@ -58,8 +58,7 @@ def test_henyey_greenstein_matches_the_closed_form(g: float) -> None:
 
 
 def test_spheres_match_miepython() -> None:
-    """The sign of S34 depends on the time factor, which differs between both programs: M23 here is Im S1 S2* of miepython's
-    amplitudes (validation/mie.py)."""
+    """The time factors of both programs differ: M23 is Im S1 S2* of miepython's amplitudes (validation/mie.py)."""
     miepython = pytest.importorskip("miepython")
     radius, host = 500.0, 1.33
     index = {450.0: 1.60, 550.0: 1.59, 660.0: 1.58}

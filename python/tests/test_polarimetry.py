@@ -124,8 +124,7 @@ def test_excluded_pixels_are_counted(schemes: dict[str, Path]) -> None:
 
 
 def test_errors_match_the_variance_of_the_scheme(schemes: dict[str, Path]) -> None:
-    """The sum of the variances of the 16 elements is 196 sigma² for DRR36 (PHYSICS.md). Simulated noise agrees within 5 standard
-    errors."""
+    """The variances of the 16 elements sum to 196 sigma² for DRR36 (PHYSICS.md). Noise agrees within 5 standard errors."""
     sigma, draws = 1e-3, 4000
     truth = xr.DataArray(
         np.broadcast_to(np.diag([1.0, 0.6, -0.5, 0.3]), (draws, 4, 4)), dims=("x", "stokes_out", "stokes_in"), attrs={"units": "1"}

@@ -1,5 +1,4 @@
-"""Rig sessions with Python instruments: stores are byte-identical to those of the command, failures are reported, and interrupted
-runs resume."""
+"""Rig sessions with Python instruments: stores equal those of the command, failures are reported, interrupted runs resume."""
 
 from __future__ import annotations
 

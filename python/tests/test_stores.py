@@ -79,8 +79,7 @@ def test_xarray_opens_every_store_as_a_tree(tmp_path: Path) -> None:
 
 
 def test_a_store_of_an_earlier_version_opens(copied: Path) -> None:
-    """The sample counts of such a store are along y and x, which xarray refuses. This is the negative control of the test
-    above."""
+    """Its sample counts are along y and x, which xarray refuses: the negative control of the test above."""
     description = copied / "samples/zarr.json"
     old = json.loads(description.read_text())
     old["dimension_names"] = ["y", "x"]

@@ -355,8 +355,7 @@ class CounterLimits:
     full: int = 2**32 - 1
     """Counts at which a bin is full."""
     tags: str | None = None
-    """Type of the time-tag records ("TimeHarp 260 P T3", "MultiHarp T3", ...), or None if the counter does not support time
-    tags."""
+    """Type of the time-tag records ("TimeHarp 260 P T3", "MultiHarp T3", ...), or None without support for time tags."""
 
 
 @dataclass(frozen=True)

@@ -133,8 +133,7 @@ class Session(MutableMapping[str, Any]):
         return len(self._instruments)
 
     def cost(self) -> Cost:
-        """Return the cost of a run without moving any instrument. Raises `InputError` for a plan that the instruments cannot
-        execute."""
+        """Return the cost of a run without moving any instrument. Refuses a plan that the instruments cannot execute."""
         return Cost(*_native.rig_cost(self._native, self._instruments))
 
     def run(

@@ -30,8 +30,9 @@ enum Features {
     /// out of the epipolar plane (O'Toole, Raskar & Kutulakos 2012).
     EpipolarPhotograph,
     /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this
-    /// Stokes element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer. Let S be
-    /// the light from the objects and B that from the medium, with degrees of polarization p_S and p_B.
+    /// Stokes element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
+    ///
+    /// Let S be the light from the objects and B that from the medium, with degrees of polarization p_S and p_B.
     /// Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (eq.
     /// 13 of the paper) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and
     /// an offset are learned together, because S is linear in the two images.

@@ -1,10 +1,11 @@
 //! Least squares over the logarithm of depth by conjugate gradients, for given values at pixels and given
 //! steps between neighbouring pixels:
 //!
-//! > E(ℓ) = Σ_i w_i (ℓ_i - v_i)² + Σ_{i→j} w_ij (ℓ_j - ℓ_i - g_ij)² over the pixels i and their right and
-//!lower neighbours j. The matrix of the normal equations is the sum of a diagonal matrix and a graph
-//!Laplacian, and is symmetric and positive definite. Conjugate gradients with the diagonal as
-//!preconditioner (Saad 2003, alg. 9.1) do not store the matrix.
+//! > E(ℓ) = Σ_i w_i (ℓ_i - v_i)² + Σ_{i→j} w_ij (ℓ_j - ℓ_i - g_ij)²
+//!
+//! over the pixels i and their right and lower neighbours j. The matrix of the normal equations is the sum of
+//! a diagonal matrix and a graph Laplacian, and is symmetric and positive semidefinite. Conjugate gradients
+//! with the diagonal as preconditioner (Saad 2003, alg. 9.1) do not store the matrix.
 
 /// A value, or a step to a neighbour, with its weight. The weight is 0 if there is no value or step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
